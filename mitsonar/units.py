@@ -1,0 +1,64 @@
+"""Conversions at the border: the only place where decibels, degrees, kilohertz and knots meet SI.
+
+Everything inside the library is linear SI and radians; a name with the suffix ``_db``, ``_deg``, ``_khz`` or
+``_knots`` holds the other unit and lives in XML, on the command line and in files. Decibels are power decibels:
+
+    level_db = 10 log10(power) = 20 log10(amplitude)
+
+All functions take scalars or arrays.
+"""
+import numpy as np
+
+KNOT = 1852 / 3600  # [m/s], exact by definition of the nautical mile
+
+
+def db_from_power(power):
+    """Give the decibels of a power, intensity or area ratio; zero gives -inf."""
+    with np.errstate(divide="ignore"):
+        return 10 * np.log10(power)
+
+
+def power_from_db(level_db):
+    """Give the power, intensity or area ratio of a level in decibels."""
+    return 10 ** (np.asarray(level_db, float) / 10)[()]
+
+
+def db_from_amplitude(amplitude):
+    """Give the decibels of an amplitude (pressure) ratio; zero gives -inf."""
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(np.abs(amplitude))
+
+
+def amplitude_from_db(level_db):
+    """Give the amplitude (pressure) ratio of a level in decibels."""
+    return 10 ** (np.asarray(level_db, float) / 20)[()]
+
+
+def radians_from_deg(angle_deg):
+    """Give the angle [rad] of an angle in degrees."""
+    return np.deg2rad(angle_deg)
+
+
+def deg_from_radians(angle):
+    """Give the degrees of an angle [rad]."""
+    return np.rad2deg(angle)
+
+
+def hertz_from_khz(frequency_khz):
+    """Give the frequency [Hz] of a frequency in kilohertz."""
+    return np.multiply(frequency_khz, 1e3)[()]
+
+
+def khz_from_hertz(frequency):
+    """Give the kilohertz of a frequency [Hz]."""
+    return np.multiply(frequency, 1e-3)[()]
+
+
+def metres_per_second_from_knots(speed_knots):
+    """Give the speed [m/s] of a speed in knots."""
+    return np.multiply(speed_knots, KNOT)[()]
+
+
+def knots_from_metres_per_second(speed):
+    """Give the knots of a speed [m/s]."""
+    return np.divide(speed, KNOT)[()]

@@ -1,0 +1,102 @@
+"""The sound-speed profile c(depth) that every ray of the library bends in.
+
+    c(d) = c_k + g_k (d - d_k)    between the nodes d_k <= d <= d_{k+1}, g_k = (c_{k+1} - c_k) / (d_{k+1} - d_k)
+    c(d) = c_0 above the first node, c_K below the last
+
+d -> ``depth`` [m, positive down], c -> ``sound_speed`` [m/s], g -> ``gradient`` [1/s].
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid a sonar swims in is faster
+
+
+@dataclass(frozen=True, eq=False)
+class SoundSpeedProfile:
+    """Hold sound speed against depth, linear between nodes and constant beyond the ends.
+
+    Parameters
+    ----------
+    depth : array (K,) [m]
+        Node depths, positive down, strictly increasing, at least one (one node: constant speed).
+    sound_speed : array (K,) [m/s]
+        Sound speed at the nodes, 300 < c < 3000.
+
+    Raises
+    ------
+    ValueError
+        If the arrays differ in length or are empty, a number is not finite, depths do not increase or a sound
+        speed is out of range; the first offending node is named with its values.
+
+    Notes
+    -----
+    The arrays are copied to float64 and read-only; two profiles are equal when their nodes are.
+    """
+
+    depth: np.ndarray
+    sound_speed: np.ndarray
+
+    def __post_init__(self):
+        depth, sound_speed = (_as_column(name, getattr(self, name)) for name in ("depth", "sound_speed"))
+        _check(depth, sound_speed)
+        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "sound_speed", sound_speed)
+
+    @classmethod
+    def constant(cls, sound_speed):
+        """Make the profile of water with one sound speed [m/s] everywhere."""
+        return cls([0.0], [sound_speed])
+
+    def at(self, depth):
+        """Give the sound speed [m/s] at ``depth`` [m], any shape."""
+        return np.interp(depth, self.depth, self.sound_speed)
+
+    def gradient(self, depth):
+        """Give dc/d(depth) [1/s] at ``depth`` [m], any shape.
+
+        Zero beyond the ends; at a node, the gradient of the layer below it.
+        """
+        slopes = np.r_[0.0, np.diff(self.sound_speed) / np.diff(self.depth), 0.0]
+        return slopes[np.searchsorted(self.depth, depth, side="right")]
+
+    def __eq__(self, other):
+        if not isinstance(other, SoundSpeedProfile):
+            return NotImplemented
+        return np.array_equal(self.depth, other.depth) and np.array_equal(self.sound_speed, other.sound_speed)
+
+    def __hash__(self):
+        return hash((self.depth.tobytes(), self.sound_speed.tobytes()))
+
+
+def _as_column(name, values):
+    try:
+        column = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"sound-speed profile: {name} must be a list of numbers, got {values!r}.") from None
+    if column.ndim != 1 or column.size == 0:
+        raise ValueError(f"sound-speed profile: {name} must be a one-dimensional list of at least one number, "
+                         f"got shape {column.shape}.")
+    column += 0.0  # -0.0 and 0.0 are one depth: equal profiles must hash equally
+    column.flags.writeable = False
+    return column
+
+
+def _check(depth, sound_speed):
+    if depth.size != sound_speed.size:
+        raise ValueError(f"sound-speed profile: {depth.size} depths but {sound_speed.size} sound speeds; "
+                         "give one sound speed for each depth.")
+    for name, column in (("depth", depth), ("sound_speed", sound_speed)):
+        bad = np.flatnonzero(~np.isfinite(column))
+        if bad.size:
+            raise ValueError(f"sound-speed profile: {name}[{bad[0]}] is {column[bad[0]]}; "
+                             "remove or repair nodes that are not finite numbers.")
+    bad = np.flatnonzero(np.diff(depth) <= 0)
+    if bad.size:
+        k = bad[0] + 1
+        raise ValueError(f"sound-speed profile: depths must increase downwards, but depth[{k}] = {depth[k]:g} m "
+                         f"follows depth[{k - 1}] = {depth[k - 1]:g} m; sort the nodes and merge repeated depths.")
+    bad = np.flatnonzero((sound_speed <= SLOWEST) | (sound_speed >= FASTEST))
+    if bad.size:
+        raise ValueError(f"sound-speed profile: sound_speed[{bad[0]}] = {sound_speed[bad[0]]:g} m/s at "
+                         f"{depth[bad[0]]:g} m is outside {SLOWEST:g}..{FASTEST:g} m/s; check columns and units.")
