@@ -1,0 +1,127 @@
+"""Turn the texts Mitsuba raises while it loads or renders into one sentence for people.
+
+Mitsuba wraps what went wrong in tags of its source files, places, plugin names and Python tracebacks. `plain` keeps
+``file, line: plugin: sentence``. Texts it does not know come out joined to one line, never lost.
+"""
+import re
+
+_TAG = re.compile(r"\s*\[(?:\w+\.cpp:\d+|[A-Z]\w*)\] ")
+_PLACE = r"(?:(?P<file>\S.*?) \(line (?P<line>\d+), col \d+\)|dictionary node \"(?P<node>[^\"]*)\")"
+_PLUGIN = r"(?:failed to instantiate (?P<kind>\S+) plugin of type \"(?P<plugin>[^\"]*)\": )?"
+_WRAPPERS = (
+    re.compile(rf"(?:At|While loading|Error while loading) {_PLACE}: {_PLUGIN}", re.DOTALL),
+    re.compile(r"while processing <include>:\s*"),
+)
+_SYNTAX = re.compile(r"(?:Parsing of XML file \"(?P<file>.*?)\"|XML parsing) failed: (?P<what>.*?) "
+                     r"\(line (?P<line>\d+), col \d+\)")
+_RAISED = re.compile(r"^(?P<kind>[A-Za-z_][\w.]*?)(?:: (?P<what>.*))?$", re.DOTALL)
+_USER_ERRORS = ("ValueError", "RuntimeError")
+
+
+def plain(error):
+    """Say in one sentence what an exception raised by loading or rendering a scene means.
+
+    Parameters
+    ----------
+    error : BaseException
+
+    Returns
+    -------
+    str
+        One line, such as ``scenes/x.xml, line 12: seabed: spacing is the string "a"; expected a number [m] above 0.``
+    """
+    while error.__cause__ is not None and "(see above)" in str(error):
+        error = error.__cause__  # Dr.Jit hides what a plugin raised behind its own message
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    text, place, plugin = _TAG.sub("", str(error), count=1) if _TAG.match(str(error)) else str(error), "", ""
+    if match := _SYNTAX.match(text):
+        return f"{_at(match['file'] or 'scene', match['line'])}: the XML is broken: {match['what']}"
+    while match := next(filter(None, (wrapper.match(text) for wrapper in _WRAPPERS)), None):
+        found = match.groupdict()
+        if found.get("line"):
+            place = _at(found["file"], found["line"])
+        elif found.get("node"):
+            place = f'object "{found["node"]}"'
+        plugin = found.get("plugin") or plugin
+        text = _strip_tag(text[match.end():])
+    sentence = _sentence(text)
+    if plugin and not re.match(rf"{re.escape(plugin)}[ :]", sentence) and not sentence.startswith("there is no plugin"):
+        sentence = f"{plugin}: {sentence}"
+    return f"{place}: {sentence}" if place else sentence
+
+
+def _at(file, line):
+    return f"{'scene' if file == 'string' else file}, line {line}"
+
+
+def _strip_tag(text):
+    match = _TAG.match(text)
+    return text[match.end():] if match else text
+
+
+def _sentence(text):
+    if text.startswith("Traceback (most recent call last)"):
+        return _sentence(_strip_tag(_raised(text)))
+    for pattern, say in _SENTENCES:
+        if match := pattern.match(text):
+            return say(match)
+    return " ".join(text.split())
+
+
+def _raised(traceback):
+    # Frames are indented, what was raised is not: it is everything after the last indented line.
+    lines = traceback.splitlines()
+    last = max(index for index, line in enumerate(lines) if line.startswith(" ") or index == 0)
+    match = _RAISED.match("\n".join(lines[last + 1:]))
+    if not match:
+        return lines[-1]
+    kind, what = match["kind"], match["what"] or ""
+    return what if kind in _USER_ERRORS and what else f"{kind}: {what}"
+
+
+def _unreferenced(match):
+    names = re.findall(r"^  - (\w+) \"(.*?)\"", match["list"], re.MULTILINE)
+    listed = ", ".join(f'"{name}" ({kind})' for kind, name in names)
+    return f"{match['plugin']}: there is no attribute {listed} in a {match['kind']} of this type."
+
+
+def _unused(match):
+    names = re.findall(r"\$(\w+)=", match["list"])
+    return f"the scene has no parameter {', '.join(names)}; parameters are its <default name=...> entries."
+
+
+def _unparsable(match):
+    kind, value = match["kind"], match["value"]
+    try:
+        float(value)
+    except ValueError:
+        return f'"{value}" is not {"an" if kind[0] in "aeiou" else "a"} {kind} value.'
+    if kind.startswith("integer") and not re.fullmatch(r"\s*[+-]?\d+\s*", value):
+        return f'"{value}" is not an integer value.'
+    return f'the value "{value}" cannot be set: is the attribute written twice?'  # how Mitsuba words a repetition
+
+
+_SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
+    (r"Found \d+ unreferenced propert\w+ in (?P<kind>\S+) plugin of type \"(?P<plugin>.*?)\":\n(?P<list>.*)",
+     _unreferenced),
+    (r"Found unused parameters:\n(?P<list>.*)", _unused),
+    (r"(?:\[PluginManager\] )?Plugin \"(.*?)\" not found!", lambda m: f'there is no plugin of type "{m[1]}".'),
+    (r"Type mismatch: the instantiated plugin \"(.*?)\" is of type \"(.*?)\", which does not match the expected type "
+     r"\"(.*?)\"", lambda m: f'"{m[1]}" is a {m[2]}; expected a {m[3]}.'),
+    (r"undefined parameter: \$(\w+)",
+     lambda m: f'the parameter "{m[1]}" has no value; give one, or a <default name="{m[1]}" value="..."/>.'),
+    (r"could not parse (?P<kind>[\w -]+?) value \"(?P<value>.*?)\"", _unparsable),
+    (r"unresolved reference to \"(.*?)\"", lambda m: f'no object has the id "{m[1]}".'),
+    (r"The property \"(.*?)\" has the wrong type \(expected (.*?), got (.*?)\)",
+     lambda m: f"{m[1]} is a {m[3]}; expected {m[2]}."),
+    (r"Property \"(.*?)\" was specified multiple times", lambda m: f"attribute {m[1]} is written twice."),
+    (r"Wavelengths must be specified in increasing order",
+     lambda m: "the first numbers of a table (such as depths) must increase."),
+    (r"Spectrum must have at least two entries", lambda m: "a table needs at least two entries."),
+    (r"\"(.*?)\": file does not exist!", lambda m: f'there is no file "{m[1]}".'),
+    (r"Missing version attribute in root element <scene>",
+     lambda m: 'the file must begin with <scene version="3.0.0">.'),
+    (r"Missing version attribute in root element <(.*?)>",
+     lambda m: f'the root element is <{m[1]}>; expected <scene version="3.0.0">.'),
+)]

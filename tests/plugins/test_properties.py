@@ -1,0 +1,241 @@
+"""What a plugin's attribute reader accepts and refuses, and how load errors read once `plain` has shortened them.
+
+A probe shape reads one attribute of every kind; scenes are a few lines of XML. Exact, no tolerance.
+"""
+import types
+
+import numpy as np
+import pytest
+
+import mitsonar  # noqa: F401  sets up LLVM before Dr.Jit is loaded
+
+mi = pytest.importorskip("mitsuba")
+
+SCENE = '<scene version="3.0.0">\n<shape type="probe" id="bed">\n%s\n</shape></scene>'
+READERS = {
+    "rays": lambda a, **k: a.integer("rays", 256, minimum=1, maximum=4000, **k),
+    "spacing": lambda a, **k: a.number("spacing", 0.5, unit="m", above=0, below=10, **k),
+    "heading_deg": lambda a, **k: a.angle("heading_deg", 90, minimum=0, **k),
+    "flat": lambda a, **k: a.boolean("flat", True, **k),
+    "vertical": lambda a, **k: a.text("vertical", "auto", choices=("auto", "depth", "elevation"), **k),
+    "name": lambda a, **k: a.text("name", None, **k),
+    "filename": lambda a, **k: a.file("filename", None, **k),
+    "centre": lambda a, **k: a.point("centre", None, **k),
+    "to_world": lambda a, **k: a.matrix(),
+    "crop": lambda a, **k: a.numbers("crop", None, count=4, unit="m", **k),
+    "profile": lambda a, **k: a.table("profile", None, **k),
+}
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Load XML attributes into a probe shape and give what its readers made of them."""
+    mi.set_variant("llvm_ad_mono")
+    from mitsonar.plugins.properties import Attributes
+
+    class Probe(mi.Mesh):
+        def __init__(self, props):
+            attributes = Attributes(props)
+            self.read = types.SimpleNamespace(**{name: reader(attributes) for name, reader in READERS.items()})
+            self.given = attributes.given("rays", "spacing")
+            self.material = attributes.object(mi.BSDF, None)
+            attributes.finish()
+            super().__init__("probe", 3, 1, props=props)
+
+        def to_string(self):
+            return "Probe[]"
+
+    mi.register_shape("probe", Probe)
+
+    def load(attributes, **parameters):
+        return mi.load_string(SCENE % attributes, optimize=False, **parameters).shapes()[0]
+    return load
+
+
+@pytest.fixture(scope="module")
+def sentence(read):
+    """Load XML that must fail and give the sentence `plain` makes of the exception."""
+    from mitsonar.plugins.errors import plain
+
+    def fail(attributes, scene=SCENE, **parameters):
+        with pytest.raises(RuntimeError) as caught:
+            mi.load_string(scene % attributes, optimize=False, **parameters)
+        said = plain(caught.value)
+        assert "\n" not in said and ".cpp" not in said
+        return said
+    return fail
+
+
+def test_defaults(read):
+    values = read("").read
+    assert (values.rays, values.spacing, values.flat, values.vertical) == (256, 0.5, True, "auto")
+    assert values.heading_deg == pytest.approx(np.pi / 2)
+    assert (values.name, values.filename, values.centre, values.crop, values.profile) == (None,) * 5
+    assert np.array_equal(values.to_world, np.eye(4))
+
+
+def test_values_as_written(read, tmp_path):
+    (tmp_path / "a b.txt").write_text("x")
+    shape = read(f'''<integer name="rays" value="12"/> <integer name="spacing" value="2"/>
+        <float name="heading_deg" value="180"/> <boolean name="flat" value="false"/>
+        <string name="vertical" value="depth"/> <string name="name" value=""/>
+        <string name="filename" value="{tmp_path / "a b.txt"}"/> <point name="centre" value="1, 2, 3"/>
+        <transform name="to_world"><translate x="5" z="-20"/></transform>
+        <string name="crop" value="1, 2 3e2,-4"/> <spectrum name="profile" value="0:1490.5, 10:1485"/>
+        <bsdf type="diffuse"/> <boolean name="flip_normals" value="true"/>''')
+    values = shape.read
+    assert shape.given == ["rays", "spacing"] and isinstance(shape.material, mi.BSDF)
+    assert (values.rays, values.spacing, values.flat, values.vertical, values.name) == (12, 2.0, False, "depth", "")
+    assert isinstance(values.spacing, float)
+    assert values.heading_deg == pytest.approx(np.pi)
+    assert values.filename == str(tmp_path / "a b.txt")
+    assert values.centre.dtype == np.float64 and values.centre.tolist() == [1, 2, 3]
+    assert values.to_world.dtype == np.float64 and values.to_world[:3, 3].tolist() == [5, 0, -20]
+    assert values.crop.tolist() == [1, 2, 300, -4]
+    assert [column.tolist() for column in values.profile] == [[0, 10], [1490.5, 1485]]
+
+
+def test_empty_strings_stand_for_not_given(read):
+    values = read('<string name="filename" value=""/><string name="crop" value=" "/>').read
+    assert values.filename is None and values.crop is None
+
+
+def test_table_from_a_string(read):
+    depth, speed = read('<string name="profile" value="0:1490.5,10:1485, 50 : 1.48e3"/>').read.profile
+    assert depth.tolist() == [0, 10, 50] and speed.tolist() == [1490.5, 1485, 1480]
+
+
+@pytest.mark.parametrize("written, said", [
+    ('<string name="rays" value="many"/>',
+     'rays is the string "many"; expected an integer at least 1 and at most 4000'),
+    ('<float name="rays" value="4"/>', "rays is the float 4.0; expected an integer"),
+    ('<integer name="rays" value="0"/>', "rays is the integer 0; expected an integer at least 1"),
+    ('<boolean name="rays" value="true"/>', "rays is the boolean true; expected an integer"),
+    ('<float name="spacing" value="0"/>', "spacing is the float 0.0; expected a number [m] above 0 and below 10"),
+    ('<float name="spacing" value="nan"/>', "spacing is the float nan; expected a number [m]"),
+    ('<rgb name="spacing" value="1,2,3"/>', "spacing is a rgb; expected a number [m]"),
+    ('<float name="heading_deg" value="-1"/>', "heading_deg is the float -1.0; expected a number [degrees] at least 0"),
+    ('<integer name="flat" value="1"/>', "flat is the integer 1; expected true or false"),
+    ('<string name="vertical" value="dept"/>',
+     'vertical is the string "dept"; expected one of "auto", "depth", "elevation" (did you mean "depth"?).'),
+    ('<float name="name" value="1"/>', "name is the float 1.0; expected a string"),
+    ('<string name="filename" value="no.tif"/>', 'filename names the file "no.tif", which is not there (looked in'),
+    ('<string name="filename" value="/"/>', 'filename names the file "/", which is not there'),
+    ('<string name="centre" value="1,2,3"/>', 'centre is the string "1,2,3"; expected a point [m]'),
+    ('<float name="to_world" value="1"/>', "to_world is the float 1.0; expected a transform"),
+    ('<string name="crop" value="1,2,3"/>', 'crop is the string "1,2,3"; expected 4 numbers [m] separated by commas'),
+    ('<string name="crop" value="1,2,3,x"/>', 'crop is the string "1,2,3,x"; expected 4 numbers'),
+    ('<string name="crop" value="1,2,3,nan"/>', "expected 4 numbers"),
+    ('<string name="profile" value="0:1490, 10"/>', 'expected a table "0:1490.5, 10:1485"'),
+    ('<spectrum name="profile" value="1490"/>', "profile is a spectrum; expected a table"),
+    ('<float name="spaceing" value="3"/>',
+     'got the float 3.0 for the unknown attribute "spaceing" (did you mean "spacing"?).'
+     ' Known: centre, crop, filename, flat, heading_deg, name, profile, rays, spacing, to_world, vertical.'),
+])
+def test_refusals_name_place_plugin_attribute_expected_and_got(sentence, written, said):
+    message = sentence(written)
+    assert message.startswith('scene, line 2: probe "bed": ')
+    assert said in message
+
+
+def test_missing_attribute(read):
+    from mitsonar.plugins.properties import Attributes
+    props = mi.Properties("probe")
+    with pytest.raises(ValueError, match=r"^probe: attribute depth is missing; expected a number \[m\] above 0\.$"):
+        Attributes(props).number("depth", unit="m", above=0)
+    with pytest.raises(ValueError, match="^probe: a nested <medium> is missing"):
+        Attributes(props).object(mi.Medium)
+
+
+def test_texture_takes_numbers_and_refuses_words(read):
+    from mitsonar.plugins.properties import Attributes
+    props = mi.Properties("probe")
+    props["mu"], props["nu"] = 0.25, "loud"
+    assert "0.25" in str(Attributes(props).texture("mu"))
+    assert "0.5" in str(Attributes(props).texture("other", 0.5))
+    with pytest.raises(ValueError, match='nu is the string "loud"; expected a number or a texture'):
+        Attributes(props).texture("nu", 0.5)
+
+
+CUBE = '<scene version="3.0.0">\n%s\n</scene>'
+
+
+@pytest.mark.parametrize("written, said", [
+    ('<shape type="cub"/>', 'scene, line 2: there is no plugin of type "cub".'),
+    ('<shape type="cube">\n<float name="nu" value="1"/><string name="mu" value="x"/></shape>',
+     'scene, line 2: cube: there is no attribute "nu" (float), "mu" (string) in a shape of this type.'),
+    ('<shape type="probe"><texture type="bitmap" name="a"><string name="filename" value="no.png"/></texture></shape>',
+     'scene, line 2: bitmap: "no.png": I/O error while attempting to open file: No such file or directory'),
+    ('<shape type="sphere">\n<string name="radius" value="x"/></shape>',
+     "scene, line 2: sphere: radius is a string; expected float."),
+    ('<shape type="sphere">\n<float name="radius" value="x"/></shape>',
+     'scene, line 3: "x" is not a floating point value.'),
+    ('<shape type="sphere">\n<integer name="radius" value="4.5"/></shape>',
+     'scene, line 3: "4.5" is not an integer value.'),
+    ('<shape type="sphere">\n<float name="radius" value="1"/><float name="radius" value="2"/></shape>',
+     'scene, line 3: the value "2" cannot be set: is the attribute written twice?'),
+    ('<shape type="sphere">\n<float name="radius" value="$r"/></shape>',
+     'scene, line 3: the parameter "r" has no value; give one, or a <default name="r" value="..."/>.'),
+    ('<shape type="sphere">\n<floot name="radius" value="1"/></shape>',
+     "scene, line 3: encountered an unsupported XML element: <floot>"),
+    ('<shape type="sphere"><ref id="sand"/></shape>', 'scene, line 2: no object has the id "sand".'),
+    ('<shape type="sphere" id="a"/>\n<shape type="sphere" id="a"/>', 'scene, line 3: duplicate ID: "a"'),
+    ('<bsdf type="cube"/>', 'scene, line 2: cube: "cube" is a shape; expected a bsdf.'),
+    ('<shape type="ply"><string name="filename" value="no.ply"/></shape>',
+     'scene, line 2: ply: Error while loading PLY file "no.ply": file not found!'),
+    ('<shape type="probe"><spectrum name="profile" value="10:1500, 5:1500"/></shape>',
+     "scene, line 2: the first numbers of a table (such as depths) must increase."),
+    ('<shape type="sphere">\n', "scene, line 4: the XML is broken: Start-end tags mismatch"),
+    ('<include filename="no.xml"/>', 'scene, line 2: included file "no.xml" not found'),
+])
+def test_mitsubas_own_errors_become_one_sentence(sentence, written, said):
+    assert sentence(written, CUBE).startswith(said)
+
+
+def test_unused_parameter(sentence):
+    assert sentence("", foo=3).startswith("the scene has no parameter foo;")
+
+
+def test_wrong_root_element(sentence):
+    assert sentence("", '<shape type="cube">%s</shape>') == \
+        'the root element is <shape>; expected <scene version="3.0.0">.'
+
+
+def test_place_names_the_file(read, tmp_path):
+    from mitsonar.plugins.errors import plain
+    path = tmp_path / "s (1).xml"
+    path.write_text(SCENE % '<integer name="rays" value="0"/>')
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_file(str(path))
+    assert plain(caught.value) == (f'{path}, line 2: probe "bed": rays is the integer 0; '
+                                   "expected an integer at least 1 and at most 4000.")
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_file(str(tmp_path / "none.xml"))
+    assert plain(caught.value) == f'there is no file "{tmp_path / "none.xml"}".'
+
+
+def test_dictionary_scenes_name_the_object(read):
+    from mitsonar.plugins.errors import plain
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_dict({"type": "scene", "bed": {"type": "probe", "rays": 0}})
+    assert plain(caught.value).startswith('object "bed": probe "bed": rays is the integer 0;')
+
+
+def test_render_errors_show_their_cause(read):
+    from mitsonar.plugins.errors import plain
+
+    class Failing(mi.SamplingIntegrator):
+        def render(self, *arguments, **options):
+            raise ValueError("sidescan: the sonar is below\n the seabed.")
+
+    mi.register_integrator("failing", Failing)
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": "failing"}, "sensor": {"type": "perspective"}})
+    with pytest.raises(RuntimeError) as caught:
+        mi.render(scene)
+    assert plain(caught.value) == "sidescan: the sonar is below the seabed."
+
+
+def test_system_errors_and_plain_ones():
+    from mitsonar.plugins.errors import plain
+    assert plain(OSError(28, "No space left on device", "out.exr")) == "out.exr: No space left on device"
+    assert plain(ValueError("a [m] b\nc")) == "a [m] b c"
