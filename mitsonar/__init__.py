@@ -1,0 +1,89 @@
+"""mitsonar: a sonar renderer on Mitsuba.
+
+``import mitsonar`` costs a few milliseconds and imports neither Mitsuba nor NumPy: public names are imported when first used.
+It does two things that cannot wait. It tells Dr.Jit which libLLVM to load (`mitsonar.llvm`), because Dr.Jit looks for one the
+moment it is imported; and it sees to it that the plugins are registered with Mitsuba, at once where Mitsuba is already
+imported, else right after somebody imports it. So this is all it takes for `mitsuba` to read our scenes:
+
+    import mitsonar
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_mono")
+    scene = mi.load_file("scenes/sidescan_flat.xml", optimize=False)
+"""
+import importlib
+import os
+import sys
+
+from mitsonar import llvm
+
+__version__ = "0.1.0"
+
+# Every public name of the package and the module it comes from; a module that is public itself names itself.
+_PUBLIC = {
+    "load_file": "mitsonar.scene",
+    "render": "mitsonar.rendering",
+    "BackendError": "mitsonar.llvm",
+    "doctor": "mitsonar.doctor",
+    "imaging": "mitsonar.imaging",
+    "io": "mitsonar.io",
+    "plots": "mitsonar.plots",
+    "plugins": "mitsonar.plugins",
+    "propagation": "mitsonar.propagation",
+    "scattering": "mitsonar.scattering",
+    "signal": "mitsonar.signal",
+    "sonar": "mitsonar.sonar",
+    "trace": "mitsonar.trace",
+    "units": "mitsonar.units",
+    "water": "mitsonar.water",
+}
+
+# A checkout and an editable install keep plugins/ and scenes/ beside the package, a wheel inside it.
+_beside = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+if os.path.isfile(os.path.join(_beside, "pyproject.toml")) and os.path.isdir(os.path.join(_beside, "plugins")):
+    __path__.append(_beside)
+
+
+def __getattr__(name):
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'mitsonar' has no attribute {name!r}; it has {', '.join(sorted(_PUBLIC))}")
+    module = importlib.import_module(_PUBLIC[name])
+    value = module if _PUBLIC[name] == f"mitsonar.{name}" else getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted(set(globals()) | set(_PUBLIC))
+
+
+class _AfterMitsuba:
+    """Meta-path finder that registers the plugins right after the first ``import mitsuba``, then takes itself away."""
+
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        if name != "mitsuba":
+            return None
+        others = (finder for finder in sys.meta_path if finder is not cls)
+        spec = next(filter(None, (finder.find_spec(name, path, target) for finder in others)), None)
+        if spec is None:
+            return None
+        execute = spec.loader.exec_module
+
+        def execute_and_register(module):
+            execute(module)
+            if cls in sys.meta_path:
+                sys.meta_path.remove(cls)
+            importlib.import_module("mitsonar.plugins").install()
+
+        # On this one loader object: Mitsuba's spec and loader stay what the import system made them.
+        spec.loader.exec_module = execute_and_register
+        return spec
+
+
+if "drjit" not in sys.modules:
+    llvm.locate()
+if "mitsuba" in sys.modules:
+    importlib.import_module("mitsonar.plugins").install()
+else:
+    sys.meta_path.insert(0, _AfterMitsuba)

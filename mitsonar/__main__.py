@@ -1,0 +1,32 @@
+"""``python3 -m mitsonar COMMAND``: the one way in, which in a checkout sets up what is missing first. Standard library only."""
+import sys
+
+
+def main(argv=None):
+    """Run one command and return its exit code: 2 for what the user can mend, said in one sentence, 130 for Ctrl-C."""
+    argv = sys.argv[1:] if argv is None else list(argv)
+    if sys.version_info < (3, 10):
+        print("mitsonar needs Python 3.10 or newer, and this is {}.{}.".format(*sys.version_info), file=sys.stderr)
+        return 2
+    from mitsonar import bootstrap, llvm
+
+    try:
+        bootstrap.enter(argv)
+        if argv[:1] == ["test"]:
+            return bootstrap.run_tests(argv[1:])
+        if argv[:1] == ["llvm"]:
+            print(llvm.locate() or llvm.provide(bootstrap.say))
+            return 0
+        from mitsonar import cli
+
+        return cli.main(argv)
+    except (bootstrap.SetupError, llvm.BackendError) as error:
+        print(f"mitsonar: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("mitsonar: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,232 @@
+"""Stand the environment up that a checkout needs, and move into it. Standard library only.
+
+`enter` is called before every command. Where the running interpreter already has the packages, or mitsonar is installed
+without its checkout, there is nothing to do. Otherwise the packages go into ``.venv`` beside ``pyproject.toml`` (under the
+user's cache where the checkout cannot be written), and the command starts again in there.
+
+A file in the environment tells its state: absent, the environment is somebody else's and is added to; "unfinished", a set-up
+was interrupted and is done again from the start; otherwise what it was made of, and while that still holds it is used as it is.
+"""
+import contextlib
+import glob
+import hashlib
+import importlib.metadata
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+from mitsonar import llvm
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+PROJECT = os.path.join(ROOT, "pyproject.toml")
+MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
+UNFINISHED = "unfinished"
+
+
+class SetupError(Exception):
+    """The environment cannot be made; the message is one sentence."""
+
+
+def enter(argv):
+    """Return when this interpreter can run the command `argv`; start it again in an interpreter that can, otherwise.
+
+    Raises
+    ------
+    SetupError
+        The packages cannot be installed.
+    BackendError
+        No libLLVM can be had, and there is no NVIDIA driver either.
+    """
+    if not os.path.isfile(PROJECT):
+        return
+    moved = os.environ.pop(MOVED, None)
+    folder = environment()
+    if not (_inside(folder) and _is_ready(folder)) and missing(with_tests=argv[:1] == ["test"]):
+        if moved:
+            raise SetupError(f"The environment {moved} is damaged; remove that folder and try again.")
+        with _alone(folder):
+            if not _is_ready(folder):
+                set_up(folder)
+        os.environ[MOVED] = folder
+        python = _python(folder)
+        os.execv(python, [python, "-m", "mitsonar", *argv])
+    if not llvm.locate():
+        with _alone(llvm.private_folder()):
+            if not llvm.locate() and not llvm.has_cuda():
+                llvm.provide(say)
+
+
+def run_tests(arguments):
+    """Run the checkout's tests by pytest with `arguments` and return its exit code.
+
+    Raises
+    ------
+    SetupError
+        mitsonar is installed without its checkout, so there are no tests.
+    """
+    if not os.path.isdir(os.path.join(ROOT, "tests")):
+        raise SetupError("The tests are part of the source checkout, and this mitsonar is installed without it; "
+                         "run python3 -m mitsonar test there.")
+    import pytest
+
+    os.chdir(ROOT)  # where pytest finds its settings, the tests, and a place for its cache
+    return int(pytest.main(arguments if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider", *arguments]))
+
+
+def environment():
+    """Return the folder of the environment that belongs to this checkout."""
+    folder = os.path.join(ROOT, ".venv")
+    if os.access(ROOT, os.W_OK) or _is_ready(folder):
+        return folder
+    return os.path.join(llvm.cache_folder(), f"venv-{hashlib.sha256(ROOT.encode()).hexdigest()[:12]}")
+
+
+def missing(with_tests=False):
+    """Return the requirements of ``pyproject.toml`` that the running interpreter does not meet, as ``name==version`` strings."""
+    with open(PROJECT, encoding="utf-8") as file:
+        text = file.read()
+    # The TOML reader came with Python 3.11; these two plain lists of strings need none.
+    lists = [re.search(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[1] for key in ["dependencies"] + ["test"] * with_tests]
+    unmet = []
+    for name, relation, version, before in re.findall(
+            r'^ *"([\w.-]+)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"', "".join(lists), re.M):
+        if before and sys.version_info >= (3, int(before)):
+            continue
+        try:
+            installed = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            installed = "0"
+        have, want = (tuple(map(int, re.findall(r"\d+", text))) for text in (installed, version))
+        if have < want or (relation == "==" and have != want):
+            unmet.append(f"{name}{relation}{version}")
+    return unmet
+
+
+def set_up(folder):
+    """Make the environment `folder`, or bring it up to date; the caller holds its lock.
+
+    Raises
+    ------
+    SetupError
+        The packages cannot be installed.
+    """
+    if os.name != "posix":
+        raise SetupError("The set-up by itself works on Linux and macOS; here, run pip install -e .[test] in an environment of yours.")
+    state = _read(_state_file(folder))
+    if state is not None and not state.startswith(_identity(folder)):
+        shutil.rmtree(folder)
+    os.makedirs(folder, exist_ok=True)
+    _write(_state_file(folder), UNFINISHED)
+    say(f"installing packages into {folder} (340 MB; half a minute on a fast line)")
+    if not (shutil.which("uv") and _install_by_uv(folder)):
+        _install_by_pip(folder)
+    _write(_state_file(folder), _identity(folder) + _digest())
+
+
+def say(line):
+    """Print one line of progress, beside the command's own output."""
+    print(f"mitsonar: {line}", file=sys.stderr, flush=True)
+
+
+def _install_by_uv(folder):
+    try:
+        _run("uv", "venv", "-q", "--allow-existing", "--python", sys.executable, folder)
+        _run("uv", "pip", "install", "-q", "--python", _python(folder), "-e", f"{ROOT}[test]")
+    except SetupError as error:
+        say(f"{error} Going on with pip.")
+        return False
+    return True
+
+
+def _install_by_pip(folder):
+    import venv
+
+    try:
+        import ensurepip  # noqa: F401  (Debian packs it apart)
+        has_pip = True
+    except ImportError:
+        has_pip = False
+    try:
+        venv.create(folder, symlinks=True, with_pip=has_pip)
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise SetupError(f"Could not make a Python environment in {folder}: {error}.") from None
+    pip = [_python(folder), "-m", "pip"] if has_pip else [_python(folder), _debian_pip(folder)]
+    _run(*pip, "install", "-q", "--disable-pip-version-check", "--no-input", "-e", f"{ROOT}[test]")
+
+
+def _debian_pip(folder):
+    """Return a pip that runs from its wheel, out of Debian's package."""
+    from mitsonar import debian
+
+    try:
+        debian.Packages(say).unpack(["python3-pip-whl"], os.path.join(folder, "pip"))
+    except debian.Unavailable as error:
+        raise SetupError(f"This Python has neither pip nor ensurepip, and Debian's cannot be had: {error}; "
+                         "install pip or python3-venv and try again.") from None
+    return os.path.join(glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0], "pip")
+
+
+def _run(*command):
+    child = subprocess.run(command, cwd=os.path.dirname(PROJECT), env={**os.environ, "PIP_USER": "0"}, stdin=subprocess.DEVNULL,
+                           stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    if child.returncode:
+        lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
+        errors = [line for line in lines if line.lower().startswith("error")] or lines[-1:] or [f"exit code {child.returncode}"]
+        raise SetupError(f"Could not install mitsonar's packages (is there a network?): {errors[-1]}")
+
+
+@contextlib.contextmanager
+def _alone(folder):
+    """Hold the lock of `folder`, a file beside it; the system lets go of it when the process ends, however that happens."""
+    import fcntl
+
+    os.makedirs(os.path.dirname(folder), exist_ok=True)
+    with open(f"{folder}.lock", "w", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            say("waiting for another set-up to end")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _inside(folder):
+    return os.path.realpath(sys.prefix) == os.path.realpath(folder)
+
+
+def _is_ready(folder):
+    return os.path.exists(_python(folder)) and _read(_state_file(folder)) == _identity(folder) + _digest()
+
+
+def _identity(folder):
+    """Return what makes an environment another one: the checkout it leads to and the interpreter it was made with."""
+    return f"{ROOT}\n{os.path.realpath(_python(folder))}\n"
+
+
+def _digest():
+    with open(PROJECT, "rb") as file:
+        return hashlib.sha256(file.read()).hexdigest()
+
+
+def _python(folder):
+    return os.path.join(folder, "bin", "python")
+
+
+def _state_file(folder):
+    return os.path.join(folder, "mitsonar-state")
+
+
+def _read(path):
+    try:
+        with open(path, encoding="utf-8") as file:
+            return file.read()
+    except OSError:
+        return None
+
+
+def _write(path, text):
+    with open(f"{path}.new", "w", encoding="utf-8") as file:
+        file.write(text)
+    os.replace(f"{path}.new", path)

@@ -1,0 +1,89 @@
+"""Fetch and unpack Debian packages without being root. Standard library only.
+
+apt-get works for an ordinary user once its package lists and cache are folders of the user's own; it checks signatures as
+always. Unpacking is all or nothing: into a new folder that gets its real name when everything is in it.
+"""
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+
+# The C and C++ runtimes must be those the interpreter already runs on; every machine with apt has them.
+SYSTEM_ONLY = {"libc6", "libgcc-s1", "libstdc++6"}
+
+
+class Unavailable(Exception):
+    """A package could not be had; the message says why in one clause."""
+
+
+class Packages:
+    """The packages of this machine's release, by package lists fetched now.
+
+    Parameters
+    ----------
+    say : callable
+        Gets one line of text for each step.
+
+    Raises
+    ------
+    Unavailable
+        There is no apt, or the lists cannot be fetched.
+    """
+
+    def __init__(self, say=print):
+        missing = [tool for tool in ("apt-get", "apt-cache", "dpkg-deb") if not shutil.which(tool)]
+        if missing:
+            raise Unavailable(f"this machine has no {missing[0]}")
+        self._say = say
+        self._folder = tempfile.TemporaryDirectory(prefix="mitsonar-")
+        os.makedirs(f"{self._folder.name}/lists/partial")
+        self._options = ["-o", f"Dir::State::Lists={self._folder.name}/lists", "-o", f"Dir::Cache={self._folder.name}/cache",
+                         "-o", "Debug::NoLocking=1", "-o", "APT::Sandbox::User=", "-o", "Acquire::Languages=none",
+                         "-o", "Acquire::Retries=2"]
+        say("fetching Debian's package lists")
+        self._run("apt-get", "-qq", "--error-on=any", "update")
+
+    def names(self, prefix):
+        """Return the names of all packages that begin with `prefix`."""
+        return self._run("apt-cache", "pkgnames", prefix).split()
+
+    def closure(self, names):
+        """Return `names` and all they depend on, the C and C++ runtimes left out."""
+        text = self._run("apt-cache", "depends", "--recurse", "--no-recommends", "--no-suggests", "--no-conflicts",
+                         "--no-breaks", "--no-replaces", "--no-enhances", *names)
+        needs, package = {}, None
+        for line in text.splitlines():
+            if not line.startswith(" "):
+                package = needs.setdefault(line.strip(), [])
+            elif match := re.match(r"\s*\|?(?:Pre)?Depends: ([a-z0-9][^ ]*)", line):
+                package.append(match[1])
+        found, waiting = [], list(names)
+        while waiting:
+            name = waiting.pop()
+            if name not in found and name not in SYSTEM_ONLY:
+                found.append(name)
+                waiting += needs.get(name, [])
+        return sorted(found)
+
+    def unpack(self, names, folder):
+        """Download packages and leave their contents in `folder`, replacing it; what is interrupted leaves nothing there."""
+        self._say(f"fetching {' '.join(names)}")
+        self._run("apt-get", "-qq", "download", *names)
+        os.makedirs(os.path.dirname(folder), exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".unpacking-", dir=os.path.dirname(folder)) as part:
+            for name in os.listdir(self._folder.name):
+                if name.endswith(".deb"):
+                    self._run("dpkg-deb", "-x", name, f"{part}/new")
+            if os.path.isdir(folder):
+                os.rename(folder, f"{part}/old")
+            os.rename(f"{part}/new", folder)
+
+    def _run(self, tool, *arguments):
+        options = self._options if tool.startswith("apt") else []
+        child = subprocess.run([tool, *options, *arguments], cwd=self._folder.name, stdin=subprocess.DEVNULL,
+                               capture_output=True, text=True, check=False)
+        if child.returncode:
+            said = [line for line in child.stderr.splitlines() if line.startswith(("E:", "dpkg"))] or [f"exit {child.returncode}"]
+            raise Unavailable(f"{tool} {arguments[0].lstrip('-')}... says: {said[0]}")
+        return child.stdout
