@@ -7,11 +7,8 @@ Both laws hold along a path by integrating over its depths; over a few tens of m
 """
 import numpy as np
 
-# What a caller may ask for [units of the arguments]: wider than any sea, narrow enough to catch a swapped column.
-# Depths begin above the still surface, where wave crests are.
-RANGES = {"frequency": (0.0, 1e7), "temperature": (-2.0, 40.0), "salinity": (0.0, 45.0), "depth": (-20.0, 12000.0),
-          "ph": (7.0, 9.0)}
-UNITS = {"frequency": "Hz", "temperature": "deg C", "salinity": "g/kg", "depth": "m", "ph": ""}
+from ..units import khz_from_hertz
+from .ranges import checked
 
 
 def francois_garrison_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0):
@@ -34,7 +31,7 @@ def francois_garrison_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, 
     Raises
     ------
     ValueError
-        If an argument is not finite or outside ``RANGES``; the value is named.
+        If an argument is not finite or outside ``water.ranges.RANGES``; the value is named.
 
     Notes
     -----
@@ -88,13 +85,7 @@ def _relaxation(f, f_relax):
     return f_relax * f**2 / np.maximum(f**2 + f_relax**2, np.finfo(float).tiny)
 
 
-def _checked(frequency, *others):
-    values = []
-    for (name, (low, high)), value in zip(RANGES.items(), (frequency, *others)):
-        value = np.asarray(value, float)
-        bad = ~((value >= low) & (value <= high))
-        if bad.any():
-            raise ValueError(f"absorption: {name} is {value[bad].flat[0]:g} {UNITS[name]}".rstrip()
-                             + f"; it must lie in {low:g}..{high:g} {UNITS[name]}".rstrip() + ".")
-        values.append(value)
-    return values[0] / 1000, *values[1:]
+def _checked(frequency, temperature, salinity, depth, ph):
+    frequency, *others = checked("absorption", frequency=frequency, temperature=temperature, salinity=salinity,
+                                 depth=depth, ph=ph)
+    return khz_from_hertz(frequency), *others

@@ -1,0 +1,94 @@
+"""Ambient noise of the sea: spectral levels in dB re 1 uPa^2/Hz.
+
+    turbulence  17 - 30 log f
+    shipping    40 + 20 (s - 1/2) + 26 log f - 60 log(f + 0.03)
+    wind        50 + 7.5 sqrt(w) + 20 log f - 40 log(f + 0.4)          (logs to base 10, f in kHz)
+    thermal     4 pi k T rho f^2 / c                                   (as a power)
+
+f -> ``frequency`` [Hz], s -> ``shipping`` 0..1, w -> ``wind_speed`` [m/s], k the Boltzmann constant. The first
+three are the fit to Wenz's curves by Coates, whose own thermal line, -15 + 20 log f, lies 0.36 dB under the last.
+A band of width B received by a beam of directivity index DI carries level + 10 log B - DI.
+"""
+import numpy as np
+
+from ..units import db_from_power, khz_from_hertz, power_from_db
+from .ranges import checked
+
+BOLTZMANN = 1.380649e-23  # [J/K]
+MICROPASCAL = 1e-6  # [Pa]
+
+
+def ambient_noise_db(frequency, wind_speed=5.0, shipping=0.5):
+    """Give the ambient noise level of the deep sea.
+
+    Parameters
+    ----------
+    frequency : array [Hz]
+        Above zero.
+    wind_speed : array [m/s]
+    shipping : array [-]
+        0 (remote) to 1 (heavy). All arguments broadcast.
+
+    Returns
+    -------
+    array [dB re 1 uPa^2/Hz]
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite or outside ``water.ranges.RANGES``; the value is named.
+
+    Notes
+    -----
+    Coates (1990), *Underwater Acoustic Systems*, after Wenz (1962), J. Acoust. Soc. Am. 34, 1936. Above about
+    100 kHz the thermal part rules.
+    """
+    frequency, wind_speed, shipping = checked("ambient noise", frequency=frequency, wind_speed=wind_speed,
+                                              shipping=shipping)
+    f = khz_from_hertz(_above_zero(frequency))
+    log_f = np.log10(f)
+    parts = (
+        17 - 30 * log_f,
+        40 + 20 * (shipping - 0.5) + 26 * log_f - 60 * np.log10(f + 0.03),
+        50 + 7.5 * np.sqrt(wind_speed) + 20 * log_f - 40 * np.log10(f + 0.4),
+        -15 + 20 * log_f,
+    )
+    return db_from_power(sum(power_from_db(part) for part in parts))
+
+
+def thermal_noise_db(frequency, temperature=10.0, sound_speed=1500.0, density=1025.0):
+    """Give the level of the molecular noise of water, the floor under every hydrophone.
+
+    Parameters
+    ----------
+    frequency : array [Hz]
+        Above zero.
+    temperature : array [deg C]
+    sound_speed : array [m/s]
+    density : array [kg/m^3]
+        All arguments broadcast.
+
+    Returns
+    -------
+    array [dB re 1 uPa^2/Hz]
+
+    Raises
+    ------
+    ValueError
+        If frequency or temperature is not finite or outside ``water.ranges.RANGES``; the value is named.
+
+    Notes
+    -----
+    Mellen (1952), J. Acoust. Soc. Am. 24, 478. For an omnidirectional hydrophone of efficiency 1; one of
+    efficiency e in a beam of directivity index DI sees DI + 10 log e less.
+    """
+    frequency, temperature = checked("thermal noise", frequency=frequency, temperature=temperature)
+    kelvin = temperature + 273.15
+    pressure_squared = 4 * np.pi * BOLTZMANN * kelvin * density * _above_zero(frequency) ** 2 / sound_speed
+    return db_from_power(pressure_squared / MICROPASCAL**2)
+
+
+def _above_zero(frequency):
+    if (frequency <= 0).any():
+        raise ValueError("noise level: frequency is 0 Hz; it must be above zero.")
+    return frequency
