@@ -1,9 +1,9 @@
 """mitsonar: a sonar renderer on Mitsuba.
 
-``import mitsonar`` costs a few milliseconds and imports neither Mitsuba nor NumPy: public names are imported when first used.
-It does two things that cannot wait. It tells Dr.Jit which libLLVM to load (`mitsonar.llvm`), because Dr.Jit looks for one the
-moment it is imported; and it sees to it that the plugins are registered with Mitsuba, at once where Mitsuba is already
-imported, else right after somebody imports it. So this is all it takes for `mitsuba` to read our scenes:
+``import mitsonar`` costs a few milliseconds and imports neither Mitsuba nor NumPy: public names are imported when first
+used. It does two things that cannot wait. It tells Dr.Jit which libLLVM to load (`mitsonar.llvm`), because Dr.Jit looks
+for one the moment it is imported; and it sees to it that the plugins are registered with Mitsuba, at once where Mitsuba
+is already imported, else right after somebody imports it. So this is all it takes for Mitsuba to read our scenes:
 
     import mitsonar
     import mitsuba as mi

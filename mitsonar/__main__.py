@@ -1,4 +1,7 @@
-"""``python3 -m mitsonar COMMAND``: the one way in, which in a checkout sets up what is missing first. Standard library only."""
+"""``python3 -m mitsonar COMMAND``: the one way in; in a checkout it sets up what is missing first.
+
+Standard library only, and plain enough for any Python 3 to read, so that an old one can be told that it is too old.
+"""
 import sys
 
 

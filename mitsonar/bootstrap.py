@@ -1,11 +1,12 @@
 """Stand the environment up that a checkout needs, and move into it. Standard library only.
 
 `enter` is called before every command. Where the running interpreter already has the packages, or mitsonar is installed
-without its checkout, there is nothing to do. Otherwise the packages go into ``.venv`` beside ``pyproject.toml`` (under the
-user's cache where the checkout cannot be written), and the command starts again in there.
+without its checkout, there is nothing to do. Otherwise the packages go into ``.venv`` beside ``pyproject.toml`` (under
+the user's cache where the checkout cannot be written), and the command starts again in there.
 
-A file in the environment tells its state: absent, the environment is somebody else's and is added to; "unfinished", a set-up
-was interrupted and is done again from the start; otherwise what it was made of, and while that still holds it is used as it is.
+A file in the environment tells its state. Absent: the environment is somebody else's and is added to. "unfinished": a
+set-up was interrupted and is done again from the start. Otherwise it says what the environment was made of, and while
+that still holds it is used as it is.
 """
 import contextlib
 import glob
@@ -16,6 +17,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 
 from mitsonar import llvm
 
@@ -23,6 +25,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
 UNFINISHED = "unfinished"
+SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones Debian's pip knows; a bare system has none
 
 
 class SetupError(Exception):
@@ -84,21 +87,22 @@ def environment():
 
 
 def missing(with_tests=False):
-    """Return the requirements of ``pyproject.toml`` that the running interpreter does not meet, as ``name==version`` strings."""
+    """Return the requirements of ``pyproject.toml`` that this interpreter does not meet, as ``name>=version``."""
     with open(PROJECT, encoding="utf-8") as file:
         text = file.read()
     # The TOML reader came with Python 3.11; these two plain lists of strings need none.
-    lists = [re.search(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[1] for key in ["dependencies"] + ["test"] * with_tests]
+    keys = ["dependencies", "test"] if with_tests else ["dependencies"]
+    text = "".join(re.search(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[1] for key in keys)
+    requirement = r'^ *"([\w.-]+)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
     unmet = []
-    for name, relation, version, before in re.findall(
-            r'^ *"([\w.-]+)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"', "".join(lists), re.M):
+    for name, relation, version, before in re.findall(requirement, text, re.M):
         if before and sys.version_info >= (3, int(before)):
             continue
         try:
             installed = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             installed = "0"
-        have, want = (tuple(map(int, re.findall(r"\d+", text))) for text in (installed, version))
+        have, want = (tuple(map(int, re.findall(r"\d+", numbers))) for numbers in (installed, version))
         if have < want or (relation == "==" and have != want):
             unmet.append(f"{name}{relation}{version}")
     return unmet
@@ -113,13 +117,13 @@ def set_up(folder):
         The packages cannot be installed.
     """
     if os.name != "posix":
-        raise SetupError("The set-up by itself works on Linux and macOS; here, run pip install -e .[test] in an environment of yours.")
+        raise SetupError("The set-up by itself works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
     state = _read(_state_file(folder))
     if state is not None and not state.startswith(_identity(folder)):
         shutil.rmtree(folder)
     os.makedirs(folder, exist_ok=True)
     _write(_state_file(folder), UNFINISHED)
-    say(f"installing packages into {folder} (340 MB; half a minute on a fast line)")
+    say(f"installing packages into {folder} (0.8 GB; half a minute on a fast line)")
     if not (shutil.which("uv") and _install_by_uv(folder)):
         _install_by_pip(folder)
     _write(_state_file(folder), _identity(folder) + _digest())
@@ -152,12 +156,19 @@ def _install_by_pip(folder):
         venv.create(folder, symlinks=True, with_pip=has_pip)
     except (OSError, subprocess.CalledProcessError) as error:
         raise SetupError(f"Could not make a Python environment in {folder}: {error}.") from None
-    pip = [_python(folder), "-m", "pip"] if has_pip else [_python(folder), _debian_pip(folder)]
-    _run(*pip, "install", "-q", "--disable-pip-version-check", "--no-input", "-e", f"{ROOT}[test]")
+    pip, variables = ["-m", "pip"], {}
+    if not has_pip:
+        wheel = _debian_pip(folder)
+        pip = [os.path.join(wheel, "pip")]
+        if not os.path.exists(SYSTEM_CERTIFICATES):
+            its_own = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
+            variables = {"PIP_CERT": its_own}
+    quiet = ["-q", "--disable-pip-version-check", "--no-input"]
+    _run(_python(folder), *pip, "install", *quiet, "-e", f"{ROOT}[test]", **variables)
 
 
 def _debian_pip(folder):
-    """Return a pip that runs from its wheel, out of Debian's package."""
+    """Return the wheel of pip, out of Debian's package."""
     from mitsonar import debian
 
     try:
@@ -165,21 +176,23 @@ def _debian_pip(folder):
     except debian.Unavailable as error:
         raise SetupError(f"This Python has neither pip nor ensurepip, and Debian's cannot be had: {error}; "
                          "install pip or python3-venv and try again.") from None
-    return os.path.join(glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0], "pip")
+    return glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0]
 
 
-def _run(*command):
-    child = subprocess.run(command, cwd=os.path.dirname(PROJECT), env={**os.environ, "PIP_USER": "0"}, stdin=subprocess.DEVNULL,
-                           stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+def _run(*command, **variables):
+    # A user's standing wish for installs into the home folder would make pip fail in an environment.
+    child = subprocess.run(command, cwd=ROOT, env={**variables, **os.environ, "PIP_USER": "0"}, text=True, check=False,
+                           stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     if child.returncode:
         lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
-        errors = [line for line in lines if line.lower().startswith("error")] or lines[-1:] or [f"exit code {child.returncode}"]
-        raise SetupError(f"Could not install mitsonar's packages (is there a network?): {errors[-1]}")
+        errors = [line for line in lines if line.lower().startswith("error")]
+        reason = (errors or lines or [f"exit code {child.returncode}"])[-1]
+        raise SetupError(f"Could not install mitsonar's packages (is there a network?): {reason}")
 
 
 @contextlib.contextmanager
 def _alone(folder):
-    """Hold the lock of `folder`, a file beside it; the system lets go of it when the process ends, however that happens."""
+    """Hold the lock of `folder`, a file beside it, which the system takes back however the process ends."""
     import fcntl
 
     os.makedirs(os.path.dirname(folder), exist_ok=True)

@@ -1,7 +1,7 @@
 """Fetch and unpack Debian packages without being root. Standard library only.
 
-apt-get works for an ordinary user once its package lists and cache are folders of the user's own; it checks signatures as
-always. Unpacking is all or nothing: into a new folder that gets its real name when everything is in it.
+apt-get works for an ordinary user once its package lists and cache are folders of the user's own; it checks signatures
+as always. Unpacking is all or nothing: into a new folder that gets its real name when everything is in it.
 """
 import os
 import re
@@ -38,9 +38,9 @@ class Packages:
         self._say = say
         self._folder = tempfile.TemporaryDirectory(prefix="mitsonar-")
         os.makedirs(f"{self._folder.name}/lists/partial")
-        self._options = ["-o", f"Dir::State::Lists={self._folder.name}/lists", "-o", f"Dir::Cache={self._folder.name}/cache",
-                         "-o", "Debug::NoLocking=1", "-o", "APT::Sandbox::User=", "-o", "Acquire::Languages=none",
-                         "-o", "Acquire::Retries=2"]
+        settings = (f"Dir::State::Lists={self._folder.name}/lists", f"Dir::Cache={self._folder.name}/cache",
+                    "Debug::NoLocking=1", "APT::Sandbox::User=", "Acquire::Languages=none", "Acquire::Retries=2")
+        self._options = [f"-o{setting}" for setting in settings]
         say("fetching Debian's package lists")
         self._run("apt-get", "-qq", "--error-on=any", "update")
 
@@ -67,7 +67,7 @@ class Packages:
         return sorted(found)
 
     def unpack(self, names, folder):
-        """Download packages and leave their contents in `folder`, replacing it; what is interrupted leaves nothing there."""
+        """Download packages and leave their contents in `folder`, which they replace; all of it or nothing."""
         self._say(f"fetching {' '.join(names)}")
         self._run("apt-get", "-qq", "download", *names)
         os.makedirs(os.path.dirname(folder), exist_ok=True)
@@ -84,6 +84,6 @@ class Packages:
         child = subprocess.run([tool, *options, *arguments], cwd=self._folder.name, stdin=subprocess.DEVNULL,
                                capture_output=True, text=True, check=False)
         if child.returncode:
-            said = [line for line in child.stderr.splitlines() if line.startswith(("E:", "dpkg"))] or [f"exit {child.returncode}"]
-            raise Unavailable(f"{tool} {arguments[0].lstrip('-')}... says: {said[0]}")
+            said = [line for line in child.stderr.splitlines() if line.startswith(("E:", "dpkg"))]
+            raise Unavailable(f"{tool} says: {said[0] if said else f'exit code {child.returncode}'}")
         return child.stdout

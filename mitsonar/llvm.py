@@ -1,11 +1,12 @@
 """Choose the libLLVM that Dr.Jit loads, before Dr.Jit is imported. Standard library only.
 
-Dr.Jit looks for libLLVM once, while it is imported: the file named by ``DRJIT_LIBLLVM_PATH``, else what the system has. It
-takes LLVM 15 and 16, which cannot compile its code: LLVM then ends the whole process. So `locate` sets the variable in every
-case: to the usable library closest to the tested version, and to a file that does not exist where there is none, since a
-clean "not found" from Dr.Jit is better than a process that dies.
+Dr.Jit looks for libLLVM once, while it is imported: the file named by ``DRJIT_LIBLLVM_PATH``, else what the system has.
+It takes LLVM 15 and 16, which cannot compile its code: LLVM then ends the whole process. So `locate` sets the variable
+in every case: to the usable library closest to the tested version, and to a file that does not exist where there is
+none, since a clean "not found" from Dr.Jit is better than a process that dies.
 
-`provide` (``python3 -m mitsonar llvm``) unpacks a libLLVM under the user's cache without being root, on Debian and its relatives.
+On Debian and its relatives `provide` (``python3 -m mitsonar llvm``) unpacks a libLLVM under the user's cache, without
+being root.
 """
 import ctypes
 import os
@@ -23,11 +24,12 @@ class BackendError(RuntimeError):
 
 def cache_folder():
     """Return the folder for what mitsonar fetches for this user: ``$XDG_CACHE_HOME/mitsonar``."""
-    return os.path.join(os.path.realpath(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")), "mitsonar")
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return os.path.join(os.path.realpath(caches), "mitsonar")
 
 
 def private_folder():
-    """Return the folder for an unpacked libLLVM, one per release and processor since home folders are shared by machines."""
+    """Return the folder for an unpacked libLLVM: one per release and processor, as machines may share a home folder."""
     release = {}
     try:
         with open("/etc/os-release", encoding="utf-8") as file:
@@ -40,7 +42,7 @@ def private_folder():
 
 def remedy():
     """Return what to do about a missing libLLVM, as text for an error message."""
-    return f"""mitsonar needs the LLVM shared library, version {OLDEST} or newer ({TESTED} is the tested one), to compile its kernels.
+    return f"""mitsonar needs the LLVM shared library to compile its kernels, version {OLDEST} or newer.
   Debian/Ubuntu:   sudo apt-get install libllvm{TESTED} libatomic1
   without root:    python3 -m mitsonar llvm   (unpacks Debian's libllvm{TESTED} under {cache_folder()})
   elsewhere:       install LLVM {TESTED}, or set {VARIABLE} to its libLLVM.so / libLLVM.dylib / LLVM-C.dll"""
@@ -49,18 +51,18 @@ def remedy():
 def locate():
     """Choose a libLLVM, tell Dr.Jit by ``DRJIT_LIBLLVM_PATH``, and load what it needs beside it.
 
-    A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the installed ones and the one in our
-    cache compete: the closest to the tested version wins, an installed one before ours.
+    A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the installed ones and the one in
+    our cache compete: the closest to the tested version wins, an installed one before ours.
 
     Returns
     -------
     str or None
-        Path of the library; None where there is none, or where libatomic, without which Dr.Jit cannot be imported, is missing.
+        Path of the library; None where there is none, or no libatomic, without which Dr.Jit cannot be imported.
     """
     path = os.environ.get(VARIABLE, NOTHING)
     if not _usable(path):
         if path != NOTHING:
-            warnings.warn(f"{VARIABLE} is {path}, which is not LLVM {OLDEST} or newer; looking for another", stacklevel=2)
+            warnings.warn(f"{VARIABLE} is {path}, not LLVM {OLDEST} or newer; looking for another", stacklevel=2)
         path = _closest(_installed())
     os.environ[VARIABLE] = path or NOTHING
     if path and path.startswith(private_folder() + os.sep):
@@ -84,8 +86,8 @@ def check():
     drjit = sys.modules["drjit"]
     version = drjit.detail.llvm_version()[0]
     if 0 <= version < OLDEST:
-        raise BackendError(f"Dr.Jit was imported before mitsonar and has loaded LLVM {version}, which cannot compile its code. "
-                           f"Import mitsonar first, or unset/reset {VARIABLE}.\n{remedy()}")
+        raise BackendError(f"Dr.Jit was imported before mitsonar and has loaded LLVM {version}, which cannot compile "
+                           f"its code. Import mitsonar first, or set {VARIABLE} to LLVM {OLDEST} or newer.")
     if version < 0 and not drjit.has_backend(drjit.JitBackend.CUDA):
         raise BackendError(remedy())
 
@@ -139,7 +141,7 @@ def has_cuda():
 
 
 def major_version(path):
-    """Return the major version of the libLLVM at `path`, from its file name, else by asking it; -1 where it has none."""
+    """Return the major version of the libLLVM at `path`, by its file name or else by asking it; -1 if unknown."""
     name = os.path.basename(os.path.realpath(path))
     for prefix in ("libLLVM-", "libLLVM.so."):  # libLLVM-15.so.1, libLLVM-14.0.6.so.1, libLLVM.so.19.1
         digits = name[len(prefix):].split(".")[0]
@@ -216,10 +218,10 @@ def _has_atomic():
 
 
 def _load_neighbours(path):
-    """Load the unpacked libraries that the system lacks, so that libLLVM at `path` finds them by name already loaded."""
+    """Load the unpacked libraries that the system lacks, so that the libLLVM at `path` finds them loaded by name."""
     folder = os.path.dirname(path)
-    waiting = [name for name in os.listdir(folder) if name.rpartition(".so.")[2].isdigit() and not name.startswith("libLLVM")]
-    waiting = [name for name in waiting if not _loads(name)]
+    names = (name for name in os.listdir(folder) if name.rpartition(".so.")[2].isdigit())
+    waiting = [name for name in names if not name.startswith("libLLVM") and not _loads(name)]
     while waiting:
         left = [name for name in waiting if not _loads(os.path.join(folder, name))]
         if len(left) == len(waiting):

@@ -1,0 +1,51 @@
+"""What all tests share: libLLVM chosen before Dr.Jit is imported, the variants, one random generator."""
+import pytest
+
+import mitsonar  # noqa: F401  (chooses libLLVM: must come before anything that imports Dr.Jit)
+
+
+def pytest_addoption(parser):
+    parser.addoption("--variants", default="llvm_ad_mono",
+                     help="Mitsuba variants, separated by commas, in which tests with the fixture `variant` run")
+
+
+def pytest_generate_tests(metafunc):
+    if "variant" in metafunc.fixturenames:
+        metafunc.parametrize("variant", metafunc.config.getoption("--variants").split(","), indirect=True)
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        parameters = item.callspec.params if hasattr(item, "callspec") else {}
+        if str(parameters.get("variant")).startswith("cuda"):
+            item.add_marker(pytest.mark.gpu)
+
+
+def pytest_runtest_setup(item):
+    if item.get_closest_marker("gpu"):
+        import drjit as dr
+
+        if not dr.has_backend(dr.JitBackend.CUDA):
+            pytest.skip("no usable CUDA device here")
+
+
+@pytest.fixture
+def variant(request):
+    """The name of a Mitsuba variant that is set and in which kernels compile."""
+    import drjit as dr
+    import mitsuba as mi
+
+    if request.param.startswith("scalar") or request.param not in mi.variants():
+        raise pytest.UsageError(f"--variants takes JIT variants of {mi.variants()}, not {request.param}")
+    mi.set_variant(request.param)
+    # One thread makes Mitsuba's EXR reader and writer wait for ever.
+    dr.set_thread_count(max(2, dr.thread_count()))
+    return request.param
+
+
+@pytest.fixture
+def rng():
+    """A NumPy random generator with the same numbers for every test and run."""
+    import numpy as np
+
+    return np.random.default_rng(20240611)
