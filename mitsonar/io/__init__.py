@@ -1,0 +1,1 @@
+"""Files in and out: records and datasets, no science."""

@@ -1,0 +1,247 @@
+"""Sonar images as OpenEXR: a picture any viewer opens, and beside it everything needed to compute with.
+
+Part ``image`` holds the one channel ``Y``, the levels as a waterfall: a row per ping, for a sidescan port mirrored and
+then starboard. Part ``data`` holds every variable of the dataset over the same bins. With the dimensions named
+
+    rows x layers x column        (ping) x (side) x range        (ping, beam) x () x range
+
+the last dimension runs along a row, a dimension whose coordinate is text ("port", "starboard") becomes the front of the
+channel name (``port.level``, ``starboard.label.id``), and the others are stacked as rows. Integers up to 32 bits are
+kept as uint32 channels, float32 and float16 as they are; NaN and infinities survive, everything bit for bit.
+
+Smaller variables, all coordinates (as shortest exact decimals), attributes, units and original types travel as strict
+JSON in the attribute ``mitsonar:config`` of part ``image``; ``{"mitsonar:float": "nan"}`` stands for what JSON lacks.
+The attributes ``mitsonar:sonar``, ``mitsonar:seed``, ``mitsonar:units.Y``, ... repeat the important ones for people.
+Nothing in the file depends on the clock or the machine: the same dataset gives the same bytes.
+"""
+import json
+import os
+
+import numpy as np
+import OpenEXR
+import xarray
+
+from .files import replacing
+
+CONFIG = "mitsonar:config"
+FORMAT = 1
+CHANNELS = {"label": "label.id"}  # variables whose channel has another name
+STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.uint32 for n in (1, 2, 4)},
+          **{f"i{n}": np.int32 for n in (1, 2, 4)}}
+SHOWN = {"sonar": "", "seed": "", "sound_speed": " m/s", "frequency": " Hz", "source_level_db": " dB re 1 µPa @ 1 m",
+         "absorption_db": " dB/m", "bin_width": " m", "crs": ""}  # attributes repeated in words, with their units
+
+
+def write(dataset, path):
+    """Write a sonar dataset as one OpenEXR file; an existing file is replaced once the new one is complete.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Variables over (ping, ..., range), as made by ``mitsonar.render``; the one named ``level``, else the first of
+        floating type, becomes the picture. Attributes must be plain JSON values (tuples come back as lists).
+    path : str or path
+        The file to write; its folder must exist.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, PermissionError
+        If ``path`` cannot be written (see `mitsonar.io.files.check_writable`).
+    ValueError
+        If the dataset has no image, or a type or attribute the file cannot hold.
+    OSError
+        If the disk fills up; nothing is left behind.
+
+    Notes
+    -----
+    ZIP compression, which every reader knows: noisy float32 shrinks to about 3/4, labels and flags to almost nothing.
+    """
+    layout = _layout(dataset)
+    channels, config = _encode(dataset, layout)
+    picture = _picture(dataset, layout)
+    shown = dataset[layout["picture"]].attrs
+    height, width = picture.shape
+    # Parts of different width must agree on the display window, else the library refuses the second.
+    window = (np.zeros(2, np.int32), np.array([width - 1, height - 1], np.int32))
+    common = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "displayWindow": window}
+    words = {f"mitsonar:{name}": f"{dataset.attrs[name]}{unit}" for name, unit in SHOWN.items()
+             if dataset.attrs.get(name) is not None}
+    versions = dataset.attrs.get("versions", {})
+    units = {f"mitsonar:units.{CHANNELS.get(name, name)}": str(variable.attrs["units"])
+             for name, variable in dataset.data_vars.items() if "units" in variable.attrs}
+    image = {**common, **words, "mitsonar:version": str(versions.get("mitsonar", "unknown")),
+             "mitsonar:Y": str(shown.get("long_name", layout["picture"])),
+             "mitsonar:units.Y": str(shown.get("units", "")), CONFIG: config}
+    parts = [OpenEXR.Part(image, {"Y": picture}, "image"), OpenEXR.Part({**common, **units}, channels, "data")]
+    with replacing(path) as temporary:
+        # A Python stream reports a full disk as OSError with its errno; given a path the library hides it in words.
+        with open(temporary, "wb") as stream:
+            OpenEXR.File(parts, num_threads=os.cpu_count()).write(stream)
+        _config(temporary, path)
+
+
+def read(path):
+    """Read a dataset written by `write`, identical in dimensions, coordinates, types, attributes and values.
+
+    Parameters
+    ----------
+    path : str or path
+        An OpenEXR file of mitsonar.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is not an OpenEXR file, is cut short, or was not written by `write`.
+    """
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"cannot read {path}: there is no such file; check the name.")
+    if os.path.isdir(path):
+        raise ValueError(f"cannot read {path}: it is a folder; give the name of an OpenEXR file.")
+    config = _config(path, path)
+    file = OpenEXR.File(str(path), separate_channels=True, num_threads=os.cpu_count())
+    if len(file.parts) < 2:  # the library drops a part whose pixels it cannot decode
+        raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.")
+    channels = {name: channel.pixels for name, channel in file.channels(1).items()}
+    sizes, layers = config["sizes"], config["layers"]
+    coords = {name: _variable(entry, sizes) for name, entry in config["coords"].items()}
+    variables = {}
+    for name, entry in config["variables"].items():
+        if "values" in entry:
+            variables[name] = _variable(entry, sizes)
+            continue
+        own = [layer for layer in layers if layer in entry["dims"]]
+        prefixes = _prefixes([coords[layer].values for layer in own])
+        stacked = np.stack([channels[prefix + CHANNELS.get(name, name)] for prefix in prefixes])
+        order = [*own, *config["rows"], config["column"]]
+        kind = np.dtype(entry["dtype"])
+        values = stacked.view(np.int32) if kind.kind == "i" else stacked
+        values = values.astype(kind).reshape([sizes[dim] for dim in order])
+        variables[name] = xarray.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
+    return xarray.Dataset(variables, coords, config["attrs"])
+
+
+def _layout(dataset):
+    """Find the picture and give its dimensions their places: rows, layers, column."""
+    ranked = [name for name, variable in dataset.data_vars.items() if variable.ndim >= 2 and variable.dtype.kind == "f"]
+    if not ranked:
+        raise ValueError(f"cannot write the dataset as EXR: none of its variables ({', '.join(dataset.data_vars)}) is "
+                         "a floating-point image over at least two dimensions; write it as netCDF.")
+    picture = "level" if "level" in ranked else ranked[0]
+    *front, column = dataset[picture].dims
+    layers = [dim for dim in front if dim in dataset.coords and dataset[dim].dtype.kind == "U"]
+    rows = [dim for dim in front if dim not in layers]
+    if not dataset[picture].size or not rows:
+        raise ValueError(f"cannot write the dataset as EXR: {picture} has the shape {dict(dataset[picture].sizes)}; "
+                         "it needs at least one row and one bin.")
+    return {"picture": picture, "rows": rows, "layers": layers, "column": column}
+
+
+def _encode(dataset, layout):
+    """Split the dataset into image channels and the JSON that tells how to put it together again."""
+    rows, layers, column = layout["rows"], layout["layers"], layout["column"]
+    channels, variables = {}, {}
+    for name, variable in dataset.data_vars.items():
+        entry = {"dims": list(variable.dims), "dtype": variable.dtype.str, "attrs": _strict(variable.attrs, name)}
+        if not {*rows, column} <= set(variable.dims) <= {*rows, *layers, column}:
+            entry["values"] = _values(name, variable.values)
+        else:
+            own = [layer for layer in layers if layer in variable.dims]
+            stored = STORED.get(variable.dtype.str[1:])
+            if stored is None:
+                raise ValueError(f"cannot write {name} as EXR: its type is {variable.dtype}, and channels hold "
+                                 "float32, float16 and integers of up to 32 bits; cast it with .astype.")
+            values = variable.transpose(*own, *rows, column).values.astype(stored, copy=False)
+            prefixes = _prefixes([dataset[layer].values for layer in own])
+            for prefix, pixels in zip(prefixes, values.reshape(len(prefixes), -1, values.shape[-1]), strict=True):
+                # Contiguous, for the library writes any other array wrong without a word.
+                pixels = np.ascontiguousarray(pixels)
+                channels[prefix + CHANNELS.get(name, name)] = pixels.view(np.uint32) if stored is np.int32 else pixels
+        variables[name] = entry
+    coords = {name: {"dims": list(coord.dims), "dtype": coord.dtype.str, "attrs": _strict(coord.attrs, name),
+                     "values": _values(name, coord.values)} for name, coord in dataset.coords.items()}
+    config = {"format": FORMAT, "sizes": {name: int(size) for name, size in dataset.sizes.items()}, **layout,
+              "attrs": _strict(dataset.attrs, "the dataset"), "coords": coords, "variables": variables}
+    return channels, json.dumps(config, ensure_ascii=False, allow_nan=False)
+
+
+def _picture(dataset, layout):
+    """Lay the picture's layers side by side, the port side mirrored so that the track is in the middle."""
+    name, layers = layout["picture"], layout["layers"]
+    image = dataset[name].transpose(*layers, *layout["rows"], layout["column"]).values
+    image = image.reshape(-1, int(np.prod([dataset.sizes[row] for row in layout["rows"]])), image.shape[-1])
+    if [list(dataset[layer].values) for layer in layers] == [["port", "starboard"]]:
+        image = [image[0, :, ::-1], image[1]]
+    return np.ascontiguousarray(np.concatenate(list(image), axis=1), np.float32)
+
+
+def _prefixes(names):
+    """Give the channel prefixes of the combinations of layer names, the last layer fastest: 'port.', 'starboard.'."""
+    prefixes = [""]
+    for layer in names:
+        prefixes = [f"{prefix}{name}." for prefix in prefixes for name in layer]
+    return prefixes
+
+
+def _values(name, array):
+    """Give an array as one list of plain numbers or text, the last dimension fastest."""
+    if array.dtype.kind in "mM":
+        array = array.view(np.int64)
+    if array.dtype.kind not in "fiubU":
+        raise ValueError(f"cannot write {name} as EXR: its type is {array.dtype}; use numbers or text.")
+    values = array.ravel().tolist()
+    return values if array.dtype.kind != "f" or np.isfinite(array).all() else _strict(values, name)
+
+
+def _variable(entry, sizes):
+    kind = np.dtype(entry["dtype"])
+    values = np.array(entry["values"], np.int64 if kind.kind in "mM" else kind).view(kind)
+    return xarray.Variable(entry["dims"], values.reshape([sizes[dim] for dim in entry["dims"]]), entry["attrs"])
+
+
+def _strict(value, where):
+    """Give plain JSON values, naming the attribute that cannot be one."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, dict):
+        odd = [key for key in value if not isinstance(key, str)]
+        if odd:
+            raise ValueError(f"cannot write {where} as EXR: its key {odd[0]!r} is not text; use text for keys.")
+        return {key: _strict(item, f"{where}.{key}") for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_strict(item, f"{where}[{index}]") for index, item in enumerate(value)]
+    if isinstance(value, float) and not np.isfinite(value):
+        return {"mitsonar:float": str(value)}
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise ValueError(f"cannot write {where} as EXR: it is a {type(value).__name__}; use plain JSON values.")
+
+
+def _config(path, name):
+    """Read and check the header of one of our files; ``name`` is what a person calls it."""
+    remedy = "give an EXR file that mitsonar wrote"
+    try:
+        file = OpenEXR.File(str(path), header_only=True)
+    except RuntimeError as error:
+        raise ValueError(f"cannot read {name}: it is not an OpenEXR file, or is cut short; {remedy}.") from error
+    text = file.header(0).get(CONFIG)
+    if text is None:
+        raise ValueError(f"cannot read {name}: this OpenEXR file has no attribute {CONFIG}; {remedy}.")
+    try:
+        config = json.loads(text, object_hook=_lenient)
+        known = config["format"] <= FORMAT
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"cannot read {name}: its attribute {CONFIG} is damaged; write it again.") from error
+    if not known:
+        raise ValueError(f"cannot read {name}: its format {config['format']} is newer than {FORMAT}, the newest known "
+                         "here; update mitsonar.")
+    return config
+
+
+def _lenient(item):
+    return float(item["mitsonar:float"]) if list(item) == ["mitsonar:float"] else item

@@ -1,0 +1,117 @@
+"""Whole files or none: output goes to a temporary name beside its target and is renamed when complete.
+
+A reader never meets half a file, and a failure (disk full, exception, Ctrl-C) leaves an older file of that name as it
+was. `check_writable` asks the questions that can be asked before the work; `replacing` does the writing.
+"""
+import contextlib
+import errno
+import os
+import secrets
+from pathlib import Path
+
+FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
+        errno.EFBIG: "the file grew past the largest size allowed here"}
+
+
+def check_writable(path):
+    """Check that a file can be written at ``path``, before any work is spent on it.
+
+    Parameters
+    ----------
+    path : str or path
+        The file to be written; it may exist.
+
+    Returns
+    -------
+    pathlib.Path
+        Absolute, symbolic links resolved (a link stays a link when its file is replaced).
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder does not exist.
+    ValueError
+        If ``path`` is a folder, a device or a pipe, or its folder is a file.
+    PermissionError
+        If the folder may not be written to.
+    """
+    if os.fspath(path) == "" or str(path).endswith(os.sep):
+        raise ValueError(f"cannot write {str(path)!r}: it names no file; give a file name.")
+    target = Path(os.path.realpath(path))
+    folder = target.parent
+    if not folder.exists():
+        raise FileNotFoundError(f"cannot write {path}: the folder {folder} does not exist; make it first.")
+    if not folder.is_dir():
+        raise ValueError(f"cannot write {path}: {folder} is a file, not a folder; choose another place.")
+    if target.is_dir():
+        raise ValueError(f"cannot write {path}: it is a folder; give a file name inside it.")
+    if target.exists() and not target.is_file():
+        raise ValueError(f"cannot write {path}: it is a device or a pipe, which cannot be replaced as a whole; "
+                         "give the name of an ordinary file.")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(f"cannot write {path}: no permission to write in {folder}; choose another folder.")
+    return target
+
+
+@contextlib.contextmanager
+def replacing(path):
+    """Give a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
+
+    Parameters
+    ----------
+    path : str or path
+        The file to be written.
+
+    Yields
+    ------
+    pathlib.Path
+        An empty file in the same folder, with the same suffix.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, PermissionError
+        As `check_writable`.
+    OSError
+        If the disk fills up, in one sentence, with ``errno`` kept. What else the block raises passes unchanged.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with replacing(folder + "/a.txt") as temporary:
+    ...         _ = temporary.write_text("whole")
+    ...     os.listdir(folder)
+    ['a.txt']
+    """
+    target = check_writable(path)
+    temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(4)}{target.suffix}")
+    try:
+        # 0o666 lets the umask decide, as for a file opened in the ordinary way (mkstemp would hide it from others).
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        yield temporary
+        _flush(temporary)
+        if target.exists():
+            temporary.chmod(target.stat().st_mode & 0o7777)
+        os.replace(temporary, target)
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        plain = OSError(f"cannot write {path}: {FULL[error.errno]}; free some space or choose another disk "
+                        "(nothing was left behind).")
+        plain.errno = error.errno
+        raise plain from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    _flush(target.parent)
+
+
+def _flush(path):
+    """Push a file or a folder's list of names to the disk: some disks report that they are full only now."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems cannot; not a failure
+            raise
+    finally:
+        os.close(handle)

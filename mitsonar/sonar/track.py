@@ -1,0 +1,199 @@
+"""The track of the sonar: where it is and how it is held at every ping.
+
+A vector of the body (x forward, y starboard, z down) in the scene (x east, y north, z up) is
+
+    v_scene = E Rz(heading) Ry(pitch) Rx(roll) v_body
+
+turned first by roll about x, then pitch about y, then heading about z (the aerospace z-y-x order; Fossen, Handbook of
+Marine Craft Hydrodynamics and Motion Control, 2011, eq. 2.18, body to north-east-down), and E swaps north-east-down for
+east-north-up. Heading is clockwise from north, pitch positive nose up, roll positive starboard side down; all in
+radians.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+FIELDS = ("time", "position", "roll", "pitch", "heading")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Track:
+    """Hold time, position and attitude of the sonar, a row per ping.
+
+    Parameters
+    ----------
+    time : array (P,) [s]
+        Strictly increasing.
+    position : array (P, 3) [m]
+        x east, y north, z up; the sea surface is z = 0.
+    roll, pitch, heading : array (P,) or float [rad]
+        Attitude; a single number holds for all pings. Heading may run on past a full turn.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, a number is not finite, time does not increase, |roll| > pi or |pitch| > pi/2; the first
+        offending ping is named.
+
+    Notes
+    -----
+    Arrays are copied to float64 and read-only; two tracks are equal when their numbers are.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    roll: np.ndarray
+    pitch: np.ndarray
+    heading: np.ndarray
+
+    def __post_init__(self):
+        time = _array("time", self.time)
+        pings = time.size
+        if time.ndim != 1 or pings == 0:
+            raise ValueError(f"track: time must be a list of at least one number, got shape {time.shape}.")
+        for name in FIELDS:
+            value = _array(name, getattr(self, name))
+            if name in ("roll", "pitch", "heading") and value.ndim == 0:
+                value = np.full(pings, value)
+            wanted = (pings, 3) if name == "position" else (pings,)
+            if value.shape != wanted:
+                raise ValueError(f"track: {name} has shape {value.shape}, but {pings} times need {wanted}.")
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        self._check()
+
+    def _check(self):
+        for name in FIELDS:
+            _refuse(~np.isfinite(getattr(self, name)).reshape(self.time.size, -1).all(axis=1), name,
+                    getattr(self, name), "remove or repair pings that are not finite numbers")
+        _refuse(np.r_[False, np.diff(self.time) <= 0], "time", self.time,
+                "each ping must be later than the one before; sort them and drop repeated times")
+        _refuse(np.abs(self.roll) > np.pi, "roll", self.roll, "it must lie within +-pi radians; convert degrees")
+        _refuse(np.abs(self.pitch) > np.pi / 2, "pitch", self.pitch,
+                "it must lie within +-pi/2 radians; convert degrees")
+
+    @classmethod
+    def straight(cls, *, start, heading, speed, interval, pings, roll=0.0, pitch=0.0):
+        """Make a level track of constant course and speed, the first ping at time 0.
+
+        Parameters
+        ----------
+        start : array (3,) [m]
+            Position of the first ping, scene frame.
+        heading : float [rad]
+            Course and heading, clockwise from north.
+        speed : float [m/s]
+            Over ground; zero stands still.
+        interval : float [s]
+            Between pings.
+        pings : int
+            Number of pings.
+        roll, pitch : float [rad]
+            Held all the way.
+
+        Returns
+        -------
+        Track
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite, ``speed`` is negative, ``interval`` not positive or ``pings`` below 1.
+        """
+        if not (np.ndim(pings) == 0 and pings >= 1 and pings == int(pings)):
+            raise ValueError(f"straight track: pings is {pings!r}; give a whole number of at least 1.")
+        if not interval > 0:
+            raise ValueError(f"straight track: interval is {interval!r} s; give the positive time between pings.")
+        if not speed >= 0:
+            raise ValueError(f"straight track: speed is {speed!r} m/s; give 0 or more (turn the heading to go back).")
+        start = _array("start", start)
+        if start.shape != (3,):
+            raise ValueError(f"straight track: start has shape {start.shape}; give x, y and z [m].")
+        if not np.isfinite([*start, heading, speed, interval]).all():
+            raise ValueError(f"straight track: start {start}, heading {heading!r}, speed {speed!r} or interval "
+                             f"{interval!r} is not finite; give finite numbers.")
+        time = np.arange(int(pings)) * float(interval)
+        course = np.array([np.sin(heading), np.cos(heading), 0.0])
+        return cls(time=time, position=start + speed * time[:, None] * course, roll=roll, pitch=pitch, heading=heading)
+
+    def rotation(self):
+        """Give the rotation from body to scene at every ping.
+
+        Returns
+        -------
+        array (P, 3, 3)
+            Its columns are the forward, starboard and down directions of the body in the scene; both frames are
+            right-handed, so its determinant is 1.
+        """
+        (sr, cr), (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in (self.roll, self.pitch, self.heading))
+        north = [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr]
+        east = [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr]
+        up = [sp, -cp * sr, -cp * cr]
+        return np.moveaxis(np.array([east, north, up]), -1, 0)
+
+    def at(self, times):
+        """Interpolate the track: position, roll and pitch linearly, heading the short way round.
+
+        Parameters
+        ----------
+        times : array (Q,) or float [s]
+            Strictly increasing, within the recorded span.
+
+        Returns
+        -------
+        Track
+            Of Q pings, heading in [0, 2 pi).
+
+        Raises
+        ------
+        ValueError
+            If a time lies outside the recorded span, or times do not increase.
+        """
+        times = np.atleast_1d(_array("times", times))
+        outside = np.flatnonzero(~((times >= self.time[0]) & (times <= self.time[-1])))
+        if outside.size:
+            raise ValueError(f"track: asked for {times[outside[0]]:.6g} s, but it is recorded from "
+                             f"{self.time[0]:.6g} s to {self.time[-1]:.6g} s; ask within that span.")
+        position = np.stack([np.interp(times, self.time, axis) for axis in self.position.T], axis=-1)
+        turn = 2 * np.pi
+        heading = np.interp(times, self.time, np.unwrap(self.heading)) % turn
+        heading[heading == turn] = 0  # the remainder of -1e-20 is rounded up to a whole turn
+        return Track(time=times, position=position, roll=np.interp(times, self.time, self.roll),
+                     pitch=np.interp(times, self.time, self.pitch), heading=heading)
+
+    @property
+    def pings(self):
+        """Number of pings."""
+        return self.time.size
+
+    @property
+    def length(self):
+        """Length of the way, summed from ping to ping [m]."""
+        return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+    @property
+    def speed(self):
+        """Mean speed along the way [m/s]; 0 for a single ping."""
+        return self.length / float(self.time[-1] - self.time[0]) if self.pings > 1 else 0.0
+
+    def __eq__(self, other):
+        if not isinstance(other, Track):
+            return NotImplemented
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in FIELDS)
+
+    def __hash__(self):
+        return hash(tuple((getattr(self, name) + 0.0).tobytes() for name in FIELDS))  # -0.0 equals 0.0
+
+
+def _array(name, value):
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"track: {name} must be numbers, got {value!r}.") from None
+
+
+def _refuse(bad, name, values, remedy):
+    """Raise for the first ping marked bad."""
+    first = np.flatnonzero(bad)[:1]
+    if first.size:
+        raise ValueError(f"track: {name} of ping {first[0]} is {values[first[0]]}; {remedy}.")
