@@ -52,13 +52,13 @@ class SoundSpeedProfile:
         """Give the sound speed [m/s] at ``depth`` [m], any shape."""
         return np.interp(depth, self.depth, self.sound_speed)
 
-    def gradient(self, depth):
+    def gradient(self, depth, side="below"):
         """Give dc/d(depth) [1/s] at ``depth`` [m], any shape.
 
-        Zero beyond the ends; at a node, the gradient of the layer below it.
+        Zero beyond the ends; at a node, the gradient of the layer on ``side`` of it, "below" or "above".
         """
         slopes = np.r_[0.0, np.diff(self.sound_speed) / np.diff(self.depth), 0.0]
-        return slopes[np.searchsorted(self.depth, depth, side="right")]
+        return slopes[np.searchsorted(self.depth, depth, side={"below": "right", "above": "left"}[side])]
 
     def __eq__(self, other):
         if not isinstance(other, SoundSpeedProfile):

@@ -1,0 +1,135 @@
+"""One pass of a ray through layers of constant gradient, in forms that stay exact as the gradient goes to zero.
+
+A ray keeps p = cos(theta) / c. A layer of thickness h runs from c1 to c2 = c1 + d; the sines of the grazing angle at
+its ends are s1 and s2:
+
+    a = h (c1 + c2) / (s1 + s2)
+    range    x = p a                                     dx/dp = a / (s1 s2)
+    time     t = (2 h / e) atanh(d / e) / (d / e)        e = c2 s1 + c1 s2
+    length   l = (2 h / (s1 + s2)) atan(w) / w           w = p d / (s1 + s2)
+
+The sine at any depth follows from the grazing angle at the fastest depth of the pass (speed ``fastest``), without the
+cancellation of 1 - (p c)^2:
+
+    s^2 = sine^2 + cosine^2 (1 - (c / fastest)^2),       p = cosine / fastest
+
+`Layers` holds h, c and 1 - (c / fastest)^2 for a batch of rays; ``sine`` and ``cosine`` are those at the fastest depth.
+"""
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Pass(NamedTuple):
+    """Sums over the layers of a pass, each (N,); sines are those at the stations, (N, stations)."""
+
+    range_per_parameter: np.ndarray  # x / p [m^2/s]
+    range_slope: np.ndarray  # dx/dp [m^2/s]
+    travel_time: np.ndarray  # [s]
+    arc_length: np.ndarray  # [m]
+    sines: np.ndarray
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Hold the layers that N rays cross from station to station, every one downwards.
+
+    Parameters
+    ----------
+    thickness : array (N, L) [m]
+        Zero where a ray does not reach the layer.
+    speed : array (N, L+1) [m/s]
+        At the edges of the layers.
+    deficit : array (N, L+1) [-]
+        1 - (c / fastest)^2 at the edges, never negative.
+    fastest : array (N,) [m/s]
+        The largest speed of the pass.
+    passes : array (L,) [-]
+        How often a ray crosses each layer.
+    stations : list of int
+        The edges at which the stations lie.
+    """
+
+    thickness: np.ndarray
+    speed: np.ndarray
+    deficit: np.ndarray
+    fastest: np.ndarray
+    passes: np.ndarray
+    stations: list
+
+    @classmethod
+    def between(cls, profile, *stations, passes=(1,)):
+        """Cut the profile at stations (N,) [m] that go downwards; the k-th stretch is crossed ``passes[k]`` times."""
+        gradients = np.r_[0.0, np.diff(profile.sound_speed) / np.diff(profile.depth), 0.0]
+        edges, slopes, repeats, ends = [stations[0][:, None]], [], [], [0]
+        for upper, lower, count in zip(stations, stations[1:], passes):
+            first, last = np.searchsorted(profile.depth, [upper.min(), lower.max()])
+            edges += [np.clip(profile.depth[first:last], upper[:, None], lower[:, None]), lower[:, None]]
+            slopes.append(gradients[first:last + 1])
+            repeats += [count] * (last - first + 1)
+            ends.append(len(repeats))
+        thickness = np.diff(np.concatenate(edges, axis=1))
+        # Speeds by adding up the gradients: between two depths a hair apart their difference is exact.
+        rise = np.zeros((thickness.shape[0], thickness.shape[1] + 1))
+        np.cumsum(thickness * np.concatenate(slopes), axis=1, out=rise[:, 1:])
+        below_fastest = rise.max(axis=1, keepdims=True) - rise
+        speed = profile.at(stations[0])[:, None] + rise
+        fastest = speed[:, :1] + below_fastest[:, :1]
+        deficit = below_fastest * (fastest + speed) / fastest**2
+        return cls(thickness, speed, deficit, fastest[:, 0], np.array(repeats, float), ends)
+
+    def __getitem__(self, rays):
+        return Layers(self.thickness[rays], self.speed[rays], self.deficit[rays], self.fastest[rays], self.passes,
+                      self.stations)
+
+    def sines(self, sine, cosine):
+        """Give the sines (N, L+1) at all edges."""
+        return np.sqrt((sine**2)[:, None] + (cosine**2)[:, None] * self.deficit)
+
+    def stretch(self, sines):
+        """Give a = h (c1 + c2) / (s1 + s2) of every layer (N, L) [m^2/s]."""
+        return self.thickness * (self.speed[:, :-1] + self.speed[:, 1:]) / (sines[:, :-1] + sines[:, 1:])
+
+    def reach(self, sine, cosine):
+        """Give x / p and dx/dp (N,) alone: what a search needs."""
+        sines = self.sines(sine, cosine)
+        stretch = self.stretch(sines)
+        return stretch @ self.passes, (stretch / (sines[:, :-1] * sines[:, 1:])) @ self.passes
+
+    def cross(self, sine, cosine):
+        """Give all sums of a `Pass`."""
+        sines = self.sines(sine, cosine)
+        upper, lower = sines[:, :-1], sines[:, 1:]
+        stretch = self.stretch(sines)
+        step = np.diff(self.speed)
+        across = self.speed[:, 1:] * upper + self.speed[:, :-1] * lower
+        time = 2 * self.thickness / across * atanh_ratio(step / across)
+        bend = (cosine / self.fastest)[:, None] * step / (upper + lower)
+        length = 2 * self.thickness / (upper + lower) * atan_ratio(bend)
+        return Pass(stretch @ self.passes, (stretch / (upper * lower)) @ self.passes, time @ self.passes,
+                    length @ self.passes, sines[:, self.stations])
+
+
+SERIES_LIMIT = 0.003  # of y^2: the first term left out of the series is 1e-19 there
+
+
+def atanh_ratio(y):
+    """Give atanh(y) / y for |y| < 1, exact at zero."""
+    return _ratio(y, np.arctanh, 1.0)
+
+
+def atan_ratio(y):
+    """Give atan(y) / y, exact at zero."""
+    return _ratio(y, np.arctan, -1.0)
+
+
+def _ratio(y, function, sign):
+    square = sign * y * y
+    total = np.full_like(square, 1 / 13)
+    for n in (11, 9, 7, 5, 3, 1):
+        total *= square
+        total += 1 / n
+    large = np.abs(square) > SERIES_LIMIT
+    total[large] = function(y[large]) / y[large]
+    return total
