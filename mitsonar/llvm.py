@@ -59,7 +59,7 @@ def locate():
     str or None
         Path of the library; None where there is none, or no libatomic, without which Dr.Jit cannot be imported.
     """
-    path = os.environ.get(VARIABLE, NOTHING)
+    path = os.environ.get(VARIABLE) or NOTHING
     if not _usable(path):
         if path != NOTHING:
             warnings.warn(f"{VARIABLE} is {path}, not LLVM {OLDEST} or newer; looking for another", stacklevel=2)
@@ -170,7 +170,7 @@ def _installed():
     found = {}
     for folder in filter(os.path.isdir, _folders()):
         for name in os.listdir(folder):
-            if name.startswith(("libLLVM-", "libLLVM.so", "libLLVM.dylib")) and ".a" not in name:
+            if name.startswith(("libLLVM-", "libLLVM.")) and (".so" in name or name.endswith(".dylib")):
                 path = os.path.realpath(os.path.join(folder, name))
                 if os.path.isfile(path) and _machine(path) == _machine(os.path.realpath(sys.executable)):
                     found[path] = None

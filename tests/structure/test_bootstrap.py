@@ -1,0 +1,194 @@
+"""The set-up of a checkout, on a small copy of it: what a second run does, an interrupted one leaves, a failing one says.
+
+A script called uv stands for the real one, so that nothing is downloaded: it writes its calls down, and the environment it
+makes leads to an interpreter that has the packages. The command itself is started by one that has none (python -S).
+"""
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mitsonar import bootstrap, llvm
+from mitsonar.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[2]
+UV = """#!/bin/sh
+PATH=/usr/bin:/bin
+echo "$1" >> "$CALLS"
+[ -z "$FAIL" ] || { echo "error: no route to the index" >&2; exit 2; }
+if [ "$1" = venv ]; then
+    for folder in "$@"; do :; done
+    mkdir -p "$folder/bin"
+    printf '#!/bin/sh\\nexec %s "$@"\\n' "$REAL_PYTHON" > "$folder/bin/python"
+    chmod +x "$folder/bin/python"
+else
+    sleep "${SLEEP:-0}"
+fi
+"""
+
+
+class Checkout:
+    """A copy of the set-up with a command that prints its arguments."""
+
+    def __init__(self, folder):
+        self.root, self.calls, self.tools = folder / "checkout", folder / "calls", folder / "tools"
+        self.environment = self.root / ".venv"
+        (self.root / "mitsonar").mkdir(parents=True)
+        for name in ("__init__", "__main__", "bootstrap", "debian", "llvm"):
+            shutil.copy(ROOT / "mitsonar" / f"{name}.py", self.root / "mitsonar")
+        (self.root / "mitsonar" / "cli.py").write_text("def main(argv):\n    print('ran', *argv)\n    return 0\n")
+        shutil.copy(ROOT / "pyproject.toml", self.root)
+        self.tools.mkdir()
+        (self.tools / "uv").write_text(UV)
+        (self.tools / "uv").chmod(0o755)
+
+    def start(self, *argv, **variables):
+        """Start ``python3 -m mitsonar argv``."""
+        ours = {"PATH": str(self.tools), "CALLS": str(self.calls), "REAL_PYTHON": sys.executable,
+                "PIP_CONFIG_FILE": "/dev/null", "PIP_NO_INDEX": "1"}
+        inherited = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+        return subprocess.Popen([sys.executable, "-S", "-m", "mitsonar", *argv], cwd=self.root, start_new_session=True,
+                                env={**inherited, **ours, **variables}, text=True, stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    def run(self, *argv, **variables):
+        """Run the command to its end; return its exit code, output and messages."""
+        child = self.start(*argv, **variables)
+        said, told = child.communicate(timeout=60)
+        return child.returncode, said, told
+
+    def uv_calls(self):
+        return self.calls.read_text().split() if self.calls.exists() else []
+
+    def wait_for_calls(self, number):
+        while len(self.uv_calls()) < number:
+            time.sleep(0.02)
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    return Checkout(tmp_path)
+
+
+def test_the_first_run_sets_up_and_the_second_does_not(checkout):
+    code, said, told = checkout.run("render", "a b.xml", "--seed", "3")
+    assert (code, said) == (0, "ran render a b.xml --seed 3\n")
+    assert "installing packages" in told
+    assert checkout.uv_calls() == ["venv", "pip"]
+    code, said, told = checkout.run("doctor")
+    assert (code, said, told) == (0, "ran doctor\n", "")
+    assert checkout.uv_calls() == ["venv", "pip"]
+
+
+def test_new_requirements_are_added_to_the_environment(checkout):
+    checkout.run("doctor")
+    (checkout.environment / "mine").touch()
+    project = checkout.root / "pyproject.toml"
+    project.write_text(project.read_text() + "\n# one more\n")
+    assert checkout.run("doctor")[0] == 0
+    assert checkout.uv_calls() == ["venv", "pip"] * 2
+    assert (checkout.environment / "mine").exists()
+
+
+def test_another_interpreter_means_a_new_environment(checkout):
+    checkout.run("doctor")
+    (checkout.environment / "lib-of-the-old-one").touch()
+    state = checkout.environment / "mitsonar-state"
+    state.write_text(state.read_text().replace(str(checkout.environment), "/usr/bin/python-of-last-year", 1))
+    assert checkout.run("doctor")[0] == 0
+    assert not (checkout.environment / "lib-of-the-old-one").exists()
+
+
+def test_an_environment_of_the_users_own_is_added_to(checkout):
+    checkout.environment.mkdir()
+    (checkout.environment / "mine").touch()
+    assert checkout.run("doctor")[0] == 0
+    assert (checkout.environment / "mine").exists()
+
+
+@pytest.mark.parametrize("how, code", [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
+def test_an_interrupted_set_up_is_done_again_from_the_start(checkout, how, code):
+    child = checkout.start("doctor", SLEEP="30")
+    checkout.wait_for_calls(2)
+    (checkout.environment / "half-made").touch()
+    os.killpg(child.pid, how)
+    told = child.communicate(timeout=20)[1]
+    assert child.returncode == code
+    assert "Traceback" not in told
+    assert checkout.run("doctor")[:2] == (0, "ran doctor\n")
+    assert checkout.uv_calls() == ["venv", "pip"] * 2
+    assert not (checkout.environment / "half-made").exists()
+
+
+def test_two_at_once_share_one_set_up(checkout):
+    first = checkout.start("one", SLEEP="0.5")
+    checkout.wait_for_calls(2)
+    second = checkout.start("two", SLEEP="0.5")
+    assert first.communicate(timeout=20)[0] == "ran one\n"
+    said, told = second.communicate(timeout=20)
+    assert said == "ran two\n" and "waiting for another set-up" in told
+    assert checkout.uv_calls() == ["venv", "pip"]
+
+
+def test_no_network_is_one_sentence_and_exit_code_2(checkout):
+    code, said, told = checkout.run("doctor", FAIL="1")
+    assert (code, said) == (2, "")
+    assert "Traceback" not in told
+    assert all(line.startswith("mitsonar: ") for line in told.splitlines())
+    assert "no route to the index" in told and "Going on with pip" in told
+    assert checkout.run("doctor")[0] == 0
+
+
+def test_a_damaged_environment_is_named_and_not_entered_for_ever(checkout):
+    code, _, told = checkout.run("doctor", REAL_PYTHON=f"{sys.executable} -S")
+    assert code == 2
+    assert f"environment {checkout.environment} is damaged" in told
+
+
+def test_a_checkout_that_cannot_be_written_has_its_environment_in_the_cache(monkeypatch):
+    monkeypatch.setattr(bootstrap, "_is_ready", lambda folder: False)
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    assert os.path.dirname(bootstrap.environment()) == llvm.cache_folder()
+    monkeypatch.setattr(bootstrap, "_is_ready", lambda folder: True)
+    assert bootstrap.environment() == os.path.join(bootstrap.ROOT, ".venv")
+
+
+def test_an_installed_package_sets_nothing_up(monkeypatch, tmp_path):
+    monkeypatch.setattr(bootstrap, "ROOT", str(tmp_path))
+    monkeypatch.setattr(bootstrap, "PROJECT", str(tmp_path / "pyproject.toml"))
+    monkeypatch.setattr(bootstrap, "set_up", lambda folder: pytest.fail("set up"))
+    bootstrap.enter(["doctor"])
+    with pytest.raises(bootstrap.SetupError, match="source checkout"):
+        bootstrap.run_tests([])
+
+
+def test_the_requirements_are_read_as_a_toml_reader_reads_them(monkeypatch):
+    tomllib = pytest.importorskip("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    stated = project["dependencies"] + project["optional-dependencies"]["test"]
+    assert bootstrap.missing(with_tests=True) == []
+
+    def lacking(name):
+        raise bootstrap.importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(bootstrap.importlib.metadata, "version", lacking)
+    monkeypatch.setattr(bootstrap.sys, "version_info", (3, 10, 0))
+    assert bootstrap.missing(with_tests=True) == [requirement.split(";")[0] for requirement in stated]
+
+
+@pytest.mark.parametrize("installed, unmet", [("3.9.1", False), ("3.9.0", True), ("3.10.0", True), ("0", True)])
+def test_a_pinned_version_is_met_by_itself_only(monkeypatch, installed, unmet):
+    versions = {"mitsuba": installed}
+    monkeypatch.setattr(bootstrap.importlib.metadata, "version", lambda name: versions.get(name, "9999"))
+    assert bootstrap.missing() == (["mitsuba==3.9.1"] if unmet else [])
+
+
+def test_an_old_python_is_told_so(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "version_info", (3, 9, 18))
+    assert main(["demo"]) == 2
+    assert capsys.readouterr().err == "mitsonar needs Python 3.10 or newer, and this is 3.9.\n"

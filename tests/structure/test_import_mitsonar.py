@@ -1,0 +1,80 @@
+"""``import mitsonar`` is cheap, and makes the plugins known to Mitsuba whichever of the two is imported first."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# Stands for the real plugins: counts the calls and proves that Mitsuba is complete when they come.
+RECORDER = """
+import sys, types
+calls = []
+recorder = types.ModuleType("mitsonar.plugins")
+recorder.install = lambda: calls.append(sys.modules["mitsuba"].variants())
+sys.modules["mitsonar.plugins"] = recorder
+"""
+ORDERS = {
+    "mitsonar first": "import mitsonar, mitsuba",
+    "mitsuba first": "import mitsuba, mitsonar",
+    "by a submodule": "import mitsonar; from mitsuba import chi2",
+    "asked about before": "import mitsonar, importlib.util; importlib.util.find_spec('mitsuba'); import mitsuba",
+    "dr.jit between": "import drjit, mitsonar, mitsuba",
+    "twice": "import mitsonar, mitsuba; del sys.modules['mitsonar']; import mitsonar",
+}
+
+
+def python(code, *options):
+    """Run `code` in a process of its own and return what it printed."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    child = subprocess.run([sys.executable, *options, "-c", code], env=environment, capture_output=True, text=True,
+                           stdin=subprocess.DEVNULL, check=False)
+    assert child.returncode == 0, child.stderr
+    return child.stdout.strip()
+
+
+def test_import_costs_nothing():
+    """Under 0.3 s, as the best of three: other work on the machine must not decide."""
+    code = "import sys, time; start = time.perf_counter(); import mitsonar; print(time.perf_counter() - start)"
+    assert min(float(python(code)) for _ in range(3)) < 0.3
+
+
+def test_import_brings_no_heavy_package():
+    loaded = python("import mitsonar, sys; print(*{name.split('.')[0] for name in sys.modules})").split()
+    assert not set(loaded) & {"numpy", "scipy", "xarray", "matplotlib", "rasterio", "drjit", "mitsuba"}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_plugins_are_installed_once_mitsuba_is_there(order):
+    expected = "2" if order == "twice" else "1"
+    hook = "sum(getattr(finder, '__name__', '') == '_AfterMitsuba' for finder in sys.meta_path)"
+    assert python(f"{RECORDER}{ORDERS[order]}; print(len(calls), {hook})") == f"{expected} 0"
+
+
+def test_a_failing_plugin_is_not_hidden():
+    said = python(RECORDER + "recorder.install = lambda: 1 / 0\nimport mitsonar\n"
+                  "try: import mitsuba\nexcept ZeroDivisionError: print('told')")
+    assert said == "told"
+
+
+def test_without_mitsuba_the_usual_error_is_seen():
+    said = python("import mitsonar\ntry: import mitsuba\nexcept ModuleNotFoundError as error: print(error)", "-S")
+    assert said == "No module named 'mitsuba'"
+
+
+@pytest.mark.parametrize("first", ["mitsonar", "mitsuba"])
+def test_every_plugin_is_registered_when_a_variant_is_set(first):
+    code = f"""import {first}, sys, mitsonar, mitsuba
+mitsuba.set_variant("llvm_ad_mono")
+from mitsonar.plugins import MODULES
+print([name for name in MODULES if f"mitsonar.plugins.{{name}}" not in sys.modules])"""
+    assert python(code) == "[]"
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    import mitsonar
+
+    with pytest.raises(AttributeError, match="load_file"):
+        mitsonar.lode_file
