@@ -17,7 +17,8 @@ import numpy as np
 from .layers import Layers
 
 TINY_SINE = 1e-80  # stands for a horizontal ray: no division by zero and no overflow
-OVERLAP = 1e-12  # share by which a ray may turn beyond a node: rounding must leave no gap between two layers
+OVERLAP = 1e-11  # share by which a ray may turn beyond a node: rounding must leave no gap between two layers
+SAME_GRADIENT, JUST_PASSED = 1e-7, 1e-6  # relative; the range they cost is smaller than what OVERLAP adds
 HALVINGS = 50
 ROUNDING = 2e-15  # a range this close, relatively, cannot be improved
 CONVERGED = 1e-9  # a relative Newton step this small leaves an error of its square
@@ -101,9 +102,20 @@ def _first_intervals(profile, upper, lower, horizontal_range, latest):
     mean = np.minimum(mean / np.maximum(height, TINY_SINE) / far_speed, 1)
     can_turn &= mean * height <= horizontal_range[:, None] * (1 + OVERLAP) * np.sqrt((1 - mean) * (1 + mean))
     node, case = np.nonzero(can_turn.T)  # neighbours in the list share their layers
-    cosine = fastest[case, node] / far_speed[node]
-    right = np.sqrt((1 - cosine) * (1 + cosine)) * (1 + OVERLAP)
-    return Intervals(case, node, np.full(case.size, TINY_SINE), right)
+    right = _sine(fastest[case, node], far_speed[node]) * (1 + OVERLAP)
+    # Where the gradient goes on below a node, a ray that only just passes it is left to the layer above: its sine at
+    # the node is rounding error, and dX/dp the difference of two numbers as large as that sine is small.
+    gradient, above = np.diff(node_speed) / np.diff(node_depth), np.maximum(node - 1, 0)
+    goes_on = ((node > 0) & (node_depth[node] > lower[case]) & (node_speed[node] > fastest[case, above])
+               & (np.abs(gradient[node] - gradient[above]) <= SAME_GRADIENT * gradient[node]))
+    just_passed = JUST_PASSED * _sine(np.minimum(fastest[case, above], node_speed[node]), node_speed[node])
+    return Intervals(case, node, np.where(goes_on, just_passed, TINY_SINE), right)
+
+
+def _sine(speed, turning_speed):
+    """Give the sine, where the speed is ``speed``, of the ray that is horizontal where it is ``turning_speed``."""
+    cosine = speed / turning_speed
+    return np.sqrt((1 - cosine) * (1 + cosine))
 
 
 def _in_batches(function, profile, cases, intervals):
