@@ -184,9 +184,9 @@ def _run(*command, **variables):
     child = subprocess.run(command, cwd=ROOT, env={**variables, **os.environ, "PIP_USER": "0"}, text=True, check=False,
                            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     if child.returncode:
-        lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
-        errors = [line for line in lines if line.lower().startswith("error")]
-        reason = (errors or lines or [f"exit code {child.returncode}"])[-1]
+        # pip's first line about a failed child ("subprocess-exited-with-error") says nothing; the child's own does.
+        reasons = re.findall(r"^ *error: (?!subprocess-exited)(.+)", child.stderr, re.M | re.I)
+        reason = reasons[0] if reasons else f"{os.path.basename(command[0])} ended with exit code {child.returncode}"
         raise SetupError(f"Could not install mitsonar's packages (is there a network?): {reason}")
 
 

@@ -84,6 +84,6 @@ class Packages:
         child = subprocess.run([tool, *options, *arguments], cwd=self._folder.name, stdin=subprocess.DEVNULL,
                                capture_output=True, text=True, check=False)
         if child.returncode:
-            said = [line for line in child.stderr.splitlines() if line.startswith(("E:", "dpkg"))]
+            said = re.findall(r"^(?:E: |dpkg\S* error: )(.+)", child.stderr, re.M)
             raise Unavailable(f"{tool} says: {said[0] if said else f'exit code {child.returncode}'}")
         return child.stdout

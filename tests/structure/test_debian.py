@@ -54,7 +54,7 @@ def test_unpacking_replaces_the_folder(packages, tmp_path):
 
 def test_a_broken_package_leaves_nothing(packages, tmp_path):
     (tmp_path / "broken").write_text("two.deb")
-    with pytest.raises(debian.Unavailable, match="dpkg-deb says: dpkg-deb: error: bad"):
+    with pytest.raises(debian.Unavailable, match="dpkg-deb says: bad"):
         packages.unpack(["one", "two"], str(tmp_path / "cache/llvm"))
     assert list((tmp_path / "cache").iterdir()) == []
 
