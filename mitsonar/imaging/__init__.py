@@ -1,0 +1,1 @@
+"""From echoes to images, one kind of sonar a file."""

@@ -1,0 +1,156 @@
+"""From echo energy per time bin to a sidescan record: pulse, speckle, noise, levels.
+
+    p²(t) = Σ_j k_j E_j + N,      k the pulse's share of each bin                            mean level
+    z(t)  = Σ_j √k_j √E_j g_j + √N n,  p² = |z|²                                             one realisation
+
+E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g and n circular complex Gaussian of unit variance: the
+sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson & Richardson 2007, ch. 16). Where a
+bin is longer than the pulse it holds several cells, whose intensities are averaged.
+"""
+import numpy as np
+import xarray
+
+from mitsonar.units import db_from_power, power_from_db
+
+__all__ = ["image", "pulse_shares", "realisation"]
+
+NOTHING_DB = -200.0                # level where no sound arrives at all
+
+
+def pulse_shares(bin_length, pulse_length):
+    """Overlap of a pulse, centred on its bin, with that bin and its neighbours, in pulse lengths per bin.
+
+    Returns
+    -------
+    (2 n + 1,) array; sums to pulse_length / bin_length
+    """
+    ratio = pulse_length / bin_length
+    if ratio <= 1:
+        return np.array([ratio])
+    reach = int(np.ceil((ratio - 1) / 2))
+    return np.clip(ratio / 2 + 0.5 - np.abs(np.arange(-reach, reach + 1)), 0, 1)
+
+
+def realisation(intensity, shares, noise, random):
+    """Draw the intensity one ping would record.
+
+    Parameters
+    ----------
+    intensity : (..., bins) [µPa²]
+    shares : (2 n + 1,)
+        See `pulse_shares`.
+    noise : float [µPa²]
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    (..., bins) [µPa²]
+    """
+    if len(shares) == 1:
+        cells = max(1, round(1 / shares[0]))
+        echo = np.zeros(intensity.shape)
+        for _ in range(cells):
+            z = np.sqrt(shares[0] * intensity) * _gaussian(random, intensity.shape)
+            z += np.sqrt(noise) * _gaussian(random, intensity.shape)
+            echo += np.abs(z) ** 2
+        return echo / cells
+    z = _along_last(np.sqrt(intensity) * _gaussian(random, intensity.shape), np.sqrt(shares))
+    return np.abs(z + np.sqrt(noise) * _gaussian(random, intensity.shape)) ** 2
+
+
+def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckle, seed, absorption_db):
+    """Make the dataset of a run.
+
+    Parameters
+    ----------
+    echoes : dict of (ping, side, bin) arrays
+        As `EchoSums.read` gives them.
+    sonar : Sidescan
+    track : Track
+    depth_below : (P,) [m]
+    window : (float, float) [s]
+    labels : dict[int, str]
+    noise_db : float [dB re 1 µPa] or None
+        In the receiver's band and beam; None for none.
+    speckle : bool
+    seed : int
+    absorption_db : float [dB/m]
+        At the head, for display gain.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions (ping, side, range); see its attributes.
+    """
+    pings, _, bins = echoes["intensity"].shape
+    bin_length = (window[1] - window[0]) / bins
+    time = window[0] + (np.arange(bins) + 0.5) * bin_length
+    shares = pulse_shares(bin_length, sonar.pulse_length)
+    noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
+    level = np.empty((pings, 2, bins), np.float32)
+    mean_level = np.empty_like(level)
+    for start in range(0, pings, 64):                      # float64 work space that does not grow with the survey
+        some = slice(start, start + 64)
+        energy = echoes["intensity"][some].astype(float)
+        mean = _along_last(energy, shares)
+        mean_level[some] = _level(mean)
+        if speckle:
+            random = np.random.default_rng([abs(int(seed)), start])
+            level[some] = _level(realisation(energy, shares, noise, random))
+        else:
+            level[some] = _level(mean + noise)
+    shadow = _shadow(echoes["rays_in_beam"])
+    dims = ("ping", "side", "range")
+
+    def entry(values, units, long_name, dims=dims, **more):
+        return dims, values, {"units": units, "long_name": long_name, **more}
+
+    along = ("ping",)
+    return xarray.Dataset(
+        {"level": entry(level, "dB re 1 µPa", "echo level"),
+         "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
+         "label": entry(echoes["label"], "1", "shape that brings most of the echo"),
+         "depth": entry(echoes["depth"], "m", "depth of the hits, weighted by echo energy"),
+         "shadow": entry(shadow, "1", "no ray of the main lobe arrives after the first return"),
+         "rays": entry(echoes["rays"], "1", "rays that arrive")},
+        coords={
+            "ping": entry(np.arange(pings), "1", "ping number", along),
+            "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
+            "range": entry(0.5 * sonar.sound_speed * time, "m", "slant range at the sound speed of the head", ("range",)),
+            "time": entry(time, "s", "two-way travel time", ("range",)),
+            "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
+            "x": entry(np.array(track.position[:, 0]), "m", "east", along),
+            "y": entry(np.array(track.position[:, 1]), "m", "north", along),
+            "z": entry(np.array(track.position[:, 2]), "m", "up, the sea surface is 0", along),
+            "roll": entry(np.array(track.roll), "rad", "roll, starboard down", along),
+            "pitch": entry(np.array(track.pitch), "rad", "pitch, nose up", along),
+            "heading": entry(np.array(track.heading), "rad", "heading, clockwise from north", along),
+            "altitude": entry(np.array(depth_below, float), "m", "height above the seabed", along)},
+        attrs={"sonar": "sidescan", "seed": int(seed), "sound_speed": float(sonar.sound_speed),
+               "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
+               "pulse_length": float(sonar.pulse_length), "absorption_db": float(absorption_db),
+               "noise_level_db": None if noise_db is None else float(noise_db),
+               "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
+               "labels": {str(number): name for number, name in labels.items()}})
+
+
+def _along_last(values, kernel):
+    if len(kernel) == 1:
+        return values * kernel[0]
+    reach = len(kernel) // 2
+    padded = np.concatenate([np.zeros((*values.shape[:-1], reach)), values, np.zeros((*values.shape[:-1], reach))], -1)
+    return sum(k * padded[..., j:j + values.shape[-1]] for j, k in enumerate(kernel))
+
+
+def _gaussian(random, shape):
+    pair = random.standard_normal((2, *shape))
+    return (pair[0] + 1j * pair[1]) * np.sqrt(0.5)
+
+
+def _level(intensity):
+    return np.maximum(db_from_power(intensity), NOTHING_DB).astype(np.float32)
+
+
+def _shadow(rays_in_beam):
+    heard = rays_in_beam > 0
+    return (np.logical_or.accumulate(heard, -1) & ~heard).astype(np.uint8)

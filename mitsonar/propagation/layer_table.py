@@ -1,0 +1,133 @@
+"""Sound-speed layers as Dr.Jit arrays, with depth moments of 1/c² for the O(1) eigenray series.
+
+    c(z)   = c_k + g_k (z - z_k)                     inside layer k, z positive down          [m/s]
+    M_n(z) = ∫ (c^-2 - r0)^n dz, n = 1..4            measured from the first node             [(s/m)^2n m]
+
+The moments give, between any two depths, the mean of 1/c² and its central moments in a handful of operations, however
+many layers lie between (`two_point`). Layers are split so that c changes by at most 1 % in each: three Gauss points
+then integrate the part of a layer to 1e-15, and the split moves no number, because the profile is linear either way.
+"""
+import importlib
+
+import drjit as dr
+import numpy as np
+
+from .record import Record
+
+__all__ = ["LayerTable", "arrays_of", "layer_table"]
+
+FAR = 1.0e5            # [m] thickness of the constant half-spaces above and below the profile
+SPEED_STEP = 0.01      # largest relative change of sound speed inside one layer
+LOOKUP_SIZE = 2048
+_GAUSS3 = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0.5, 5 / 18))
+
+
+def arrays_of(array):
+    """Return the Dr.Jit namespace (`drjit.llvm.ad`, `drjit.cuda.ad`, ...) that an array or its type belongs to."""
+    kind = array if isinstance(array, type) else type(array)
+    module = kind.__module__
+    if not module.startswith("drjit."):
+        kind = next(base for base in kind.__mro__ if base.__module__.startswith("drjit."))
+        module = kind.__module__
+    return importlib.import_module(module)
+
+
+class LayerTable(Record):
+    """Layers of a `SoundSpeedProfile` on the device; see the module's equations for the symbols."""
+
+    lib: object           # Dr.Jit namespace the arrays live in
+    layers: object        # Float64 (8 K,): z_k, c_k, g_k, z_{k+1}, M_1..M_4 at z_k
+    lookup: object        # UInt32 (LOOKUP_SIZE,): layer of the shallow edge of each depth bin
+    top: object           # Float64 (1,): first node [m]
+    bins_per_metre: object
+    reference: object     # Float64 (1,): r0 [s²/m²]
+    last: object          # UInt32 (1,): index of the last layer
+    count: int
+
+    def find(self, depth):
+        """Index of the layer that holds each depth (Float64 [m]); a node belongs to the layer below it."""
+        lib = self.lib
+        cell = dr.clip((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
+        k = dr.gather(lib.UInt32, self.lookup, lib.UInt32(cell))
+        k = dr.select(depth < self.top, 0, k)
+        return _step_down(lib, self.layers, k, depth, self.last)
+
+    def shape(self, k, active=True):
+        """Depth, sound speed, gradient of layer k and the depth of its lower side (Float64)."""
+        row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
+        return row[0], row[1], row[2], row[3]
+
+    def at(self, depth):
+        """Sound speed [m/s] and the four moments M_n at each depth."""
+        k = self.find(depth)
+        z_k, c_k, g, _ = self.shape(k)
+        moments = dr.gather(self.lib.Array4f64, self.layers, 2 * k + 1)
+        moments = [moments[i] for i in range(4)]
+        length = depth - z_k
+        for place, weight in _GAUSS3:
+            c = dr.fma(g * length, place, c_k)
+            e = dr.rcp(c * c) - self.reference
+            power = length * weight * e
+            for i in range(4):
+                moments[i] += power
+                power *= e
+        return dr.fma(g, length, c_k), moments
+
+
+@dr.syntax
+def _step_down(lib, layers, k, depth, last):
+    """Walk from the look-up's layer to the one that holds the depth: none or one step, mostly."""
+    more = (k < last) & (depth >= dr.gather(lib.Float64, layers, 8 * k + 3))
+    while more:
+        k += 1
+        more = (k < last) & (depth >= dr.gather(lib.Float64, layers, 8 * k + 3, more))
+    return k
+
+
+def layer_table(profile, like):
+    """Put a profile on the device.
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+    like : Dr.Jit array or type
+        Decides the backend.
+
+    Returns
+    -------
+    LayerTable
+    """
+    lib = arrays_of(like)
+    z, c = _split(np.asarray(profile.depth, float), np.asarray(profile.sound_speed, float))
+    reference = float(np.mean(c ** -2))
+    x, w = np.polynomial.legendre.leggauss(12)
+    thickness = np.diff(z)
+    e = (c[:-1, None] + np.diff(c)[:, None] * (x + 1) / 2) ** -2 - reference
+    powers = np.stack([(e ** n * w / 2).sum(1) * thickness for n in range(1, 5)], -1)         # (layer, moment)
+    at_node = np.concatenate([np.zeros((1, 4)), np.cumsum(powers, 0)])                        # (node, moment)
+    # constant half-spaces above and below, so that every depth lies in a layer
+    edge = (c[[0, -1], None] ** -2 - reference) ** np.arange(1, 5)
+    z = np.concatenate([[z[0] - FAR], z, [z[-1] + FAR]])
+    c = np.concatenate([c[:1], c, c[-1:]])
+    at_node = np.concatenate([-FAR * edge[:1], at_node, at_node[-1:] + FAR * edge[1:]])
+    rows = np.concatenate([z[:-1, None], c[:-1, None], (np.diff(c) / np.diff(z))[:, None], z[1:, None],
+                           at_node[:-1]], 1)                                                  # (layer, 8)
+    top, bottom = z[1], max(z[-2], z[1] + 1.0)
+    bins = top + (bottom - top) * np.arange(LOOKUP_SIZE) / LOOKUP_SIZE
+    lookup = np.clip(np.searchsorted(z, bins, side="right") - 1, 0, len(rows) - 1)
+    table = LayerTable(
+        lib=lib, layers=lib.Float64(rows.ravel()), lookup=lib.UInt32(lookup.astype(np.uint32)),
+        top=dr.opaque(lib.Float64, top), bins_per_metre=dr.opaque(lib.Float64, LOOKUP_SIZE / (bottom - top)),
+        reference=dr.opaque(lib.Float64, reference), last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows))
+    dr.eval(table.layers, table.lookup)
+    return table
+
+
+def _split(z, c):
+    """Split layers until sound speed changes by at most SPEED_STEP in each."""
+    if len(z) == 1:
+        return np.array([z[0], z[0] + 1.0]), np.repeat(c, 2)
+    parts = np.maximum(1, np.ceil(np.abs(np.diff(c)) / (SPEED_STEP * c[:-1]))).astype(int)
+    inner = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(z[:-1], z[1:], parts)]
+    depth = np.concatenate([*inner, z[-1:]])
+    return depth, np.interp(depth, z, c)

@@ -1,0 +1,143 @@
+"""From hits to echo energy per time bin: the sonar equation, ray by ray.
+
+A ray launched into ΔΩ lights dA = A ΔΩ / sin θ_i of a facet, and the echo's share of that patch at the receiver is
+
+    p² = 10^(SL/10) B ΔΩ (σ / sin θ_i) 10^(-2 ᾱ L / 10) / A'                         [µPa²]
+    A' = A (c_0 / c_h)²
+
+SL source level, B two-way intensity pattern, σ scattering strength, θ_i grazing angle on the facet, ᾱ absorption, L arc
+length, A ray-tube area per steradian of the outgoing leg: it cancels, and A' is that of the returning leg, from the
+stratified reciprocity A c_0² p = A' c_h² p. What a time bin's rays bring adds up (Jackson & Richardson 2007; ray form of
+the reverberation integral).
+
+Sums are kept in 64-bit integers, so they do not depend on the order of additions, hence not on the number of threads.
+One unit is 2^-50 of 10^(SL/10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range: 60 dB finer than a typical
+ray of a typical bin, with room for a bin 30 dB above a perfect reflector that fills the beam.
+"""
+import drjit as dr
+import numpy as np
+
+from mitsonar.propagation.layer_table import arrays_of
+
+__all__ = ["EchoSums", "absorbed", "echo_energy", "mean_absorption_table"]
+
+UNIT_BITS = 50
+LARGEST = 2.0 ** 58                # units a single echo may bring
+ABSORPTION_STEPS = 1024
+
+
+def mean_absorption_table(column, deepest, like):
+    """Device table of an `AbsorptionColumn`: interleaved (A, α), and steps per metre."""
+    lib = arrays_of(like)
+    deepest = max(float(deepest), 1.0)
+    alpha, integral = column.sampled(deepest, ABSORPTION_STEPS)
+    table = lib.Float(np.stack([integral, alpha], 1).astype(np.float32).ravel())
+    dr.eval(table)
+    return table, dr.opaque(lib.Float, ABSORPTION_STEPS / deepest)
+
+
+def absorbed(table, steps_per_metre, z0, z1, arc_length):
+    """Two-way power factor 10^(-2 ᾱ L / 10) between two depths [m], float32."""
+    lib = arrays_of(arc_length)
+
+    def look_up(z):
+        place = dr.clip(z * steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
+        index = lib.UInt32(place)
+        low, high = dr.gather(lib.Array2f, table, index), dr.gather(lib.Array2f, table, index + 1)
+        return low + (high - low) * (place - lib.Float(index))
+
+    a, b = look_up(z0), look_up(z1)
+    apart = z1 - z0
+    far = abs(apart) > 0.5                                  # nearer, float32 differences of A are worse than α itself
+    mean = dr.select(far, (b[0] - a[0]) / dr.select(far, apart, 1), 0.5 * (a[1] + b[1]))
+    return dr.exp(mean * arc_length * (-0.2 * float(np.log(10))))
+
+
+def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, speed_ratio, loss):
+    """Echo of one ray relative to 10^(SL/10) [1/m²].
+
+    Parameters
+    ----------
+    solid_angle : ΔΩ [sr]
+    pattern : B, two-way intensity pattern [-]
+    strength : σ [-]
+    sin_grazing : sin θ_i, of the incident ray on the facet [-]
+    spreading_area : A [m²/sr], outgoing
+    speed_ratio : c_h / c_0 [-]
+    loss : two-way absorption factor [-]
+    """
+    shining = sin_grazing > 1e-6
+    per_patch = dr.select(shining, strength / dr.select(shining, sin_grazing, 1), 0)
+    return solid_angle * pattern * per_patch * loss * speed_ratio * speed_ratio / spreading_area
+
+
+class EchoSums:
+    """Integer sums of a block of pings, and their reading in physical units.
+
+    Parameters
+    ----------
+    lib : Dr.Jit namespace
+    rows : int
+        Pings x sides of the block.
+    labels : int
+        Number of shapes.
+    bins : int
+    """
+
+    def __init__(self, lib, rows, labels, bins):
+        self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
+        self.energy = dr.zeros(lib.UInt64, rows * labels * bins)
+        self.depth = dr.zeros(lib.UInt64, rows * bins)
+        self.count = dr.zeros(lib.UInt64, rows * bins)
+
+    def add(self, *, row, label, bin, units, height, in_beam, active):
+        """Scatter echoes into their bins.
+
+        Parameters
+        ----------
+        row, label, bin : UInt32 (R,)
+            Row of the block; shape number from 1; time bin.
+        units : Float64 (R,)
+            Echo energy in units of the bin.
+        height : Float (R,)
+            Hit depth as a fraction [0, 1] of the scene's depth range.
+        in_beam : Bool (R,)
+            The ray lies in the main lobe.
+        active : Bool (R,)
+        """
+        lib = self.lib
+        U = lib.UInt64
+        units = dr.minimum(units, LARGEST)
+        place = row * self.bins + bin
+        dr.scatter_add(self.energy, U(units + 0.5), (row * self.labels + (label - 1)) * self.bins + bin, active)
+        # a quarter, so that the two sums overflow together
+        dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25), place, active)
+        dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
+
+    def read(self, unit, depth_range):
+        """Give the sums as physical arrays.
+
+        Parameters
+        ----------
+        unit : (bins,) [µPa²]
+            Worth of one unit in each bin.
+        depth_range : (float, float) [m]
+
+        Returns
+        -------
+        dict of (rows, bins) arrays
+            ``intensity`` [µPa²] float64, ``label`` uint32, ``depth`` [m] float32, NaN where no echo, ``rays`` and
+            ``rays_in_beam`` uint32.
+        """
+        shape = (self.rows, self.bins)
+        energy = self.energy.numpy().reshape(self.rows, self.labels, self.bins)
+        total = energy.sum(1, dtype=np.uint64)
+        strongest = energy.argmax(1).astype(np.uint32) + np.uint32(1)
+        height = self.depth.numpy().reshape(shape) / np.maximum(total * 0.25, 1e-9)
+        count = self.count.numpy().reshape(shape)
+        top, bottom = depth_range
+        return {"intensity": total * unit[None],
+                "label": np.where(total > 0, strongest, np.uint32(0)),
+                "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
+                "rays": (count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
+                "rays_in_beam": (count >> np.uint64(32)).astype(np.uint32)}

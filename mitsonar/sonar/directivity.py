@@ -1,0 +1,66 @@
+"""Far-field pressure patterns of continuous apertures.
+
+    b(u, v) = sinc(L u / λ) sinc(H v / λ),   sinc(x) = sin(πx)/(πx)
+
+L -> ``length`` along u, H -> ``height`` along v [m], λ -> ``wavelength`` [m]; u and v are the direction's cosines along
+the two sides. The full width at -3 dB (one way) is 2 asin(0.44294647 λ / L) (e.g. Urick 1983, ch. 3; physics of line
+arrays), and an aperture of zero height is a line, omnidirectional around its axis.
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import numpy as np
+
+__all__ = ["Aperture", "length_for_beam_width"]
+
+HALF_POWER = 0.44294647069         # sinc² = 1/2
+
+
+def sinc(x):
+    """sin(πx)/(πx) of a NumPy or Dr.Jit array."""
+    if isinstance(x, (np.ndarray, float)):
+        return np.sinc(x)
+    x = np.pi * x
+    return dr.select(abs(x) < 1e-3, 1 - x * x / 6, dr.sin(x) / x)
+
+
+def length_for_beam_width(beam_width, wavelength):
+    """Side [m] whose full one-way -3 dB beam is `beam_width` [rad] at `wavelength` [m]; 0 for π or more (no beam)."""
+    if beam_width >= np.pi:
+        return 0.0
+    return HALF_POWER * wavelength / np.sin(0.5 * beam_width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aperture:
+    """A rectangular transducer face, or a line where `height` is 0.
+
+    Attributes
+    ----------
+    length : float [m]
+        Side along the platform.
+    height : float [m]
+        Side across.
+    """
+
+    length: float
+    height: float = 0.0
+
+    def __post_init__(self):
+        for name in ("length", "height"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"aperture {name} is {value} m; give a finite size >= 0 (0: omnidirectional)")
+
+    def along(self, u, wavelength):
+        """Pressure pattern along the platform, of the direction cosine u [-]."""
+        return sinc(u * (self.length / wavelength))
+
+    def across(self, v, wavelength):
+        """Pressure pattern across, of the direction cosine v [-]."""
+        return sinc(v * (self.height / wavelength))
+
+    def beam_widths(self, wavelength):
+        """Full one-way -3 dB widths along and across [rad]; π where a side is too short to make a beam."""
+        return tuple(2 * np.arcsin(min(1.0, HALF_POWER * wavelength / side)) if side > 0 else np.pi
+                     for side in (self.length, self.height))

@@ -1,0 +1,143 @@
+"""Directions of a ping's rays, drawn where the beam and the time axis need them, each with its weight.
+
+A ray's direction is (u, φ) of `sidescan`. Both coordinates are drawn stratified through quantile tables: the edges of M
+cells of equal probability. With a table e_0..e_M and a stratified ξ in [0, 1),
+
+    i = ⌊ξ M⌋,  φ = e_i + (ξ M - i)(e_{i+1} - e_i),   density = 1 / (M (e_{i+1} - e_i))
+
+so a draw costs one look-up, and the ray's solid angle is ΔΩ = 1 / (N density_u density_φ), exactly the reciprocal of what
+was drawn: no choice of density can bias a level.
+
+Along the platform the density follows the two-way beam. In φ a first, sparse pass spreads rays evenly over travel time on
+a flat bed and over the vertical beam; what it hits tells each cell how many rays its time bins still lack
+(`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass decides where
+rays go, never what they weigh, so the estimate stays unbiased.
+"""
+import drjit as dr
+import numpy as np
+
+__all__ = ["CELLS", "along_quantiles", "draw", "first_quantiles", "refine_quantiles"]
+
+CELLS = 1024
+TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
+WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam
+KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
+
+
+def quantiles(edges, density, cells=CELLS):
+    """Edges of cells of equal probability of piecewise constant densities.
+
+    Parameters
+    ----------
+    edges : (M + 1,) or (D, M + 1)
+    density : (D, M)
+        Any scale, not negative, not zero everywhere.
+
+    Returns
+    -------
+    (D, cells + 1)
+    """
+    edges = np.broadcast_to(edges, (len(density), density.shape[1] + 1))
+    cumulative = np.concatenate([np.zeros((len(density), 1)), np.cumsum(density * np.diff(edges, axis=1), 1)], 1)
+    cumulative /= cumulative[:, -1:]
+    # one interpolation for all rows: row d lives on [2 d, 2 d + 1]
+    shift = 2.0 * np.arange(len(density))[:, None]
+    wanted = np.linspace(0, 1, cells + 1)[None] + shift
+    found = np.interp(wanted.ravel(), (cumulative + shift).ravel(), edges.ravel()).reshape(wanted.shape)
+    found[:, 0], found[:, -1] = edges[:, 0], edges[:, -1]
+    return found
+
+
+def along_quantiles(sonar):
+    """Quantile table (CELLS + 1,) of u: the two-way beam, and a share spread over all directions."""
+    core = 4 * sonar.wavelength / max(sonar.transmit.length, sonar.receive.length, 4 * sonar.wavelength)
+    fine = np.linspace(-min(core, 1), min(core, 1), 8193)
+    edges = np.union1d(fine, np.linspace(-1, 1, 1025))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    beam = sonar.along_intensity(middle)
+    beam = beam / np.sum(beam * np.diff(edges))
+    return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
+
+
+def first_quantiles(sonar, depression, depth_below, sound_speed, window):
+    """Quantile tables of φ for the first pass.
+
+    Parameters
+    ----------
+    sonar : Sidescan
+    depression : (D, M + 1) [rad]
+        World depression angle of the direction (u = 0, φ) at the M + 1 equal steps of φ in [-π/2, π/2], one row per
+        ping and side: attitude enters here.
+    depth_below : (D,) [m]
+        Mean seabed below the sonar.
+    sound_speed : float [m/s]
+        Mean over the column: the first pass need not know refraction.
+    window : (float, float) [s]
+        Two-way time that the image covers.
+
+    Returns
+    -------
+    (D, CELLS + 1) [rad]
+    """
+    steps = depression.shape[1] - 1
+    phi = np.linspace(-np.pi / 2, np.pi / 2, steps + 1)
+    width = np.pi / steps
+    with np.errstate(divide="ignore", invalid="ignore"):
+        time = np.where(depression > 0, 2 * np.abs(depth_below[:, None]) / (sound_speed * np.sin(depression)), np.inf)
+    time = np.clip(time, *window)
+    even = np.abs(np.diff(time, axis=1))
+    even_total = even.sum(1, keepdims=True)
+    even = np.where(even_total > 0, even / np.maximum(even_total, 1e-30), 1 / steps)
+    middle = 0.5 * (phi[1:] + phi[:-1])
+    beam = np.sqrt(sonar.across_intensity(np.sin(middle - sonar.depression_angle)))
+    density = (TIME_SHARE * even + BEAM_SHARE * beam / beam.sum() + (1 - TIME_SHARE - BEAM_SHARE) / steps) / width
+    return quantiles(phi, density)
+
+
+def refine_quantiles(first, need):
+    """Quantile tables of φ for the second pass.
+
+    Parameters
+    ----------
+    first : (D, CELLS + 1) [rad]
+        Tables the first pass was drawn from.
+    need : (D, CELLS)
+        Sum over the first pass's rays in each cell of 1 / (rays in the time bin that the ray fell in).
+
+    Returns
+    -------
+    (D, CELLS + 1) [rad]
+    """
+    # a silhouette may lie in the next cell: lend it the need of its neighbours
+    padded = np.pad(need.astype(float), ((0, 0), (1, 1)), mode="edge")
+    spread = (padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]) / 4
+    total = spread.sum(1, keepdims=True)
+    share = np.where(total > 0, spread / np.maximum(total, 1e-30), 1 / CELLS)
+    share = KEEP_SHARE / CELLS + (1 - KEEP_SHARE) * share
+    return quantiles(first, share / np.maximum(np.diff(first, axis=1), 1e-12))
+
+
+def draw(table, row, xi):
+    """Look a stratified sample up in a quantile table.
+
+    Parameters
+    ----------
+    table : Float (D (CELLS + 1),)
+    row : UInt32 (R,)
+    xi : Float (R,)
+        In [0, 1).
+
+    Returns
+    -------
+    value : Float (R,)
+    width : Float (R,)
+        1 / density.
+    cell : UInt32 (R,)
+        Index into a (D, CELLS) table.
+    """
+    place = xi * CELLS
+    index = dr.minimum(type(row)(place), CELLS - 1)
+    base = row * (CELLS + 1) + index
+    low = dr.gather(type(xi), table, base)
+    high = dr.gather(type(xi), table, base + 1)
+    return dr.fma(place - type(xi)(index), high - low, low), (high - low) * CELLS, row * CELLS + index

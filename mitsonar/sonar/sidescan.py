@@ -1,0 +1,91 @@
+"""A sidescan sonar: what it sends, from which faces, and how it listens.
+
+Each side has its own face on the platform's body (x forward, y starboard, z down): the normal lies in the athwart plane,
+`depression_angle` below horizontal, the length along x, the height across. Directions from a face are written
+
+    d_body = (u, ± sqrt(1 - u²) cos φ, sqrt(1 - u²) sin φ)            + starboard, - port
+
+u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face hears nothing from behind it, that is from
+the other side of the body (a hard baffle in the plane y = 0).
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from .directivity import Aperture
+
+__all__ = ["SIDES", "Sidescan"]
+
+SIDES = ("port", "starboard")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sidescan:
+    """Settings of a sidescan.
+
+    Attributes
+    ----------
+    frequency : float [Hz]
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        On the axis of each face, rms over the pulse.
+    pulse_length : float [s]
+        Effective length of the (compressed) pulse: its bandwidth is the inverse.
+    transmit, receive : Aperture
+    depression_angle : float [rad]
+        Of the faces' normals below horizontal.
+    sound_speed : float [m/s]
+        At the head: what the sonar takes to turn time into slant range.
+    """
+
+    frequency: float
+    source_level_db: float
+    pulse_length: float
+    transmit: Aperture
+    receive: Aperture
+    depression_angle: float
+    sound_speed: float
+
+    def __post_init__(self):
+        for name, unit in (("frequency", "Hz"), ("pulse_length", "s"), ("sound_speed", "m/s")):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"sidescan {name} is {value} {unit}; give a finite number above 0")
+
+    @property
+    def wavelength(self):
+        """Wavelength at the head [m]."""
+        return self.sound_speed / self.frequency
+
+    @property
+    def bandwidth(self):
+        """Receiver bandwidth [Hz], matched to the pulse."""
+        return 1.0 / self.pulse_length
+
+    @property
+    def resolution(self):
+        """Length of the resolution cell in slant range [m]."""
+        return 0.5 * self.sound_speed * self.pulse_length
+
+    def along_intensity(self, u):
+        """Two-way intensity pattern along the platform, of the cosine u."""
+        return (self.transmit.along(u, self.wavelength) * self.receive.along(u, self.wavelength)) ** 2
+
+    def across_intensity(self, v):
+        """Two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
+        return (self.transmit.across(v, self.wavelength) * self.receive.across(v, self.wavelength)) ** 2
+
+    def solid_angle(self):
+        """Two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr] (numerical, 1e-6)."""
+        u = np.linspace(-1, 1, 200001)
+        phi = np.linspace(-np.pi / 2, np.pi / 2, 20001)
+        along = trapezoid(self.along_intensity(u), u)
+        return float(along * trapezoid(self.across_intensity(np.sin(phi - self.depression_angle)), phi))
+
+    def directivity_index_db(self):
+        """Receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
+        u = np.linspace(-1, 1, 200001)
+        phi = np.linspace(-np.pi / 2, np.pi / 2, 20001)
+        along = trapezoid(self.receive.along(u, self.wavelength) ** 2, u)
+        across = trapezoid(self.receive.across(np.sin(phi - self.depression_angle), self.wavelength) ** 2, phi)
+        return float(10 * np.log10(4 * np.pi / (along * across)))

@@ -1,0 +1,322 @@
+"""A sidescan run over a scene: rays out, echoes in, block of pings by block of pings.
+
+The stages of one block, in order (`_Block`):
+
+    launch      directions drawn through quantile tables, each with its solid angle          `sonar.launch`
+    trace       bent rays to their first hit                                                 `trace`
+    scatter     strength of the hit's material towards the receiver                          Mitsuba BSDFs
+    echo        the sonar equation, summed into time bins                                    `signal.echoes`
+
+Everything between launch and the bins is one Dr.Jit kernel; its numbers are opaque, so a scene compiles once. Random
+numbers are hashed from (seed, ping, side, ray): neither blocks nor threads change them. The platform stands still during a
+ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .propagation.layer_table import arrays_of
+from .signal.echoes import UNIT_BITS, EchoSums, absorbed, echo_energy, mean_absorption_table
+from .sonar.directivity import sinc
+from .sonar.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
+from .sonar.sidescan import SIDES
+from .trace import Tracer
+
+__all__ = ["Survey"]
+
+RAYS_PER_BLOCK = 1 << 21
+SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
+FIRST_SALT, SECOND_SALT = 0x51ED270B, 0x2545F491
+BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe as shadows see it (-6 dB)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """What a run needs to know.
+
+    Attributes
+    ----------
+    geometry : trace.Geometry
+    profile : SoundSpeedProfile
+    absorption : AbsorptionColumn
+    sonar : Sidescan
+    track : Track
+    depth_below : (P,) [m]
+        Seabed below the sonar.
+    window : (float, float) [s]
+        Two-way time recorded.
+    bins : int
+    rays : int
+        Per ping, both sides and both passes together.
+    first_pass : float
+        Share of the rays that only finds out where rays are needed; 0 for none.
+    """
+
+    geometry: object
+    profile: object
+    absorption: object
+    sonar: object
+    track: object
+    depth_below: np.ndarray
+    window: tuple
+    bins: int
+    rays: int
+    first_pass: float
+
+    @property
+    def bin_length(self):
+        """Duration of a time bin [s]."""
+        return (self.window[1] - self.window[0]) / self.bins
+
+    @property
+    def slant_range(self):
+        """Slant range of the bins' centres [m], (bins,), at the sonar's sound speed."""
+        return 0.5 * self.sonar.sound_speed * (self.window[0] + (np.arange(self.bins) + 0.5) * self.bin_length)
+
+    def pings_per_block(self):
+        """How many pings a block holds: bounded by rays and by the memory of the sums."""
+        by_rays = RAYS_PER_BLOCK // self.rays
+        by_sums = SUMS_PER_BLOCK // (2 * self.bins * len(self.geometry.labels))
+        return max(1, min(by_rays, by_sums, self.track.pings))
+
+    def echoes(self, seed=0, progress=None):
+        """Run the survey.
+
+        Parameters
+        ----------
+        seed : int
+        progress : callable(done, total) or None
+            Called after every block with the number of pings done.
+
+        Returns
+        -------
+        dict of (ping, side, bin) arrays, as `EchoSums.read` gives them
+        """
+        pings, block = self.track.pings, self.pings_per_block()
+        kernel = _Block(self, seed)
+        out = {}
+        for start in range(0, pings, block):
+            part = kernel(np.arange(start, min(start + block, pings)))
+            for name, value in part.items():
+                value = value.reshape(-1, 2, self.bins)
+                if name not in out:
+                    out[name] = np.empty((pings, *value.shape[1:]), np.float32 if name == "intensity" else value.dtype)
+                out[name][start:start + block] = value
+            if progress is not None:
+                progress(min(start + block, pings), pings)
+        return out
+
+
+class _Block:
+    """The kernel of a survey, and the tables that all its blocks share."""
+
+    def __init__(self, survey, seed):
+        self.survey, self.seed = survey, int(seed)
+        sonar, geometry = survey.sonar, survey.geometry
+        self.lib = arrays_of(mi.Float)
+        fastest = float(np.max(survey.profile.sound_speed))
+        self.tracer = Tracer(geometry, survey.profile, max_range=0.5 * survey.window[1] * fastest)
+        self.rotation = survey.track.rotation()
+        self.solid_angle = sonar.solid_angle()
+        self.along = mi.Float(along_quantiles(sonar).astype(np.float32))
+        deepest = max(geometry.depth_range[1], -float(survey.track.position[:, 2].min()))
+        self.absorption, self.absorption_steps = mean_absorption_table(survey.absorption, deepest, mi.Float)
+        sides = [side / sonar.wavelength for face in (sonar.transmit, sonar.receive)
+                 for side in (face.length, face.height)]
+        self.sides = [dr.opaque(mi.Float, side) for side in sides]
+        self.depression = dr.opaque(mi.Float, sonar.depression_angle)
+        self.bins = dr.opaque(mi.UInt32, survey.bins)
+        self.start = dr.opaque(mi.Float64, survey.window[0])
+        self.bins_per_second = dr.opaque(mi.Float64, 1 / survey.bin_length)
+        top, bottom = geometry.depth_range
+        self.top, self.per_depth = dr.opaque(mi.Float, top), dr.opaque(mi.Float, 1 / max(bottom - top, 1e-6))
+        nearest = 0.25 * sonar.sound_speed * survey.bin_length
+        self.range2 = np.maximum(survey.slant_range, nearest) ** 2
+        self.units = mi.Float((2.0 ** UNIT_BITS * self.range2 / self.solid_angle).astype(np.float32))
+        dr.eval(self.along, self.units)
+        first = int(round(survey.rays * survey.first_pass / 2))
+        self.first_grid = _grid(first) if first else None
+        self.second_grid = _grid(max(1, survey.rays // 2 - first))
+
+    def __call__(self, ping):
+        """Echoes of the pings with these numbers (B,)."""
+        survey, rows = self.survey, 2 * len(ping)
+        depth = -survey.track.position[ping, 2]
+        unique, source = np.unique(depth, return_inverse=True)
+        place = _Place(self.lib, ping, survey.track.position[ping], self.rotation[ping], source,
+                       self.tracer.sources(unique))
+        quantiles = self._first_quantiles(ping)
+        if self.first_grid:
+            quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
+        sums = EchoSums(self.lib, rows, len(survey.geometry.labels), survey.bins)
+        ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
+        hits = self._trace(place, ray)
+        units, bin, in_window = self._echo(place, ray, hits)
+        sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=ray.along_intensity > BEAM_EDGE,
+                 height=(mi.Float(-hits.point.z) - self.top) * self.per_depth, active=in_window)
+        dr.eval(sums.energy, sums.depth, sums.count)
+        worth = 10 ** (survey.sonar.source_level_db / 10) * self.solid_angle / (self.range2 * 2.0 ** UNIT_BITS)
+        return sums.read(worth, survey.geometry.depth_range)
+
+    def _first_quantiles(self, ping):
+        survey = self.survey
+        phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
+        side = np.array([-1.0, 1.0])
+        body = np.stack(np.broadcast_arrays(0.0, side[:, None] * np.cos(phi), np.sin(phi)), -1)      # (side, phi, 3)
+        down = -np.einsum("pj,skj->psk", self.rotation[ping][:, 2], body)                            # (ping, side, phi)
+        depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
+        below = np.repeat(survey.depth_below[ping], 2)
+        mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
+        return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window)
+
+    def _need(self, place, quantiles):
+        """Trace the first pass and ask how far each cell of φ leads into bins that few rays reach."""
+        ray = self._launch(place, quantiles, self.first_grid, FIRST_SALT)
+        hits = self._trace(place, ray)
+        bin, in_window = self._bin(hits)
+        index = ray.row * self.bins + bin
+        cell = ray.cell
+        count = dr.zeros(mi.UInt32, place.rows * self.survey.bins)
+        dr.scatter_add(count, mi.UInt32(1), index, in_window)
+        dr.eval(count, index, in_window, cell)
+        share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, in_window), 1)))
+        need = dr.zeros(mi.UInt64, place.rows * CELLS)
+        dr.scatter_add(need, share, cell, in_window)
+        return need.numpy().reshape(place.rows, CELLS) / 2.0 ** 32
+
+    def _launch(self, place, quantiles, grid, salt):
+        """Draw the rays of a pass: `grid` strata in φ and u for each row (ping and side)."""
+        steps_phi, steps_u = grid
+        index = dr.arange(mi.UInt32, place.rows * steps_phi * steps_u)
+        n_phi, n_u = dr.opaque(mi.UInt32, steps_phi), dr.opaque(mi.UInt32, steps_u)
+        per_row = n_phi * n_u
+        row = index // per_row
+        within = index - row * per_row
+        # neighbours in 4 x 4 tiles: one packet of rays is one small patch of seabed
+        tile, inner = within // 16, within & 15
+        tiles_u = n_u // 4
+        tile_phi = tile // tiles_u
+        i_phi, i_u = 4 * tile_phi + (inner >> 2), 4 * (tile - tile_phi * tiles_u) + (inner & 3)
+        key = dr.gather(mi.UInt32, place.key, row) ^ dr.opaque(mi.UInt32, (self.seed * 0x9E3779B1 + salt) & 0xFFFFFFFF)
+        a, b = mi.sample_tea_32(within, key)
+        xi_phi = (mi.Float(i_phi) + _unit(a)) / mi.Float(n_phi)
+        xi_u = (mi.Float(i_u) + _unit(b)) / mi.Float(n_u)
+        phi, phi_width, cell = draw(mi.Float(quantiles.astype(np.float32).ravel()), row, dr.minimum(xi_phi, _BELOW_ONE))
+        u, u_width, _ = draw(self.along, mi.UInt32(0), dr.minimum(xi_u, _BELOW_ONE))
+        w = dr.sqrt(dr.maximum(1 - u * u, 0))
+        sin_phi, cos_phi = dr.sincos(phi)
+        side = mi.Float(row & 1) * 2 - 1
+        body = mi.Vector3f(u, side * w * cos_phi, w * sin_phi)
+        v = w * dr.sin(phi - self.depression)
+        transmit_u, transmit_v, receive_u, receive_v = self.sides
+        along = dr.square(sinc(u * transmit_u) * sinc(u * receive_u))
+        across = dr.square(sinc(v * transmit_v) * sinc(v * receive_v))
+        return _Rays(row=row, ping=row >> 1, cell=cell, direction=place.turn(row >> 1, body),
+                     solid_angle=phi_width * u_width / mi.Float(per_row), along_intensity=along,
+                     pattern=along * across)
+
+    def _trace(self, place, ray):
+        origin = place.origin(ray.ping)
+        return self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
+
+    def _bin(self, hits):
+        place = (2 * hits.travel_time - self.start) * self.bins_per_second
+        inside = hits.valid & (place >= 0) & (place < mi.Float64(self.bins))
+        return mi.UInt32(dr.select(inside, place, 0)), inside
+
+    def _echo(self, place, ray, hits):
+        """Echo of each ray in units of its bin, the bin, and whether it lies in the window."""
+        bin, inside = self._bin(hits)
+        strength, sin_grazing = _strength(hits, inside, self.survey.sonar.frequency)
+        source_depth, source_speed = place.medium(ray.ping)
+        loss = absorbed(self.absorption, self.absorption_steps, source_depth, mi.Float(-hits.point.z),
+                        mi.Float(hits.arc_length))
+        energy = echo_energy(solid_angle=ray.solid_angle, pattern=ray.pattern, strength=strength,
+                             sin_grazing=sin_grazing, spreading_area=mi.Float(hits.spreading_area),
+                             speed_ratio=mi.Float(hits.sound_speed) / source_speed, loss=loss)
+        units = mi.Float64(energy) * mi.Float64(dr.gather(mi.Float, self.units, bin, inside))
+        return units, bin, inside & dr.isfinite(energy)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rays:
+    row: object
+    ping: object
+    cell: object
+    direction: object
+    solid_angle: object
+    along_intensity: object
+    pattern: object
+
+
+class _Place:
+    """Where the block's pings stand: look-ups by the ping's number within the block."""
+
+    def __init__(self, lib, ping, position, rotation, source, sources):
+        self.lib, self.rows, self.sources = lib, 2 * len(ping), sources
+        # a seed per ping and side, from the ping's number in the survey
+        number = 2 * np.repeat(ping.astype(np.uint64), 2) + np.tile(np.arange(2, dtype=np.uint64), len(ping))
+        self.key = mi.UInt32(((number + 1) * 0x85EBCA6B & 0xFFFFFFFF).astype(np.uint32))
+        self._position = mi.Float64(np.concatenate([position, np.zeros((len(ping), 1))], 1).ravel())
+        rows = np.concatenate([rotation, np.zeros((len(ping), 3, 1))], 2)
+        self._rotation = mi.Float(rows.astype(np.float32).ravel())
+        self._source = mi.UInt32(source.astype(np.uint32).ravel())
+        dr.eval(self.key, self._position, self._rotation, self._source)
+
+    def origin(self, ping):
+        """Position of the sonar, Array3f64 [m]."""
+        row = dr.gather(self.lib.Array4f64, self._position, ping)
+        return self.lib.Array3f64(row[0], row[1], row[2])
+
+    def source(self, ping):
+        """Index into the fans."""
+        return dr.gather(mi.UInt32, self._source, ping)
+
+    def medium(self, ping):
+        """Depth [m] and sound speed [m/s] at the sonar, float32."""
+        depth, speed, _ = self.sources.state.gather(self.lib, self.source(ping))
+        return mi.Float(depth), mi.Float(speed)
+
+    def turn(self, ping, body):
+        """Body directions to scene directions."""
+        x, y, z = (dr.gather(self.lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
+        return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
+
+
+_BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
+
+
+def _unit(bits):
+    """[0, 1) from 32 random bits."""
+    return mi.Float(bits >> 8) * 2.0 ** -24
+
+
+def _grid(rays):
+    """Strata (φ, u) for about this many rays, multiples of 4: u needs few, the beam is narrow."""
+    steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
+    return max(4, 4 * round(rays / (4 * steps_u))), steps_u
+
+
+def _strength(hits, active, frequency):
+    """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle."""
+    frame = mi.Frame3f(hits.normal)
+    towards = -hits.arrival_direction
+    sin_grazing = dr.dot(hits.normal, towards)
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(sin_grazing))
+    si.t = dr.select(active, 1.0, dr.inf)
+    si.p = mi.Point3f(hits.point)
+    si.n, si.sh_frame, si.uv = hits.normal, frame, hits.uv
+    si.shape, si.prim_index = hits.shape, hits.primitive
+    si.wi = frame.to_local(towards)
+    frequency = dr.opaque(mi.Float, frequency)
+
+    def strength(material, si, frequency, active):
+        law = getattr(material, "scattering_strength", None)
+        if law is not None:
+            return law(si, si.wi, si.wi, frequency, active)
+        # a Mitsuba material: its value is f_r cos θ_o, and σ = f_r sin θ_i sin θ_s
+        return material.eval(mi.BSDFContext(), si, si.wi, active)[0] * mi.Frame3f.cos_theta(si.wi)
+
+    return dr.dispatch(hits.shape.bsdf(), strength, si, frequency, active), sin_grazing

@@ -1,0 +1,267 @@
+"""Bent rays against a Mitsuba scene: the one room of physics that knows Mitsuba.
+
+Each ray follows the chords of its fan row (`propagation.fans`), one triangle query a chord, until the first hit. The
+hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would cost 1e-5 m), and the exact
+eigenray to that point gives time, spreading and angles (`propagation.two_point`).
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .propagation.fans import build_fans
+from .propagation.layer_table import arrays_of, layer_table
+from .propagation.record import Record
+from .propagation.two_point import source_state, to_hit
+
+__all__ = ["Geometry", "Hits", "Sources", "Tracer"]
+
+TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is stationary in the path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hits:
+    """Meetings of rays and scene, one a ray; entries are meaningful where `valid`.
+
+    Attributes
+    ----------
+    valid : Bool (R,)
+    point : Array3f64 (R,) [m]
+        Scene coordinates.
+    normal : Vector3f (R,)
+        Unit, of the facet, on the side the ray came from.
+    label : UInt32 (R,)
+        Number of the shape, see `Geometry.labels`; 0 where nothing was hit.
+    shape : ShapePtr (R,)
+    primitive, uv : UInt32 (R,), Point2f (R,)
+        Facet and place on it.
+    travel_time, arc_length : Float64 (R,) [s], [m]
+    spreading_area : Float64 (R,) [m²/sr]
+    launch_direction, arrival_direction : Vector3f (R,)
+        Unit, along the travel, at the source and at the hit.
+    ray_parameter : Float64 (R,) [s/m]
+    sound_speed : Float64 (R,) [m/s]
+        At the hit.
+    """
+
+    valid: object
+    point: object
+    normal: object
+    label: object
+    shape: object
+    primitive: object
+    uv: object
+    travel_time: object
+    arc_length: object
+    spreading_area: object
+    launch_direction: object
+    arrival_direction: object
+    ray_parameter: object
+    sound_speed: object
+
+
+class Geometry:
+    """A scene's facets, gathered once so that hit points can be rebuilt without a call per shape.
+
+    Attributes
+    ----------
+    labels : dict[int, str]
+        Number → id of every shape, in the order of their ids.
+    depth_range : (float, float) [m]
+        Highest and lowest point of the scene.
+    """
+
+    def __init__(self, scene):
+        shapes = scene.shapes()
+        if not shapes:
+            raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
+        self.scene = scene
+        names = sorted({shape.id() or shape.class_name() for shape in shapes})
+        self.labels = {number: name for number, name in enumerate(names, 1)}
+        number_of = {name: number for number, name in self.labels.items()}
+        registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
+        rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)            # label, first face, is a mesh, unused
+        vertices, faces, first_vertex, first_face = [], [], 0, 0
+        for index, shape in zip(registry, shapes):
+            rows[index, 0] = number_of[shape.id() or shape.class_name()]
+            if not shape.is_mesh():
+                continue
+            parameters = mi.traverse(shape)
+            vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
+            face = parameters["faces"].numpy().reshape(-1, 3)
+            rows[index, 1:3] = first_face, 1
+            vertices.append(vertex)
+            faces.append(face + np.uint32(first_vertex))
+            first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
+        self.only_meshes = len(faces) == len(shapes)
+        self.rows = mi.UInt32(rows.ravel())
+        # four wide, so that a vertex or a face is one aligned packet
+        self.vertices = mi.Float(_padded(vertices, np.float32))
+        self.faces = mi.UInt32(_padded(faces, np.uint32))
+        dr.eval(self.rows, self.vertices, self.faces)
+        box = scene.bbox()
+        self.depth_range = -float(box.max.z), -float(box.min.z)
+        self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
+
+
+def _padded(parts, kind):
+    table = np.concatenate(parts) if parts else np.zeros((1, 3), kind)
+    return np.concatenate([table, np.zeros((len(table), 1), kind)], 1, dtype=kind).ravel()
+
+
+class Sources(Record):
+    """Fans and medium of the depths that a block's pings are sent from."""
+
+    fans: object
+    state: object
+
+
+class Tracer:
+    """Find what refracted rays hit.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    profile : SoundSpeedProfile
+    max_range : float [m]
+        Horizontal range at which rays end.
+    tolerance : float [m]
+        Largest distance between a ray and its chords.
+    """
+
+    def __init__(self, scene, profile, *, max_range, tolerance=TOLERANCE):
+        self.geometry = scene if isinstance(scene, Geometry) else Geometry(scene)
+        self.profile = profile
+        self.max_range = float(max_range)
+        self.tolerance = float(tolerance)
+        self.lib = arrays_of(mi.Float)
+        self.table = layer_table(profile, mi.Float)
+        self._known = (None, None)
+
+    def sources(self, source_depth):
+        """Prepare the fans of the source depths ((D,) [m]); the last answer is kept, a straight track asks again."""
+        source_depth = np.atleast_1d(np.asarray(source_depth, float))
+        key = source_depth.tobytes()
+        if self._known[0] != key:
+            fans = build_fans(self.table, self.profile, source_depth, slab=self.geometry.depth_range,
+                              max_range=self.max_range, tolerance=self.tolerance)
+            self._known = key, Sources(fans=fans, state=source_state(self.table, source_depth))
+        return self._known[1]
+
+    def __call__(self, sources, origin, source, direction, active=True):
+        """Trace one ray per entry of `direction`.
+
+        Parameters
+        ----------
+        sources : Sources
+        origin : Array3f64 (R,) [m]
+            Start points, scene coordinates; their depth must be that of their source.
+        source : UInt32 (R,)
+            Index into `sources` of each ray.
+        direction : Vector3f (R,)
+            Unit launch directions.
+        active : Bool (R,)
+
+        Returns
+        -------
+        Hits
+        """
+        lib = self.lib
+        launch_angle, heading = _angles(direction)
+        o = mi.Point3f(origin)
+        found = self._find(sources, o, source, launch_angle, heading, active)
+        valid, pi, chord = found
+        point, facet_normal = self._rebuild(pi, chord, o, heading, valid)
+        dx, dy = point.x - origin.x, point.y - origin.y
+        x = dr.sqrt(dr.fma(dx, dx, dy * dy))
+        time, arc, area, p, sine, c = to_hit(
+            self.table, lib, sources.state, source, lib.Float64(launch_angle), x, -point.z, valid,
+            dr.opaque(lib.Float64, self.tolerance))
+        # the hit may lie a hair off the launch bearing: directions are those of the eigenray
+        along = mi.Vector2f(dx, dy) * mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
+        along = dr.select(x > 1e-6, along, heading)
+        _, c0, _ = sources.state.gather(lib, source)
+        cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
+        sine0 = dr.sqrt(dr.maximum(1 - dr.square(p * c0), 0)) * dr.select(launch_angle < 0, -1.0, 1.0)
+        launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, -mi.Float(sine0))
+        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -mi.Float(sine))
+        normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
+        row = dr.reinterpret_array(mi.UInt32, _solid(pi))
+        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=pi.prim_uv,
+                    label=dr.gather(mi.UInt32, self.geometry.rows, 4 * row, valid),
+                    travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
+                    launch_direction=launch, arrival_direction=arrival)
+
+    def _find(self, sources, origin, source, launch_angle, heading, active):
+        return _first_hit(self.geometry.scene, sources.fans, origin, source, launch_angle, heading,
+                          mi.Bool(active), self.geometry.only_meshes)
+
+    def _rebuild(self, pi, chord, origin, heading, valid):
+        """Hit point in float64 and facet normal."""
+        geometry, wide = self.geometry, self.lib.Array3f64
+        row = dr.reinterpret_array(mi.UInt32, _solid(pi))
+        first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
+        mesh = valid
+        if not geometry.only_meshes:
+            mesh = valid & (dr.gather(mi.UInt32, geometry.rows, 4 * row + 2, valid) != 0)
+        face = dr.gather(self.lib.Array4u, geometry.faces, dr.select(mesh, first_face + pi.prim_index, 0), mesh)
+        a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
+                   (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
+        u, v = self.lib.Float64(pi.prim_uv.x), self.lib.Float64(pi.prim_uv.y)
+        point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
+        normal = dr.cross(b - a, c - a)
+        normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
+        if not geometry.only_meshes:
+            si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), mi.RayFlags.Minimal, valid & ~mesh)
+            point = dr.select(mesh, point, wide(si.p))
+            normal = dr.select(mesh, normal, si.n)
+        return point, normal
+
+
+def _solid(pi):
+    """The shape a label belongs to: of an instance, the instance."""
+    return dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
+
+
+def _angles(direction):
+    """Launch angle, positive down, and unit horizontal heading of directions."""
+    across = dr.sqrt(dr.fma(direction.x, direction.x, direction.y * direction.y))
+    upright = across < 1e-9
+    scale = dr.rcp(dr.select(upright, 1, across))
+    heading = mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale)
+    return dr.atan2(-direction.z, across), heading
+
+
+def _chord_ray(origin, heading, r0, z0, r1, z1):
+    start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
+    along = mi.Vector3f((r1 - r0) * heading.x, (r1 - r0) * heading.y, z0 - z1)
+    return mi.Ray3f(start, along, 1, 0, [])
+
+
+@dr.syntax
+def _first_hit(scene, fans, origin, source, launch_angle, heading, active, only_meshes):
+    """Follow each ray's chords to its first hit.
+
+    Returns the validity, the preliminary intersection, and the chord's end points (r0, z0, r1, z1).
+    """
+    row, off = fans.row(source, launch_angle)
+    base = row * fans.stride
+    size = dr.gather(mi.UInt32, fans.size, row)
+    v = dr.gather(fans.lib.Array4f, fans.vertex, base)
+    # -------------------------------------------------- loop state
+    r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
+    r1, z1 = mi.Float(r0), mi.Float(z0)                          # its end
+    i = mi.UInt32(1)                                             # its vertex
+    pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
+    valid = mi.Bool(False)
+    active &= size > 1
+    while active:
+        v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, active)
+        r1, z1 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])
+        pi = scene.ray_intersect_preliminary(_chord_ray(origin, heading, r0, z0, r1, z1), coherent=True, active=active)
+        valid = pi.is_valid() & active
+        i += 1
+        active = active & ~valid & (i < size)
+        r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
+    return valid, pi, (r0, z0, r1, z1)

@@ -1,0 +1,41 @@
+"""Mitsuba plugins of mitsonar: thin adapters from XML to the physics, one folder a kind.
+
+`install` has Mitsuba register them for every JIT variant, and again after each change of variant: a plugin's base class
+exists only once a variant is set, so its module is imported then, and reloaded when the variant changes.
+"""
+import importlib
+import sys
+
+if __name__ != "mitsonar.plugins":
+    raise ImportError("import mitsonar.plugins, not plugins: the folder is part of the package mitsonar")
+
+__all__ = ["install"]
+
+MODULES = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "sensors.sidescan", "integrators.sonar_path",
+           "shapes.seabed")
+
+_installed = False
+
+
+def install():
+    """Register every plugin for the present variant, if there is one, and for those set from now on."""
+    global _installed
+    if _installed:
+        return
+    import mitsuba as mi
+
+    _installed = True
+    mi.detail.add_variant_callback(_register)
+    if mi.variant():
+        _register(None, mi.variant())
+
+
+def _register(old, new):
+    if new is None or new.startswith("scalar"):
+        return                      # a scalar variant has no arrays to trace with
+    for name in MODULES:
+        name = f"{__name__}.{name}"
+        if name in sys.modules:
+            importlib.reload(sys.modules[name])
+        else:
+            importlib.import_module(name)

@@ -1,0 +1,1 @@
+"""Sediments and target materials, one scattering law a file."""

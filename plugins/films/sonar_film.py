@@ -1,0 +1,80 @@
+"""Sonar film (`sonar_film`): the window of time a ping is recorded in, and its bins.
+
+- ``range`` [m, 100], ``range_min`` [m, 0]: slant range window, at the sonar's own sound speed.
+- ``bins`` [800] or ``sample_rate_khz``: number of equal time bins, or how many a millisecond.
+
+.. code-block:: xml
+
+    <film type="sonar_film"><float name="range" value="75"/><integer name="bins" value="1000"/></film>
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.plugins.properties import Attributes
+from mitsonar.units import hertz_from_khz
+
+
+class SonarFilm(mi.Film):
+    """See the module's text."""
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        self.range = attributes.number("range", 100.0, above=0, unit="m")
+        self.range_min = attributes.number("range_min", 0.0, minimum=0, unit="m")
+        sample_rate_khz = attributes.number("sample_rate_khz", None, above=0, unit="kHz")
+        if sample_rate_khz is not None and attributes.given("bins"):
+            raise attributes.error("bins and sample_rate_khz are both given; give one of them.")
+        self._bins = attributes.integer("bins", 800, minimum=1, maximum=1_000_000)
+        self._sample_rate = None if sample_rate_khz is None else float(hertz_from_khz(sample_rate_khz))
+        if self.range_min >= self.range:
+            raise attributes.error(f"range_min is {self.range_min} m, not below range {self.range} m; lower it.")
+        # Mitsuba's own film attributes have no meaning here and are refused with the rest
+        attributes.finish()
+        props["width"], props["height"] = self._bins, 1
+        super().__init__(props)
+        self.image = None
+
+    def window(self, sound_speed):
+        """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s]."""
+        start, end = 2 * self.range_min / sound_speed, 2 * self.range / sound_speed
+        bins = self._bins if self._sample_rate is None else max(1, int(np.ceil((end - start) * self._sample_rate)))
+        if self._sample_rate is not None:
+            end = start + bins / self._sample_rate
+        return (start, end), bins
+
+    # ---- what Mitsuba asks of a film; the picture itself is put here by `sonar_path`
+    def base_channels_count(self):
+        return 1
+
+    def prepare(self, aovs):
+        self.image = None
+        return 1
+
+    def clear(self):
+        self.image = None
+
+    def put(self, image):
+        """Keep the rendered levels, a tensor (pings, columns, 1)."""
+        self.image = image
+
+    def develop(self, raw=False):
+        if self.image is None:
+            raise ValueError("sonar_film holds no image yet; render the scene first")
+        return self.image
+
+    def bitmap(self, raw=False):
+        return mi.Bitmap(self.develop(raw), mi.Bitmap.PixelFormat.Y)
+
+    def write(self, path):
+        self.bitmap().write(str(path))
+
+    def schedule_storage(self):
+        if self.image is not None:
+            dr.schedule(self.image)
+
+    def to_string(self):
+        return f"SonarFilm[{self.range_min}..{self.range} m]"
+
+
+mi.register_film("sonar_film", SonarFilm)

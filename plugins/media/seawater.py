@@ -1,0 +1,103 @@
+"""Seawater (`seawater`): sound speed against depth, absorption, ambient noise.
+
+Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; without any, TEOS-10 computes it from
+``temperature`` and ``salinity``.
+
+- ``profile``: table, depth [m] : sound speed [m/s], increasing depths; linear between, constant beyond.
+- ``cast``: name of a file `mitsonar.io.casts` reads; its temperature and salinity, if it has them, set absorption.
+- ``sound_speed``: one number [m/s].
+- ``temperature`` [deg C, 10], ``salinity`` [35], ``ph`` [8]: absorption by Francois and Garrison.
+- ``absorption_db_per_km``: absorption given instead, the same at all depths.
+- ``wind_speed`` [m/s, 5], ``shipping`` [0..1, 0.5]: ambient noise.
+
+.. code-block:: xml
+
+    <medium type="seawater">
+        <string name="cast" value="casts/summer.csv"/>
+        <float name="ph" value="8.1"/>
+    </medium>
+"""
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.io import casts
+from mitsonar.plugins.properties import Attributes
+from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db, sound_speed
+from mitsonar.water.column import AbsorptionColumn
+
+COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
+
+
+class Seawater(mi.Medium):
+    """See the module's text."""
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        self.temperature = attributes.number("temperature", 10.0, unit="deg C")
+        self.salinity = attributes.number("salinity", 35.0)
+        self.ph = attributes.number("ph", 8.0)
+        self.wind_speed = attributes.number("wind_speed", 5.0, minimum=0, unit="m/s")
+        self.shipping = attributes.number("shipping", 0.5, minimum=0, maximum=1)
+        given_db = attributes.number("absorption_db_per_km", None, minimum=0, unit="dB/km")
+        self.given_absorption_db = None if given_db is None else given_db / 1000
+        self.cast = None
+        self.profile = self._read_profile(attributes)
+        attributes.finish()
+        try:
+            self.absorption_column(100e3)          # refuse water outside the formula's range now, not at the first ping
+        except ValueError as error:
+            raise attributes.error(str(error)) from None
+        super().__init__(props)
+
+    def _read_profile(self, attributes):
+        written = attributes.given("profile", "cast", "sound_speed")
+        if len(written) > 1:
+            raise attributes.error(f"{' and '.join(written)} are given; give one of them.")
+        table = attributes.table("profile", None)
+        path = attributes.file("cast", None)
+        constant = attributes.number("sound_speed", None, unit="m/s")
+        try:
+            if table is not None:
+                return SoundSpeedProfile(*table)
+            if path is not None:
+                self.cast = casts.read(path)
+                return self.cast.profile
+            if constant is not None:
+                return SoundSpeedProfile([0.0], [constant])
+            return SoundSpeedProfile(COLUMN, sound_speed(self.temperature, self.salinity, COLUMN))
+        except ValueError as error:
+            raise attributes.error(str(error)) from None
+
+    def absorption_column(self, frequency):
+        """Absorption against depth at one frequency [Hz], as an `AbsorptionColumn`."""
+        if self.given_absorption_db is not None:
+            return AbsorptionColumn([0.0], [self.given_absorption_db])
+        if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
+            depth = self.profile.depth
+            return AbsorptionColumn(depth, absorption_db(frequency, self.cast.temperature, self.cast.salinity,
+                                                         np.maximum(depth, 0), self.ph))
+        return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph))
+
+    def noise_level_db(self, frequency):
+        """Ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
+        return float(ambient_noise_db(frequency, self.wind_speed, self.shipping))
+
+    def traverse(self, callback):
+        pass
+
+    # A ray integrator of light would ask these; sound is traced by `sonar_path`, for which the water is clear.
+    def intersect_aabb(self, ray):
+        return mi.Mask(True), mi.Float(0), mi.Float(np.inf)
+
+    def get_majorant(self, mei, active=True):
+        return mi.Spectrum(0)
+
+    def get_scattering_coefficients(self, mei, active=True):
+        return mi.Spectrum(0), mi.Spectrum(0), mi.Spectrum(0)
+
+    def to_string(self):
+        speed = self.profile.sound_speed
+        return f"Seawater[{len(speed)} nodes, {speed.min():.1f}..{speed.max():.1f} m/s]"
+
+
+mi.register_medium("seawater", Seawater)

@@ -1,0 +1,124 @@
+"""Where a sonar without a recorded track goes, and whether any track makes sense over the scene."""
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.sonar.track import Track
+
+SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
+SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
+
+
+def soundings(geometry, x, y):
+    """Depth [m] of the highest surface below points (x, y) [m]; NaN where there is none."""
+    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    above = -geometry.depth_range[0] + 1.0
+    ray = mi.Ray3f(mi.Point3f(mi.Float(x.ravel()), mi.Float(y.ravel()), above), mi.Vector3f(0, 0, -1))
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
+    distance = np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)
+    return (distance - above).reshape(x.shape)
+
+
+def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
+    """Lay a straight track of given length over the middle of the surveyed area, at a fixed altitude.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    heading : float [rad] or None
+        None: along the area's longer axis.
+    altitude : float [m]
+        Above the seabed, smoothed along the track.
+    length : float [m]
+        From the first ping to the last.
+    pings, interval, speed : int, s, m/s
+
+    Returns
+    -------
+    Track
+
+    Raises
+    ------
+    ValueError
+        If no line of that length stays over the seabed.
+    """
+    (x0, y0), (x1, y1) = geometry.horizontal_bounds
+    x, y = np.meshgrid(*(a + (b - a) * (np.arange(SOUNDINGS) + 0.5) / SOUNDINGS for a, b in ((x0, x1), (y0, y1))))
+    covered = np.isfinite(soundings(geometry, x, y))
+    if not covered.any():
+        raise ValueError("the scene has no seabed below z = 0 to lay a track over; give the sensor a start or a track")
+    points = np.stack([x[covered], y[covered]], -1)
+    centre = points.mean(0)
+    if heading is None:
+        spread, axes = np.linalg.eigh(np.cov((points - centre).T) + 1e-9 * np.eye(2))
+        along = axes[:, 1] if spread[1] > 1.1 * spread[0] else np.array([0.0, 1.0])
+        along = along * (1 if along[1] >= 0 else -1)
+        heading = float(np.arctan2(along[0], along[1]))
+    course = np.array([np.sin(heading), np.cos(heading)])
+    reach = np.hypot(x1 - x0, y1 - y0)
+    step = max(reach / 4000, 0.05)
+    place = np.arange(-reach, reach, step)
+    line = centre + place[:, None] * course
+    over = np.isfinite(soundings(geometry, line[:, 0], line[:, 1]))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], over, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        raise ValueError(f"no seabed lies on the line through the middle of the scene at heading "
+                         f"{np.rad2deg(heading):.0f} degrees; choose another heading or give the sensor a start")
+    first, last = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    room = place[last - 1] - place[first]
+    if length > room:
+        raise ValueError(f"track outside the bathymetry: {pings} pings cover {length:.1f} m, but the seabed reaches only "
+                         f"{room:.1f} m at heading {np.rad2deg(heading):.0f} degrees; take fewer pings or a lower speed")
+    middle = 0.5 * (place[first] + place[last - 1])
+    path = middle + speed * interval * (np.arange(pings) - 0.5 * (pings - 1))
+    position = centre + path[:, None] * course
+    seabed = _smoothed(geometry, centre, course, path)
+    z = -(seabed - altitude)
+    if np.any(z > 0):
+        raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is "
+                         f"{seabed.min():.1f} m deep; lower the altitude")
+    return Track(time=np.arange(pings) * interval, position=np.column_stack([position, z]), roll=0.0, pitch=0.0,
+                 heading=heading)
+
+
+def _smoothed(geometry, centre, course, path):
+    """Mean seabed depth over ± SMOOTHING along the track at each place."""
+    offset = np.linspace(-SMOOTHING, SMOOTHING, 21)
+    line = centre + (path[:, None] + offset)[..., None] * course
+    depth = soundings(geometry, line[..., 0], line[..., 1])
+    return np.nanmean(depth, axis=1)
+
+
+def check(geometry, track):
+    """Depth of seabed below the sonar at every ping [m], (P,).
+
+    Raises
+    ------
+    ValueError
+        If a ping lies outside the seabed, below it, or above the sea surface; the first such ping is named.
+    """
+    x, y, z = track.position.T
+    if np.any(z > 0):
+        ping = int(np.argmax(z > 0))
+        raise ValueError(f"ping {ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is negative under "
+                         "water")
+    depth = soundings(geometry, x, y)
+    if np.any(np.isnan(depth)):
+        ping = int(np.argmax(np.isnan(depth)))
+        (x0, y0), (x1, y1) = geometry.horizontal_bounds
+        raise ValueError(f"track outside the bathymetry: ping {ping} is at x = {x[ping]:.1f} m, y = {y[ping]:.1f} m, where "
+                         f"no seabed lies below (the scene spans x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f} m); move the "
+                         "track or crop it")
+    below = _below(geometry, track.position)
+    if np.any(np.isnan(below)):
+        ping = int(np.argmax(np.isnan(below)))
+        raise ValueError(f"sonar below the seabed: at ping {ping} it is {-z[ping]:.2f} m deep, the seabed {depth[ping]:.2f} m; "
+                         "raise the track or lower the altitude")
+    return below
+
+
+def _below(geometry, position):
+    x, y, z = (mi.Float(column) for column in position.T)
+    ray = mi.Ray3f(mi.Point3f(x, y, z), mi.Vector3f(0, 0, -1))
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
+    return np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)

@@ -1,0 +1,188 @@
+"""Sidescan sonar (`sidescan`): port and starboard faces on a platform that follows a straight or recorded track.
+
+The sonar (defaults from ``preset``: towed_100khz, towed_400khz or auv_900khz):
+
+- ``frequency_khz``, ``source_level_db`` [dB re 1 µPa @ 1 m], ``pulse_ms`` (effective, after compression)
+- ``beam_width_deg`` along track, ``vertical_beam_width_deg``: full one-way -3 dB widths of the transmitting face;
+  180 makes that side of the face a point; ``receive_beam_width_deg``, ``receive_vertical_beam_width_deg`` if they differ
+- ``depression_deg``: of the faces' normals below horizontal
+- ``sound_speed`` [m/s]: at the head, what the sonar makes slant range of; default: the profile there
+
+The run:
+
+- ``pings`` [400], ``ping_rate_hz`` (default: as fast as the range allows, c / 2 range), ``speed_knots`` [4]
+- ``track``: CSV file with time, x, y, z, roll, pitch, heading; resampled at the ping rate; ``pings`` bounds it if written.
+  ``georeferenced`` [false]: its x, y are eastings and northings, as the bathymetry's file has them.
+- or ``start`` (point, z up) and ``heading_deg``: a straight, level track
+- or neither: straight over the middle of the surveyed area, ``altitude`` [m, 20] above the seabed, along its longer axis
+  unless ``heading_deg`` is written.
+
+What is heard:
+
+- ``speckle`` [true]: complex Gaussian echoes, one per resolution cell
+- ``noise`` [true]: ambient noise of the water in the receiver's band and beam; ``noise_level_db`` [dB re 1 µPa²/Hz]
+  instead of the water's
+
+.. code-block:: xml
+
+    <sensor type="sidescan">
+        <string name="preset" value="towed_400khz"/>
+        <integer name="pings" value="500"/>
+        <float name="altitude" value="15"/>
+        <medium type="seawater"/>
+        <film type="sonar_film"><float name="range" value="75"/></film>
+    </sensor>
+"""
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.io import tracks
+from mitsonar.plugins.properties import Attributes
+from mitsonar.sonar import Aperture, Sidescan, Track, length_for_beam_width, presets
+from mitsonar.units import hertz_from_khz, metres_per_second_from_knots
+
+from . import placement
+
+WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
+
+
+class SidescanSensor(mi.Sensor):
+    """See the module's text."""
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        self.preset = attributes.text("preset", "towed_400khz", choices=tuple(presets()))
+        default = presets()[self.preset]
+        self.frequency = float(hertz_from_khz(attributes.number("frequency_khz", default["frequency_khz"], above=0)))
+        self.source_level_db = attributes.number("source_level_db", default["source_level_db"])
+        self.pulse_length = attributes.number("pulse_ms", default["pulse_ms"], above=0, unit="ms") / 1000
+        self.transmit_widths = tuple(attributes.angle(name, default[name], above=0, maximum=180) for name in WIDTHS)
+        self.receive_widths = tuple(
+            attributes.angle(f"receive_{name}", float(np.rad2deg(width)), above=0, maximum=180)
+            for name, width in zip(WIDTHS, self.transmit_widths))
+        self.depression_angle = attributes.angle("depression_deg", default["depression_deg"], minimum=-90, maximum=90)
+        self.sound_speed = attributes.number("sound_speed", None, above=300, below=3000, unit="m/s")
+        self.pings = attributes.integer("pings", 400, minimum=1, maximum=10_000_000)
+        self.ping_rate = attributes.number("ping_rate_hz", None, above=0, unit="Hz")
+        self.speed = float(metres_per_second_from_knots(attributes.number("speed_knots", 4.0, minimum=0, unit="knots")))
+        self.start = attributes.point("start", None)
+        self.heading = attributes.angle("heading_deg", None)
+        self.altitude = attributes.number("altitude", 20.0, above=0, unit="m")
+        path = attributes.file("track", None)
+        self.georeferenced = attributes.boolean("georeferenced", False)
+        self.speckle = attributes.boolean("speckle", True)
+        self.noise = attributes.boolean("noise", True)
+        self.given_noise_level_db = attributes.number("noise_level_db", None)
+        self._bounded = bool(attributes.given("pings"))
+        if path is not None and attributes.given("start", "heading_deg", "altitude", "speed_knots"):
+            raise attributes.error(f"{', '.join(attributes.given('start', 'heading_deg', 'altitude', 'speed_knots'))} "
+                                   "cannot be combined with a recorded track; leave one of them out.")
+        if self.start is not None and attributes.given("altitude"):
+            raise attributes.error("start and altitude are both given; start says the depth already, leave one out.")
+        self.water = attributes.object(mi.Medium)
+        if not hasattr(self.water, "profile"):
+            raise attributes.error("the medium must be of type seawater.")
+        attributes.finish()
+        try:
+            self.recorded = None if path is None else tracks.read(path)
+        except ValueError as error:
+            raise attributes.error(str(error)) from None
+        self.provenance = None            # file, resolved text and parameters, told by `mitsonar.load_file`
+        super().__init__(props)
+        if not hasattr(self.film(), "window"):
+            raise attributes.error("the film must be of type sonar_film.")
+
+    def sonar(self, head_depth):
+        """The sonar as the head meets the water at a depth [m]: a `Sidescan`."""
+        speed = self.sound_speed or float(self.water.profile.at(head_depth))
+        wavelength = speed / self.frequency
+        faces = [Aperture(length=length_for_beam_width(along, wavelength), height=length_for_beam_width(across, wavelength))
+                 for along, across in (self.transmit_widths, self.receive_widths)]
+        return Sidescan(frequency=self.frequency, source_level_db=self.source_level_db, pulse_length=self.pulse_length,
+                        transmit=faces[0], receive=faces[1], depression_angle=self.depression_angle, sound_speed=speed)
+
+    def plan(self, geometry, origin=None):
+        """Lay the track over a scene.
+
+        Parameters
+        ----------
+        geometry : trace.Geometry
+        origin : (2,) [m] or None
+            Easting and northing of the scene's origin.
+
+        Returns
+        -------
+        track : Track
+        sonar : Sidescan
+        depth_below : (P,) [m]
+            Seabed below the sonar.
+
+        Raises
+        ------
+        ValueError
+            If the track leaves the seabed, the water, or the recorded span.
+        """
+        interval = self._interval()
+        if self.recorded is not None:
+            track = self._resampled(interval, origin)
+        elif self.start is not None:
+            track = Track.straight(start=self.start, heading=self.heading or 0.0, speed=self.speed, interval=interval,
+                                   pings=self.pings)
+        else:
+            track = placement.lines_up(geometry, heading=self.heading, altitude=self.altitude, pings=self.pings,
+                                       length=self.speed * interval * (self.pings - 1), interval=interval,
+                                       speed=self.speed)
+        below = placement.check(geometry, track)
+        return track, self.sonar(float(np.mean(-track.position[:, 2]))), below
+
+    def _interval(self):
+        """Time between pings [s]; the last echo of one must be in before the next."""
+        # the slowest water makes the longest wait
+        speed = self.sound_speed or float(np.min(self.water.profile.sound_speed))
+        shortest = self.film().window(speed)[0][1]
+        if self.ping_rate is None:
+            return shortest
+        if 1 / self.ping_rate < shortest * (1 - 1e-9):
+            raise ValueError(f"ping_rate_hz is {self.ping_rate}, but echoes from the range of the film take "
+                             f"{shortest:.4f} s; use at most {1 / shortest:.3f} Hz or a shorter range")
+        return 1 / self.ping_rate
+
+    def _resampled(self, interval, origin):
+        recorded = self.recorded
+        if self.georeferenced:
+            if origin is None:
+                raise ValueError("georeferenced is true, but no bathymetry of the scene has a geographic origin; "
+                                 "set it false, or use a bathymetry with a coordinate system")
+            position = recorded.position - np.array([*origin, 0.0])
+            recorded = Track(time=recorded.time, position=position, roll=recorded.roll, pitch=recorded.pitch,
+                             heading=recorded.heading)
+        if recorded.pings == 1:
+            return recorded
+        lasting = int((recorded.time[-1] - recorded.time[0]) / interval + 1e-9) + 1
+        if self._bounded and self.pings > lasting:
+            raise ValueError(f"pings is {self.pings}, but the recorded track lasts for {lasting} at {interval:.3f} s a ping; "
+                             "ask for fewer or raise the ping rate")
+        pings = self.pings if self._bounded else lasting
+        return recorded.at(recorded.time[0] + interval * np.arange(pings))
+
+    def noise_level_db(self):
+        """Noise spectrum level [dB re 1 µPa²/Hz] in the water."""
+        if self.given_noise_level_db is not None:
+            return self.given_noise_level_db
+        return self.water.noise_level_db(self.frequency)
+
+    # What Mitsuba asks of a sensor that no camera ray leaves
+    def traverse(self, callback):
+        super().traverse(callback)
+
+    def sample_ray(self, time, wavelength_sample, position_sample, aperture_sample, active=True):
+        raise ValueError("a sidescan sends sound; render it with the integrator sonar_path")
+
+    def bbox(self):
+        return mi.ScalarBoundingBox3f()
+
+    def to_string(self):
+        return f"Sidescan[{self.frequency / 1000:g} kHz, {self.pings} pings]"
+
+
+mi.register_sensor("sidescan", SidescanSensor)
