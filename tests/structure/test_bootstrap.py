@@ -1,7 +1,8 @@
-"""The set-up of a checkout, on a small copy of it: what a second run does, an interrupted one leaves, a failing one says.
+"""The set-up of a checkout: what a second run does, what an interrupted one leaves, what a failing one says.
 
-A script called uv stands for the real one, so that nothing is downloaded: it writes its calls down, and the environment it
-makes leads to an interpreter that has the packages. The command itself is started by one that has none (python -S).
+It runs on a small copy of the checkout. A script called uv stands for the real one, so that nothing is downloaded: it
+writes its calls down, and the environment it makes leads to an interpreter that has the packages. The command itself is
+started by one that has none (python -S).
 """
 import os
 import shutil

@@ -23,7 +23,7 @@ libatomic1
 
 @pytest.fixture
 def packages(monkeypatch, tmp_path):
-    """Packages of a machine whose apt-get leaves two packages; the file ``broken`` names one that cannot be unpacked."""
+    """Packages of a machine whose apt-get brings two; the file ``broken`` names one that cannot be unpacked."""
     tools = tmp_path / "tools"
     tools.mkdir()
     scripts = {
@@ -41,7 +41,8 @@ def packages(monkeypatch, tmp_path):
 
 
 def test_the_closure_leaves_the_runtimes_and_what_only_they_need_to_the_system(packages):
-    assert packages.closure(["libllvm19", "libatomic1"]) == ["libatomic1", "libicu72", "libllvm19", "libxml2", "libz3-4"]
+    found = packages.closure(["libllvm19", "libatomic1"])
+    assert found == ["libatomic1", "libicu72", "libllvm19", "libxml2", "libz3-4"]
 
 
 def test_unpacking_replaces_the_folder(packages, tmp_path):

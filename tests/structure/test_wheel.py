@@ -1,0 +1,65 @@
+"""The wheel carries the package, the plugins, the scenes and the licence, and works away from the checkout."""
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run(arguments, folder):
+    """Run Python with `arguments` in `folder`, with the packages there before all others."""
+    return subprocess.run([sys.executable, *arguments], cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)},
+                          capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The built wheel, by the tools already here: no network."""
+    folder = tmp_path_factory.mktemp("wheel")
+    child = run(["-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)], folder)
+    assert child.returncode == 0, child.stdout + child.stderr
+    return next(folder.glob("mitsonar-*.whl"))
+
+
+def test_every_file_is_in_it(wheel):
+    expected = {"mitsonar/" + path.relative_to(ROOT / top).as_posix()
+                for top in ("mitsonar", "plugins", "scenes") for path in (ROOT / top).rglob("*")
+                if path.is_file() and "__pycache__" not in path.parts}
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    assert names == expected
+
+
+def test_it_states_licence_command_and_python(wheel):
+    archive = zipfile.ZipFile(wheel)
+    information = {name.partition(".dist-info/")[2]: name for name in archive.namelist() if ".dist-info/" in name}
+    assert archive.read(information["licenses/mitsonar/LICENSE"]).startswith(b"BSD 3-Clause License")
+    assert b"mitsonar = mitsonar.__main__:main" in archive.read(information["entry_points.txt"])
+    metadata = archive.read(information["METADATA"]).decode()
+    assert "License-Expression: BSD-3-Clause" in metadata
+    assert "Requires-Python: >=3.10" in metadata
+    assert "Requires-Dist: mitsuba==3.9.1" in metadata
+
+
+def test_it_works_away_from_the_checkout(wheel, tmp_path):
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    child = run(["-c", """
+import importlib.resources, mitsonar, mitsuba
+mitsuba.set_variant("llvm_ad_mono")
+print(mitsonar.__file__, mitsonar.plugins.__file__)
+print(*(path.name for path in importlib.resources.files("mitsonar.scenes").iterdir()))"""], tmp_path)
+    assert child.returncode == 0, child.stderr
+    files, scenes = child.stdout.splitlines()
+    assert all(file.startswith(str(tmp_path / "mitsonar")) for file in files.split())
+    assert any(name.endswith(".xml") for name in scenes.split())
+
+
+def test_its_command_needs_no_checkout(wheel, tmp_path):
+    """It never sets an environment up, and says that the tests are not in it."""
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    child = run(["-m", "mitsonar", "test"], tmp_path)
+    assert child.returncode == 2
+    assert child.stderr.startswith("mitsonar: The tests are part of the source checkout")
