@@ -19,6 +19,7 @@ FLOORS = """
     imaging
     io
     trace
+    survey
     plugins
     scene rendering
     plots doctor

@@ -26,9 +26,9 @@ def wheel(tmp_path_factory):
 
 
 def test_every_file_is_in_it(wheel):
-    expected = {"mitsonar/" + path.relative_to(ROOT / top).as_posix()
-                for top in ("mitsonar", "plugins", "scenes") for path in (ROOT / top).rglob("*")
-                if path.is_file() and "__pycache__" not in path.parts}
+    expected = {(Path("mitsonar") / path.relative_to(base)).as_posix()
+                for base, top in ((ROOT / "mitsonar", "."), (ROOT, "plugins"), (ROOT, "scenes"))
+                for path in (base / top).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert names == expected
 
