@@ -1,0 +1,120 @@
+"""The sheet a picture stands on: figures made without pyplot (no global state), colours, axes in metres, scale bar."""
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from ..io.files import replacing
+
+DPI = 110
+PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
+SIDES = {"port": "#b3261e", "starboard": "#1b7a3d"}  # the colours of the side lights
+COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
+    (0.0, "#050302"), (0.18, "#2b1306"), (0.4, "#7a3c10"), (0.6, "#b86f22"), (0.78, "#e0a548"), (0.92, "#f6dc94"),
+    (1.0, "#fffdf0")]).with_extremes(bad=PAPER)
+FORMATS = ("png", "pdf", "svg")
+
+
+def file_format(path):
+    """Give the format that a file name asks for, or refuse it."""
+    suffix = Path(path).suffix.lower().removeprefix(".")
+    if suffix not in FORMATS:
+        raise ValueError(f"cannot draw {path}: its name must end in one of .{', .'.join(FORMATS)}.")
+    return suffix
+
+
+def save(figure, path):
+    """Write a figure, whole or not at all; a PNG has no date in it."""
+    kind = file_format(path)
+    metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata, facecolor=figure.get_facecolor())
+
+
+def sheet(width, height, colour="white"):
+    """Make an empty figure of that many picture elements."""
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=colour)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar="", bar_extend="both"):
+    """Draw an image (height, width) over the ground it covers, a picture element a pixel.
+
+    Parameters
+    ----------
+    grid : Grid
+    image : array (grid.height, grid.width)
+        The oldest ping in row 0; it is drawn at the bottom.
+    title, subtitle : str
+    colours : matplotlib colormap
+    limits : pair of float, optional
+        Values of the first and the last colour.
+    bar : str
+        Label of the colour bar; none is drawn without.
+
+    Returns
+    -------
+    matplotlib.figure.Figure, Axes
+    """
+    left, right, bottom, top = 84, 128 if bar else 30, 62, 86
+    figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
+    box = np.array([left, bottom, grid.width, grid.height]) / np.tile(figure.get_size_inches() * DPI, 2)
+    axes = figure.add_axes(box, facecolor=PAPER)
+    low, high = limits or (None, None)
+    drawn = axes.imshow(image, origin="lower", aspect="auto", interpolation="nearest", cmap=colours, vmin=low,
+                        vmax=high, extent=[grid.across[0], grid.across[-1], grid.along[0], grid.along[-1]])
+    figure.text(box[0], 1 - 30 / figure.bbox.height, title, color=INK, fontsize=14, fontweight="bold", va="center")
+    figure.text(box[0], 1 - 54 / figure.bbox.height, subtitle, color=INK, fontsize=10.5, va="center")
+    _metres(grid, axes)
+    scale_bar(grid, axes)
+    if bar:
+        room = figure.add_axes([box[0] + box[2] + 18 / figure.bbox.width, box[1], 16 / figure.bbox.width, box[3]])
+        key = figure.colorbar(drawn, cax=room, extend=bar_extend, extendfrac=0.02)
+        key.set_label(bar, color=INK, fontsize=10.5)
+        room.tick_params(colors=INK, labelsize=10)
+        key.outline.set_edgecolor(FAINT)
+    return figure, axes
+
+
+def _metres(grid, axes):
+    """Mark slant range on both sides and the way along the track, newest on top."""
+    axes.xaxis.set_major_locator(MaxNLocator(16, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{abs(value):g}"))
+    axes.yaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10], integer=not grid.moving))
+    axes.set_xlabel("port        ←        slant range [m]        →        starboard", color=INK, fontsize=11)
+    along = "along track [m]" if grid.moving else "ping"
+    if grid.moving and not 0.9 < grid.stretch < 1.1:
+        along += f", scale × {grid.stretch:.2g}"
+    axes.set_ylabel(f"{along}        newest →", color=INK, fontsize=11)
+    axes.tick_params(colors=INK, labelsize=10, top=True, direction="out")
+    for spine in axes.spines.values():
+        spine.set_edgecolor(FAINT)
+    axes.axvline(0, color=INK, linewidth=0.5, alpha=0.35)
+
+
+def scale_bar(grid, axes):
+    """Draw a bar of a round length across the track, and one along it where its scale differs."""
+    width, height = (edges[-1] - edges[0] for edges in (grid.across, grid.along))
+    pixel_x, pixel_y = width / grid.width, height / grid.height
+    length = round_length(width / 7)
+    x, y = grid.across[-1] - 26 * pixel_x, grid.along[0] + 36 * pixel_y
+    line = {"color": "white", "linewidth": 3.5, "path_effects": [withStroke(linewidth=6, foreground="#000000c0")]}
+    text = {"color": "white", "fontsize": 10.5, "path_effects": [withStroke(linewidth=3, foreground="#000000c0")]}
+    axes.text(x - length / 2, y - 9 * pixel_y, f"{length:g} m", ha="center", va="top", **text)
+    corners = [(x - length, y), (x, y)]
+    if grid.moving and not 0.9 < grid.stretch < 1.1:
+        rise = round_length(height / 5)
+        corners.append((x, y + rise))
+        axes.text(x - 9 * pixel_x, y + rise / 2, f"{rise:g} m", ha="right", va="center", **text)
+    axes.plot(*zip(*corners, strict=True), solid_joinstyle="miter", solid_capstyle="butt", **line)
+
+
+def round_length(length):
+    """Give the largest of 1, 2, 5 x 10^n that is no longer than ``length``."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))

@@ -1,0 +1,134 @@
+"""From bins to picture elements: pings and ranges laid out in metres and averaged over the area of each element.
+
+Across the picture runs the slant range, port mirrored on the left, starboard on the right; up the picture runs the way
+of the sonar, the newest ping on top, so that port is left and starboard right of somebody moving up the picture. An
+element that covers several bins shows their mean, each weighted with the share of the element it covers; one that is
+smaller than a bin shows the bin.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+WIDEST, LOWEST = 1400, 420  # picture elements
+LARGEST = 2**22  # bins of a variable worked on at a time
+FLATTEST, TALLEST = 0.4, 1.6  # height / width: beyond these the along-track scale is stretched or squeezed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """The picture elements of a dataset and the shares of the bins in them."""
+
+    across: np.ndarray  # (2N + 2,) edges of the columns [m]: port, the gap under the sonar, starboard
+    along: np.ndarray  # (P + 1,) edges of the pings [m], or in pings where the sonar stands still
+    moving: bool
+    width: int
+    height: int
+
+    @property
+    def stretch(self):
+        """Along-track scale over across-track scale; 1 where an element is square on the ground."""
+        return (self.height / (self.along[-1] - self.along[0])) / (self.width / (self.across[-1] - self.across[0]))
+
+    def edges(self):
+        """Give the edges of the picture's rows and columns, in the units of ``along`` and ``across``."""
+        return (np.linspace(self.along[0], self.along[-1], self.height + 1),
+                np.linspace(self.across[0], self.across[-1], self.width + 1))
+
+    def mean(self, dataset, values):
+        """Average over the picture elements, leaving out NaN.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            The one the grid was made for.
+        values : function
+            Gives the values (p, 2, N) of a stretch of the dataset of p pings.
+
+        Returns
+        -------
+        array (height, width)
+            The oldest ping in row 0; NaN where an element has no values.
+        """
+        rows, columns = self.edges()
+        rows, columns = _shares(self.along, rows).tocsc(), _shares(self.across, columns)
+        total, weight = np.zeros((2, self.height, self.width))
+        for first, part in stretches(dataset):
+            laid = _side_by_side(np.asarray(values(part), float), np.nan)
+            known = np.isfinite(laid)
+            mine = rows[:, first:first + part.sizes["ping"]]
+            total += mine @ (columns @ np.where(known, laid, 0).T).T
+            weight += mine @ (columns @ known.T.astype(float)).T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(weight > 1e-9 * weight.max(initial=0), total / weight, np.nan)
+
+    def largest(self, dataset, values):
+        """Give the largest of the values that meet in each picture element, (height, width); arguments as `mean`."""
+        first_row, first_column = (
+            np.clip(np.searchsorted(source, target[:-1], side="right") - 1, 0, source.size - 2)
+            for source, target in zip((self.along, self.across), self.edges(), strict=True))
+        rows = [np.maximum.reduceat(_side_by_side(values(part), 0), first_column, axis=1)
+                for _, part in stretches(dataset)]
+        return np.maximum.reduceat(np.concatenate(rows), first_row, axis=0)
+
+
+def stretches(dataset):
+    """Cut a dataset along the track into pieces of bounded memory: pairs of first ping and piece, sides in order."""
+    pings = max(1, LARGEST // (2 * dataset.sizes["range"]))
+    for first in range(0, dataset.sizes["ping"], pings):
+        yield first, dataset.isel(ping=slice(first, first + pings)).transpose("ping", "side", "range", ...)
+
+
+def make_grid(dataset):
+    """Lay out the picture of a sidescan dataset.
+
+    Raises
+    ------
+    ValueError
+        If the dataset has other dimensions than (ping, side, range) with sides port and starboard, or no bins.
+    """
+    sides = dataset["side"].values.tolist() if "side" in dataset.coords else []
+    if sides != ["port", "starboard"] or not {"ping", "range"} <= set(dataset.dims):
+        raise ValueError(f"plots show a sidescan with the dimensions ping, side (port, starboard) and range; this "
+                         f"dataset has {dict(dataset.sizes)}.")
+    if not (dataset.sizes["ping"] and dataset.sizes["range"]):
+        raise ValueError(f"there is nothing to plot: the dataset has {dict(dataset.sizes)}.")
+    slant_range = _edges_around(dataset["range"].values, float(dataset.attrs.get("bin_width", 1)))
+    slant_range[0] = max(slant_range[0], 0)
+    across = np.concatenate([-slant_range[::-1], slant_range])
+    steps = np.zeros(0)
+    if {"x", "y"} <= set(dataset.coords):
+        steps = np.hypot(np.diff(dataset["x"].values), np.diff(dataset["y"].values))
+    moving = bool(steps.sum() > 1e-6)
+    along = _edges_around(np.r_[0, np.cumsum(steps)] if moving else np.arange(dataset.sizes["ping"]), 1)
+    bins = 2 * dataset.sizes["range"]
+    width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST  # whole picture elements to a bin, where they are many
+    square = width * (along[-1] - along[0]) / (across[-1] - across[0])
+    height = square if moving else dataset.sizes["ping"]
+    return Grid(across=across, along=along, moving=moving, width=width,
+                height=int(np.clip(round(height), max(FLATTEST * width, LOWEST), TALLEST * width)))
+
+
+def _side_by_side(values, gap):
+    """Lay out an array (p, 2, N) as (p, 2N + 1): port mirrored, a column under the sonar, starboard."""
+    middle = np.full((values.shape[0], 1), gap, values.dtype)
+    return np.concatenate([values[:, 0, ::-1], middle, values[:, 1]], axis=1)
+
+
+def _edges_around(centres, alone):
+    """Give the edges half-way between centres and as far beyond the ends; a single one is ``alone`` wide."""
+    centres = np.asarray(centres, float)
+    if centres.size == 1:
+        return centres[0] + np.array([-0.5, 0.5]) * alone
+    middle = (centres[1:] + centres[:-1]) / 2
+    return np.r_[2 * centres[0] - middle[0], middle, 2 * centres[-1] - middle[-1]]
+
+
+def _shares(source, target):
+    """Give the lengths that intervals between ``target`` edges share with those between ``source`` edges, (T, S)."""
+    cuts = np.unique(np.concatenate([source, target]))
+    middle = (cuts[1:] + cuts[:-1]) / 2
+    rows, columns = (np.searchsorted(edges, middle) - 1 for edges in (target, source))
+    inside = (rows >= 0) & (rows < target.size - 1) & (columns >= 0) & (columns < source.size - 1)
+    return csr_array((np.diff(cuts)[inside], (rows[inside], columns[inside])),
+                     shape=(target.size - 1, source.size - 1))

@@ -1,0 +1,241 @@
+"""The pictures themselves, a function each, named in the table `PLOTS`.
+
+Levels are averaged as intensities and only then turned to decibels again, so that the brightness of a picture does not
+depend on its size.
+"""
+from collections import Counter
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import Patch
+
+from .. import units
+from ..io.files import check_writable
+from . import canvas
+from .gain import display_gain
+from .grid import make_grid, stretches
+
+NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
+LEGEND = 24  # labels named at most
+
+
+def preview(dataset, path, *, tvg="seabed"):
+    """Draw the waterfall of a sidescan as sonar software shows it.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        As made by ``mitsonar.render``: level over (ping, side, range).
+    path : str or path
+        A .png (or .pdf, .svg) to write.
+    tvg : {'seabed', 'target', None}
+        Gain for display (see `mitsonar.plots.gain`); the data are not changed.
+
+    Raises
+    ------
+    ValueError
+        If the dataset is not a sidescan, or ``path`` or ``tvg`` is not as above.
+    FileNotFoundError, PermissionError, OSError
+        If the file cannot be written.
+    """
+    plot(dataset, "waterfall", path, tvg=tvg)
+
+
+def plot(dataset, what, path, *, tvg="seabed", ping=None):
+    """Draw one of the plots named in `PLOTS`.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    what : str
+        ``waterfall``; ``ping``: the levels of one ping; ``mean``: levels against range over all pings; ``labels``,
+        ``depth``, ``shadow``, ``rays``: the truth behind every bin.
+    path : str or path
+        A .png, .pdf or .svg to write.
+    tvg : {'seabed', 'target', None}
+        Gain of the waterfall.
+    ping : int, optional
+        For ``ping``; the middle one by default.
+
+    Raises
+    ------
+    ValueError
+        If the dataset is not a sidescan or lacks the variable, or an argument is not as above.
+    FileNotFoundError, PermissionError, OSError
+        If the file cannot be written.
+    """
+    if what not in PLOTS:
+        raise ValueError(f"there is no plot {what!r}; choose one of {', '.join(PLOTS)}.")
+    canvas.file_format(path)
+    check_writable(path)
+    draw, needed = PLOTS[what]
+    if needed not in dataset.data_vars:
+        raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "
+                         f"{', '.join(map(str, dataset.data_vars))}.")
+    options = {"waterfall": {"tvg": tvg}, "ping": {"ping": ping}}.get(what, {})
+    canvas.save(draw(dataset, make_grid(dataset), **options), path)
+
+
+def _waterfall(dataset, grid, *, tvg):
+    words = display_gain(dataset, tvg)[1]
+
+    def intensity(part):
+        level = part["level"].values.astype(float)
+        return np.where(level > NOTHING_DB, units.power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
+
+    image = units.db_from_power(grid.mean(dataset, intensity))
+    return canvas.picture(grid, image, _title(dataset), subtitle=_subtitle(dataset, grid),
+                          limits=_contrast(dataset, grid, image), bar=f"level{words}  [dB re 1 µPa]")[0]
+
+
+def _contrast(dataset, grid, image):
+    """Give the levels of black and white from the elements that hold the seabed, if it is known where it is."""
+    shown = np.isfinite(image)
+    if "mean_level" in dataset:
+        shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
+    values = image[shown] if shown.any() else image[np.isfinite(image)]
+    if not values.size:
+        return 0.0, 1.0
+    # White lies as far above the middle as a bright target may stick out of the speckle, so that the bed stays brown.
+    low, middle, high = np.percentile(values, [2, 50, 99.8])
+    low = min(low, middle - 6)
+    return float(low), float(max(high, middle + 0.75 * (middle - low)))
+
+
+def _labels(dataset, grid):
+    counts = Counter()
+    for _, part in stretches(dataset):
+        counts.update(dict(zip(*(found.tolist() for found in np.unique(part["label"], return_counts=True)),
+                               strict=True)))
+    # Where several meet in a picture element the rarest is shown, else small targets vanish from large surveys.
+    order = sorted(counts, key=lambda label: (label != 0, -counts[label], label))
+    ids = np.array(sorted(counts))
+    rank = np.array([order.index(label) for label in ids], np.min_scalar_type(ids.size))
+    image = grid.largest(dataset, lambda part: rank[np.searchsorted(ids, part["label"].values)])
+    names = {0: "none", **{int(key): name for key, name in dataset.attrs.get("labels", {}).items()}}
+    palette = ["#000000", "#a9825a", *(colormaps["tab10"](k) for k in (0, 3, 2, 4, 9, 6, 8, 1, 7, 5))]
+    palette = palette[order[0] != 0:]
+    colours = [palette[k] if k < len(palette) else colormaps["hsv"](0.618034 * k % 1) for k in range(len(order))]
+    figure, axes = canvas.picture(grid, image, f"{_title(dataset)}: labels", subtitle=_subtitle(dataset, grid),
+                                  colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5))
+    keys = [Patch(facecolor=colours[order.index(label)], edgecolor=canvas.FAINT,
+                  label=f"{label}  {names.get(label, 'unnamed')}  ({counts[label] / counts.total():.2%})")
+            for label in ids.tolist()[:LEGEND]]
+    axes.legend(handles=keys, loc="upper right", fontsize=10, facecolor=canvas.PAPER, edgecolor=canvas.FAINT,
+                labelcolor=canvas.INK, framealpha=0.85)
+    return figure
+
+
+def _depth(dataset, grid):
+    image = grid.mean(dataset, lambda part: part["depth"].values)
+    colours = colormaps["viridis_r"].with_extremes(bad="#000000")
+    known = image[np.isfinite(image)]
+    low, high = np.percentile(known, [0.5, 99.5]) if known.size else (0.0, 0.0)
+    limits = (low, high) if high > low else (low - 0.5, high + 0.5)
+    figure, _ = canvas.picture(grid, image, f"{_title(dataset)}: depth of the hits",
+                               subtitle=_subtitle(dataset, grid), colours=colours, limits=limits, bar="depth [m]")
+    figure.axes[-1].invert_yaxis()
+    return figure
+
+
+def _shadow(dataset, grid):
+    image = grid.mean(dataset, lambda part: part["shadow"].values)
+    return canvas.picture(grid, image, f"{_title(dataset)}: shadow", subtitle=_subtitle(dataset, grid),
+                          colours=colormaps["gray"].with_extremes(bad=canvas.PAPER), limits=(0, 1),
+                          bar="share of the element in shadow", bar_extend="neither")[0]
+
+
+def _rays(dataset, grid):
+    image = grid.mean(dataset, lambda part: part["rays"].values)
+    known = image[image > 0]
+    top = float(np.percentile(known, 99.5)) if known.size else 1.0
+    return canvas.picture(grid, image, f"{_title(dataset)}: rays", subtitle=_subtitle(dataset, grid),
+                          colours=colormaps["magma"].with_extremes(bad=canvas.PAPER), limits=(0, top),
+                          bar="rays per bin", bar_extend="max")[0]
+
+
+def _ping(dataset, grid, *, ping):
+    pings = dataset.sizes["ping"]
+    ping = pings // 2 if ping is None else ping
+    if not 0 <= ping < pings:
+        raise ValueError(f"there is no ping {ping}; the dataset has {pings}, the first is 0.")
+    figure = canvas.sheet(1200, 720)
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    one = dataset.isel(ping=ping)
+    slant_range = dataset["range"].values
+    for axes, (side, colour) in zip(panels, canvas.SIDES.items(), strict=True):
+        axes.plot(slant_range, _heard(one["level"].sel(side=side).values), color=colour, linewidth=0.7, alpha=0.7,
+                  label="level")
+        if "mean_level" in dataset:
+            axes.plot(slant_range, _heard(one["mean_level"].sel(side=side).values), color="black", linewidth=1.4,
+                      label="without speckle and noise")
+        if "altitude" in one.coords and np.isfinite(one["altitude"]):
+            axes.axvline(float(one["altitude"]), color="gray", linewidth=1, linestyle=":", label="altitude")
+        axes.set_title(side, loc="left", color=colour, fontsize=12, fontweight="bold")
+        _line_axes(axes, slant_range)
+    panels[0].legend(loc="upper right", fontsize=10, ncols=3)
+    panels[1].set_xlabel("slant range [m]", fontsize=11)
+    when = f" at {float(one['ping_time']):.3f} s" if "ping_time" in one.coords else ""
+    figure.suptitle(f"{_title(dataset)}: ping {ping}{when}", fontsize=14, fontweight="bold")
+    figure.tight_layout()
+    return figure
+
+
+def _mean(dataset, grid):
+    figure = canvas.sheet(1200, 640)
+    axes = figure.subplots()
+    slant_range = dataset["range"].values
+    for index, (side, colour) in enumerate(canvas.SIDES.items()):
+        level = dataset["level"].sel(side=side).transpose("ping", "range").values
+        power = np.where(level > NOTHING_DB, units.power_from_db(level), 0).mean(axis=0)
+        low, high = np.percentile(level, [10, 90], axis=0)
+        axes.fill_between(slant_range, _heard(low), _heard(high), color=colour, alpha=0.15, linewidth=0,
+                          label=f"{side}: 10 to 90 % of the pings")
+        axes.plot(slant_range, _heard(units.db_from_power(power)), color=colour, linewidth=1.4,
+                  linestyle="-" if index == 0 else "--", label=f"{side}: mean intensity")
+    _line_axes(axes, slant_range)
+    axes.set_xlabel("slant range [m]", fontsize=11)
+    axes.legend(fontsize=10)
+    axes.set_title(f"{_title(dataset)}: mean over {dataset.sizes['ping']} pings", fontsize=14, fontweight="bold")
+    figure.tight_layout()
+    return figure
+
+
+def _line_axes(axes, slant_range):
+    axes.set_ylabel("level [dB re 1 µPa]", fontsize=11)
+    axes.set_xlim(slant_range[0], max(slant_range[-1], slant_range[0] + 1e-6))
+    axes.tick_params(labelsize=10)
+    axes.grid(alpha=0.25)
+
+
+def _heard(level):
+    """Give levels with gaps where there is nothing."""
+    return np.where(level > NOTHING_DB, level, np.nan)
+
+
+def _title(dataset):
+    frequency = dataset.attrs.get("frequency")
+    words = f" {units.khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
+    return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
+
+
+def _subtitle(dataset, grid):
+    pings = dataset.sizes["ping"]
+    parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
+             f"{_metres(grid.across[-1])} to each side"]
+    if "bin_width" in dataset.attrs:
+        parts.append(f"bins of {_metres(float(dataset.attrs['bin_width']))}")
+    if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():
+        parts.append(f"altitude {_metres(float(np.nanmean(dataset['altitude'].values)))}")
+    return "   ·   ".join(parts)
+
+
+def _metres(length):
+    """Give a length to three digits, without a power of ten."""
+    return f"{100 * length:.3g} cm" if length < 1 else f"{length:.3g} m" if length < 999.5 else f"{length:.0f} m"
+
+
+PLOTS = {"waterfall": (_waterfall, "level"), "ping": (_ping, "level"), "mean": (_mean, "level"),
+         "labels": (_labels, "label"), "depth": (_depth, "depth"), "shadow": (_shadow, "shadow"),
+         "rays": (_rays, "rays")}

@@ -1,0 +1,193 @@
+"""Pictures of datasets: every bin at its place, intensities averaged, display gain that flattens an even bed.
+
+Closed forms: the mean of 1 and 10 is 5.5, 7.4 dB; on a level Lambert bed the gain of physics (30 log R + 2aR, Lambert's
+sin²) leaves a constant, exact but for float32 levels (1e-4 dB). Places are checked to one picture element.
+"""
+import subprocess
+import sys
+
+import matplotlib.image
+import numpy as np
+import pytest
+from synthetic_sidescan import sidescan
+
+from mitsonar import plots
+from mitsonar.plots import canvas, grid
+from mitsonar.plots.gain import display_gain
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def nothing(dataset):
+    """The same survey where no ray met anything and the water is silent."""
+    silent = dataset.copy(deep=True)
+    for name in ("level", "mean_level"):
+        silent[name][:] = -200
+    silent["depth"][:] = np.nan
+    for name in ("label", "rays", "shadow"):
+        silent[name][:] = 0
+    return silent
+
+
+SURVEYS = {
+    "plain": sidescan(30, 60),
+    "one bin": sidescan(1, 1),
+    "standing still, dimensions turned around": sidescan(12, 40, speed=0.0).transpose("range", "side", "ping"),
+    "far only": sidescan(20, 60).isel(range=slice(20, None)),
+    "nothing, altitude unknown": nothing(sidescan(5, 20)).assign_coords(altitude=("ping", np.full(5, np.nan))),
+    "no track, no attributes": sidescan(8, 20)[["level", "label", "depth", "shadow", "rays"]].drop_vars(
+        ["altitude", "x", "y", "ping_time"]).drop_attrs(),
+}
+
+
+@pytest.mark.parametrize("what", plots.PLOTS)
+@pytest.mark.parametrize("name", SURVEYS)
+def test_every_plot_of_every_survey(name, what, tmp_path, monkeypatch):
+    monkeypatch.setattr(grid, "WIDEST", 300)  # small pictures for speed
+    monkeypatch.setattr(grid, "LOWEST", 100)
+    dataset = SURVEYS[name]
+    before = dataset.copy(deep=True)
+    plots.plot(dataset, what, tmp_path / "a.png")
+    image = matplotlib.image.imread(tmp_path / "a.png")
+    assert image.shape[0] > 200 and image.shape[1] > 250 and image.std() > 0.01
+    assert dataset.identical(before)
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_preview_gives_the_same_bytes_each_time(suffix, tmp_path):
+    for name in ("a", "b"):
+        plots.preview(sidescan(10, 20), tmp_path / f"{name}.{suffix}")
+    first, second = ((tmp_path / f"{name}.{suffix}").read_bytes() for name in ("a", "b"))
+    assert first == second or suffix == "svg"  # an SVG names its parts at random
+
+
+@pytest.mark.parametrize(("side", "index", "column"), [("port", 0, 299), ("port", 49, 5), ("starboard", 0, 310),
+                                                       ("starboard", 49, 1390)])
+@pytest.mark.parametrize(("ping", "row"), [(0, 0), (29, -1)])
+def test_port_is_left_starboard_right_and_the_newest_ping_last(side, index, column, ping, row):
+    """50 bins a side are 14 picture elements each: 0..699 port mirrored, 700..1399 starboard."""
+    dataset = nothing(sidescan(30, 50))
+    dataset["rays"].loc[{"side": side}][ping, index] = 1
+    laid = grid.make_grid(dataset)
+    image = laid.mean(dataset, lambda part: part["rays"].values)
+    assert image.shape == (laid.height, 1400)
+    columns = np.flatnonzero(image[row])
+    first = 700 - 14 * (index + 1) if side == "port" else 700 + 14 * index
+    np.testing.assert_array_equal(columns, np.arange(first, first + 14))
+    assert image[row, first] == pytest.approx(1) and not image[laid.height // 2].any()
+
+
+def test_the_picture_is_upright(tmp_path):
+    """The last ping of port is bright: the upper left corner of the picture glows, the others stay dark."""
+    dataset = nothing(sidescan(40, 50))
+    dataset["level"][:] = 10
+    dataset["level"][-10:, 0, -10:] = 60
+    plots.preview(dataset, tmp_path / "a.png", tvg=None)
+    image = matplotlib.image.imread(tmp_path / "a.png")[..., :3].sum(axis=2)
+    box = image[90:-66, 88:-132]
+    assert box[10, 10] > 2 and box[-10, 10] < 0.5 and box[10, -10] < 0.5
+
+
+def test_levels_are_averaged_as_intensities():
+    dataset = sidescan(4, 2000)
+    dataset["level"][:] = np.where(np.arange(2000) % 2, 0, 10)
+    laid = grid.make_grid(dataset)
+    image = laid.mean(dataset, lambda part: 10 ** (part["level"].values / 10))
+    assert image.shape[1] == grid.WIDEST
+    assert 10 * np.log10(image.mean()) == pytest.approx(10 * np.log10(5.5), abs=1e-9)
+    whole = dataset["level"].mean()
+    assert abs(10 * np.log10(image.mean()) - whole) > 2  # the mean of the decibels is another number
+
+
+def test_nan_bins_are_left_out_of_the_mean():
+    dataset = sidescan(6, 1400)
+    dataset["depth"][:] = np.where(np.arange(1400) % 2, np.nan, 7)
+    image = grid.make_grid(dataset).mean(dataset, lambda part: part["depth"].values)
+    np.testing.assert_allclose(image, 7)
+
+
+def test_long_surveys_are_drawn_in_stretches(monkeypatch):
+    dataset = sidescan(50, 30)
+    laid = grid.make_grid(dataset)
+
+    def both():
+        return (laid.mean(dataset, lambda part: part["depth"].values),
+                laid.largest(dataset, lambda part: part["label"].values))
+    mean, largest = both()
+    monkeypatch.setattr(grid, "LARGEST", 60 * 7)
+    np.testing.assert_allclose(both()[0], mean, rtol=1e-12)
+    np.testing.assert_array_equal(both()[1], largest)
+
+
+def test_elements_are_square_on_the_ground_where_that_fits():
+    square = grid.make_grid(sidescan(1000, 50, interval=0.05))
+    assert square.stretch == pytest.approx(1, abs=0.01)
+    short, long = (grid.make_grid(sidescan(pings, 50)) for pings in (20, 5000))
+    assert short.stretch > 1.1 and short.height == grid.FLATTEST * short.width
+    assert long.stretch < 0.9 and long.height == grid.TALLEST * long.width
+
+
+def test_uneven_way_is_drawn_to_scale():
+    """The second half of the pings is three times as fast, so it takes three quarters of the picture."""
+    dataset = sidescan(41, 20)
+    dataset["y"] = ("ping", np.r_[np.arange(20) * 1.0, 20 + 3.0 * np.arange(21)])
+    dataset["rays"][:] = 0
+    dataset["rays"][20:] = 1
+    image = grid.make_grid(dataset).mean(dataset, lambda part: part["rays"].values)
+    assert image[:, 0].mean() == pytest.approx(0.75, abs=0.02)
+
+
+def test_rare_labels_stay_visible_in_large_surveys(tmp_path):
+    dataset = sidescan(12000, 30)
+    dataset["label"][:] = 1
+    dataset["label"][6000, 1, 15] = 2
+    plots.plot(dataset, "labels", tmp_path / "a.png")
+    image = matplotlib.image.imread(tmp_path / "a.png")[90:-66, 88:-40, :3]
+    blue = (image[..., 2] > 0.6) & (image[..., 0] < 0.3)
+    assert blue[50 + len(image) // 4:].sum() >= 20  # one ping of one bin; the legend lies above
+
+
+def test_gain_for_the_seabed_flattens_a_level_lambert_bed():
+    dataset = sidescan(3, 200)
+    gain, words = display_gain(dataset, "seabed")
+    port = (dataset["mean_level"].values + gain[:, None])[0, 0]
+    even = port[(dataset["range"].values > 12.5) & (dataset["range"].values < 20)]
+    assert np.ptp(even) < 0.1 and words == " + 30 log R + 2αR − 20 log sin θ"
+
+
+def test_gain_formulas():
+    dataset = sidescan(3, 200).drop_vars("altitude")
+    slant_range = dataset["range"].values
+    for tvg, expected in (("target", 40 * np.log10(slant_range) + 0.06 * slant_range),
+                          ("seabed", 30 * np.log10(slant_range) + 0.06 * slant_range), (None, 0 * slant_range)):
+        np.testing.assert_allclose(display_gain(dataset, tvg)[0], expected[None], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("length", "bar"), [(0.99, 0.5), (1, 1), (19.9, 10), (20, 20), (0.2, 0.2), (5000, 5000)])
+def test_round_lengths(length, bar):
+    assert canvas.round_length(length) == pytest.approx(bar)
+
+
+@pytest.mark.parametrize(("dataset", "what", "name", "options", "kind", "words"), [
+    (sidescan(2, 3), "picture", "a.png", {}, ValueError, "no plot 'picture'; choose one of waterfall, ping"),
+    (sidescan(2, 3), "waterfall", "a.gif", {}, ValueError, r"end in one of \.png"),
+    (sidescan(2, 3), "waterfall", "a", {}, ValueError, r"end in one of \.png"),
+    (sidescan(2, 3), "waterfall", "missing/a.png", {}, FileNotFoundError, "folder .* does not exist"),
+    (sidescan(2, 3), "waterfall", "a.png", {"tvg": "much"}, ValueError, "display gain is 'much'; use 'seabed'"),
+    (sidescan(2, 3), "ping", "a.png", {"ping": 2}, ValueError, "no ping 2; the dataset has 2"),
+    (sidescan(2, 3).drop_vars("rays"), "rays", "a.png", {}, ValueError, "needs the variable 'rays'"),
+    (sidescan(2, 3).isel(side=0), "waterfall", "a.png", {}, ValueError, "plots show a sidescan"),
+    (sidescan(2, 3).isel(ping=[]), "mean", "a.png", {}, ValueError, "nothing to plot"),
+])
+def test_what_cannot_be_drawn_is_refused(dataset, what, name, options, kind, words, tmp_path):
+    with pytest.raises(kind, match=words):
+        plots.plot(dataset, what, tmp_path / name, **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_matplotlib_is_left_as_it_was():
+    code = ("import sys, tempfile, matplotlib; before = matplotlib.rcParams.copy()\n"
+            "from mitsonar import plots; from synthetic_sidescan import sidescan\n"
+            "with tempfile.TemporaryDirectory() as folder: plots.preview(sidescan(3, 4), folder + '/a.png')\n"
+            "assert matplotlib.rcParams.copy() == before and 'matplotlib.pyplot' not in sys.modules")
+    subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(filter(None, sys.path))})
