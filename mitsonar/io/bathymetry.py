@@ -1,0 +1,156 @@
+"""Surveyed bathymetry from any grid that GDAL opens (GeoTIFF, BAG, netCDF, ASCII grids, ...) and from ``.npy``.
+
+`read` gives the heights as they will be meshed: z up, rows running north, columns east, metres about a local origin,
+NaN where nothing was measured. Grids in degrees, in feet or turned against north are warped to a grid in metres; every
+node then is interpolated from measured nodes only, so fill values never bleed into the seabed.
+"""
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import rasters
+
+_DEEPEST = 12000.0  # [m], beyond any ocean: larger numbers are undeclared fill values
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bathymetry:
+    """Hold the heights of a seabed on a regular grid.
+
+    Parameters
+    ----------
+    x, y : float64 array (X,), (Y,) [m]
+        Local coordinates of columns (east) and rows (north), increasing by a constant step.
+    heights : float32 array (Y, X) [m]
+        z up from the survey's datum; NaN where there is no depth.
+    local_origin : tuple of 2 floats [m]
+        Easting and northing of x = 0, y = 0.
+    crs : str
+        Coordinate system of the origin, as an EPSG code or WKT; empty where the file names none.
+    vertical : str
+        How the file's numbers were taken: "elevation" (positive up) or "depth" (positive down).
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    heights: np.ndarray
+    local_origin: tuple
+    crs: str = ""
+    vertical: str = "elevation"
+
+    @property
+    def valid(self):
+        """Tell which nodes have a depth: bool array (Y, X)."""
+        return np.isfinite(self.heights)
+
+    @property
+    def spacing(self):
+        """Give the distance of columns and of rows [m]."""
+        return tuple(float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
+
+    @property
+    def bounds(self):
+        """Give west, south, east and north [m] of the nodes in the coordinate system ``crs``."""
+        east, north = self.local_origin
+        return tuple(float(v) for v in (self.x[0] + east, self.y[0] + north, self.x[-1] + east, self.y[-1] + north))
+
+    def height_at(self, x, y):
+        """Give the height [m] at local points by bilinear interpolation; NaN beside holes and beyond the grid."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        surface = RegularGridInterpolator((self.y, self.x), self.heights, bounds_error=False, fill_value=np.nan)
+        return surface(np.stack((y, x), axis=-1)).reshape(x.shape)
+
+
+def read(path, *, crop=None, centre=None, size=None, frame="projected", resolution=None, vertical="auto", band=1,
+         spacing=None, nodata=None, crs=None, local_origin=None):
+    """Read a bathymetry grid.
+
+    Parameters
+    ----------
+    path : path
+        A raster GDAL can open, or an ``.npy`` array (Y, X) whose rows run north.
+    crop : 4 floats, optional
+        West, south, east, north of the part to read; nodes on the edge belong to it.
+    centre, size : 2 floats each, optional
+        The same as middle (by default the file's) and as width and height [m].
+    frame : str
+        Coordinates of ``crop`` and ``centre``: "projected" for the file's own, be they metres or degrees, "local" for
+        metres from the middle of the file's extent, rounded to metres.
+    resolution : float [m], optional
+        Distance of the nodes; a coarser one averages, a finer one interpolates. By default the file's own.
+    vertical : str
+        "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. What was
+        taken is in the record, and logged.
+    band : int
+        Band of the file, from 1.
+    spacing : float [m], optional
+        Distance of the nodes of a file without georeference, such as ``.npy``.
+    nodata : float, optional
+        Fill value, where the file does not declare it.
+    crs : str, optional
+        Coordinate system, where the file does not name it, such as "EPSG:4326".
+    local_origin : 2 floats [m], optional
+        Easting and northing of the local origin; by default the middle of what is read, rounded to metres. Several
+        files in one scene need a common one.
+
+    Returns
+    -------
+    Bathymetry
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, it is no raster, an argument does not fit it, nothing is left in the crop, or it
+        holds numbers that cannot be depths.
+    """
+    if vertical not in ("auto", "elevation", "depth"):
+        raise ValueError(f'{path}: vertical is "{vertical}"; it must be "auto", "elevation" or "depth".')
+    if resolution is not None and not resolution > 0:
+        raise ValueError(f"{path}: resolution is {resolution} m; it must be above 0.")
+    try:
+        part = rasters.Part(crop=crop, centre=centre, size=size, frame=frame)
+        with rasters.opened(path, spacing) as raster:
+            rasters.check(raster, band, crs)
+            source = rasters.source_crs(raster, crs)
+            with rasters.in_metres(raster, source, resolution, nodata) as grid:
+                x, y, window = rasters.window(grid, part, source)
+                values = _values(grid, band, window, nodata)
+                crs = rasters.name_of(source if grid is raster else grid.crs)
+            scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
+        heights, vertical = _z_up(values if (scale, offset) == (1, 0) else values * scale + offset, vertical)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    _log.info("%s: taken as %s, heights from %g to %g m", path, vertical, np.nanmin(heights), np.nanmax(heights))
+    if local_origin is None:
+        local_origin = round((x[0] + x[-1]) / 2), round((y[0] + y[-1]) / 2)
+    if y[0] > y[-1]:
+        y, heights = y[::-1], heights[::-1]
+    return Bathymetry(x=x - local_origin[0], y=y - local_origin[1], heights=np.ascontiguousarray(heights, np.float32),
+                      local_origin=tuple(float(value) for value in local_origin), crs=crs, vertical=vertical)
+
+
+def _values(grid, band, window, nodata):
+    masked = grid.read(band, window=window, masked=True)
+    values = masked.astype(np.result_type(masked.dtype, np.float32)).filled(np.nan)
+    if nodata is not None:
+        values[values == values.dtype.type(nodata)] = np.nan
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _z_up(values, vertical):
+    """Give the heights, z up, and how the numbers were taken."""
+    if np.isnan(values).all():
+        raise ValueError("there is no depth in the part asked for, only holes.")
+    low, high = np.nanmin(values), np.nanmax(values)
+    if max(-low, high) > _DEEPEST:
+        fill = low if -low > high else high
+        raise ValueError(f"numbers reach from {low:g} to {high:g} m; if {fill:g} stands for no data, say so by nodata.")
+    if vertical == "auto":
+        vertical = "depth" if np.nanmedian(values) > 0 else "elevation"
+    return (-values if vertical == "depth" else values), vertical

@@ -1,0 +1,239 @@
+"""Rasters as `bathymetry` needs them: opened, in metres, upright, and cut to a part."""
+import contextlib
+import os
+import threading
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+_MOST_NODES = 2e8
+_METRES = ("", "m", "metre", "metres", "meter", "meters")
+_stderr = threading.Lock()  # Mitsuba loads shapes in parallel
+
+
+@contextlib.contextmanager
+def opened(path, spacing):
+    """Open a raster, or an array as one, and say what GDAL objects to in a sentence."""
+    import rasterio
+
+    if not os.path.exists(path):
+        raise ValueError("there is no such file.")
+    is_array = str(path).endswith(".npy")
+    if is_array != (spacing is not None):
+        raise ValueError("an .npy array needs the spacing of its nodes." if is_array else
+                         "the file has its own spacing; use resolution for another.")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with _hushed(path):
+                raster = _array_as_raster(path, spacing) if is_array else rasterio.open(path)
+        with raster:
+            yield raster
+    except rasterio.errors.RasterioIOError as error:
+        reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
+        raise ValueError(f"this is not a bathymetry grid that GDAL can read ({reason}).") from None
+
+
+@contextlib.contextmanager
+def _hushed(path):
+    """Keep the HDF5 library from printing its stack of errors: GDAL turns them into one exception all the same."""
+    is_hdf5 = False
+    if os.path.isfile(path):
+        with open(path, "rb") as file:
+            is_hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
+    if not is_hdf5:
+        yield
+        return
+    with _stderr:
+        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)
+
+
+def _array_as_raster(path, spacing):
+    from rasterio.io import MemoryFile
+    from rasterio.transform import Affine
+
+    try:
+        heights = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise ValueError(f"this is not a NumPy array ({' '.join(str(error).split())}).") from None
+    if heights.ndim != 2 or heights.dtype.kind not in "fiu":
+        raise ValueError(f"the array is {heights.dtype} of shape {heights.shape}; expected numbers (Y, X).")
+    if not 0 < spacing < np.inf:
+        raise ValueError(f"spacing is {spacing} m; it must be above 0.")
+    rows, columns = heights.shape
+    memory = MemoryFile()
+    with memory.open(driver="GTiff", height=rows, width=columns, count=1, dtype="float32", nodata=np.nan,
+                     transform=Affine(spacing, 0, -spacing / 2, 0, spacing, -spacing / 2)) as raster:
+        raster.write(heights.astype(np.float32), 1)
+    return memory.open()
+
+
+def check(raster, band, crs):
+    """Raise `ValueError` if a raster has no such band, no place on Earth, or heights in another unit than metres."""
+    if raster.count == 0:
+        parts = f"; it holds {', '.join(raster.subdatasets)}: name one of them" if raster.subdatasets else ""
+        raise ValueError(f"the file has no grid of its own{parts}.")
+    if not 1 <= band <= raster.count:
+        names = ", ".join(f"{i} {name or 'unnamed'}" for i, name in enumerate(raster.descriptions, 1))
+        raise ValueError(f"there is no band {band}; the file has {names}.")
+    if (raster.units[band - 1] or "").lower() not in _METRES:
+        raise ValueError(f"heights are in {raster.units[band - 1]}; convert them to metres.")
+    if raster.crs is None and raster.transform.is_identity:
+        raise ValueError("the file has no georeference; add one (gdal_translate -a_ullr), or save .npy.")
+    if raster.crs is not None and crs is not None:
+        raise ValueError(f"the file names its coordinate system, {name_of(raster.crs)}; leave out {crs}.")
+    within_degrees = np.all(np.abs(raster.bounds) <= (360, 90, 360, 90)) and max(raster.res) < 0.1
+    if raster.crs is None and crs is None and within_degrees:
+        raise ValueError("no coordinate system is named and the coordinates look like degrees; "
+                         'say crs "EPSG:4326", or what they are.')
+
+
+@contextlib.contextmanager
+def in_metres(raster, source, resolution, nodata):
+    """Give the raster itself, or a view of it in metres, upright and at the resolution asked for."""
+    from rasterio.crs import CRS
+    from rasterio.enums import Resampling
+    from rasterio.transform import from_origin
+    from rasterio.vrt import WarpedVRT
+
+    in_degrees = source is not None and source.is_geographic
+    is_metric = not in_degrees and (source is None or not source.is_projected or source.linear_units_factor[1] == 1)
+    is_upright = raster.transform.b == 0 and raster.transform.d == 0 and raster.transform.a > 0
+    if is_metric and is_upright and resolution is None:
+        yield raster
+        return
+    target = source if is_metric else _utm(raster, source)
+    view = {"crs": target or CRS(), "src_crs": source or CRS(), "dtype": "float32", "nodata": np.nan,
+            "src_nodata": nodata if nodata is not None else np.nan if raster.nodata is None else raster.nodata,
+            "resampling": Resampling.bilinear}
+    bounds, native = raster.bounds, max(raster.res)
+    if not (is_metric and is_upright):
+        with WarpedVRT(raster, **view) as natural:
+            bounds, native = natural.bounds, max(natural.res)
+    west, east, south, north = *sorted(bounds[::2]), *sorted(bounds[1::2])
+    if resolution is None:
+        resolution = native
+    elif resolution > native:
+        view["resampling"] = Resampling.average
+    width, height = (max(round(extent / resolution), 1) for extent in (east - west, north - south))
+    with WarpedVRT(raster, transform=from_origin(west, north, resolution, resolution), width=width, height=height,
+                   **view) as grid:
+        yield grid
+
+
+def source_crs(raster, crs):
+    """Give the coordinate system of a raster, or the one stated for a raster that names none."""
+    from rasterio.crs import CRS
+    from rasterio.errors import CRSError
+
+    if crs is None:
+        return raster.crs
+    try:
+        return CRS.from_user_input(crs)
+    except CRSError:
+        raise ValueError(f'"{crs}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None
+
+
+def _utm(raster, source):
+    """Give the UTM system of the raster's middle."""
+    from pyproj.aoi import AreaOfInterest
+    from pyproj.database import query_utm_crs_info
+    from rasterio.crs import CRS
+    from rasterio.warp import transform
+
+    middle = raster.xy(raster.height / 2, raster.width / 2, offset="ul")
+    (longitude,), (latitude,) = transform(source, CRS.from_epsg(4326), *([value] for value in middle))
+    longitude = (longitude + 180) % 360 - 180
+    found = query_utm_crs_info(datum_name="WGS 84", contains=True, area_of_interest=AreaOfInterest(
+        longitude, latitude, longitude, latitude))
+    if not found:
+        raise ValueError(f"no UTM zone holds {latitude:.2f} N {longitude:.2f} E; reproject the file to metres "
+                         "(gdalwarp -t_srs).")
+    return CRS.from_epsg(found[0].code)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Which part of a raster to read: a ``crop``, a ``size`` about a ``centre``, or all of it.
+
+    ``crop`` is west, south, east, north; ``frame`` tells whether it and ``centre`` are in the file's own coordinates
+    ("projected") or in metres from the middle of the file's extent, rounded to metres ("local").
+    """
+
+    crop: tuple | None = None
+    centre: tuple | None = None
+    size: tuple | None = None
+    frame: str = "projected"
+
+    def __post_init__(self):
+        if self.crop is not None and (self.centre is not None or self.size is not None):
+            raise ValueError("give crop, or centre and size, not both.")
+        if self.centre is not None and self.size is None:
+            raise ValueError("a centre needs a size.")
+        if self.crop is not None and not (self.crop[0] <= self.crop[2] and self.crop[1] <= self.crop[3]):
+            raise ValueError(f"the crop {_listed(self.crop)} is not west, south, east, north.")
+        if self.size is not None and not min(self.size) > 0:
+            raise ValueError(f"size is {_listed(self.size)} m; both must be above 0.")
+        if self.frame not in ("projected", "local"):
+            raise ValueError(f'frame is "{self.frame}"; it must be "projected" or "local".')
+
+    def bounds(self, middle, source, target):
+        """Give west, south, east and north in the system ``target`` of a grid about ``middle``."""
+        from rasterio.warp import transform_bounds
+
+        def placed(bounds):
+            if self.frame == "local":
+                return tuple(value + offset for value, offset in zip(bounds, middle * 2))
+            return bounds if source == target or not target else transform_bounds(source, target, *bounds)
+
+        if self.crop is not None:
+            return placed(self.crop)
+        if self.size is None:
+            return -np.inf, -np.inf, np.inf, np.inf
+        east, north = middle if self.centre is None else placed(tuple(self.centre) * 2)[:2]
+        return east - self.size[0] / 2, north - self.size[1] / 2, east + self.size[0] / 2, north + self.size[1] / 2
+
+
+def window(grid, part, source):
+    """Give the coordinates of the columns and rows that ``part`` holds, and their window in the grid.
+
+    Rows come in the file's order, mostly from the north; raises `ValueError` if fewer than two of either are left.
+    """
+    from rasterio.windows import Window
+
+    at = grid.transform
+    x = at.c + (np.arange(grid.width) + 0.5) * at.a
+    y = at.f + (np.arange(grid.height) + 0.5) * at.e
+    middle = round((x[0] + x[-1]) / 2), round((y[0] + y[-1]) / 2)
+    west, south, east, north = part.bounds(middle, source, grid.crs)
+    edge = 1e-6 * at.a
+    columns = np.flatnonzero((x >= west - edge) & (x <= east + edge))
+    rows = np.flatnonzero((y >= south - edge) & (y <= north + edge))
+    if columns.size < 2 or rows.size < 2:
+        covers = x[0], min(y[0], y[-1]), x[-1], max(y[0], y[-1])
+        raise ValueError(f"{rows.size} x {columns.size} nodes are left in {_listed((west, south, east, north))}; the "
+                         f"file covers {_listed(covers)} (west, south, east, north).")
+    if columns.size * rows.size > _MOST_NODES:
+        raise ValueError(f"{rows.size} x {columns.size} nodes are more than {_MOST_NODES:.0e}; read a part or a "
+                         "coarser resolution.")
+    return x[columns], y[rows], Window(columns[0], rows[0], columns.size, rows.size)
+
+
+def name_of(crs):
+    """Give a coordinate system's EPSG code, else its WKT, else nothing."""
+    if not crs:
+        return ""
+    code = crs.to_epsg()
+    return f"EPSG:{code}" if code else crs.to_wkt()
+
+
+def _listed(values):
+    return ", ".join(f"{value:.12g}" for value in values)

@@ -1,0 +1,1 @@
+"""Shapes that are made, not drawn: the synthetic seabed and surveyed bathymetry."""

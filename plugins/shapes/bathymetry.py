@@ -1,0 +1,78 @@
+"""Shape ``bathymetry``: the seabed of a survey file."""
+import mitsuba as mi
+from mitsonar.io import bathymetry
+from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.shapes.grid_mesh import fill, triangulate
+
+_MOST_NODES = 5e7  # 100 million triangles: about 10 GB once Embree has built its tree
+
+
+class Bathymetry(mi.Mesh):
+    """Mesh a bathymetry grid: GeoTIFF, BAG, whatever else GDAL opens, or an ``.npy`` array.
+
+    ================ =========== ===========================================================================
+    ``filename``                 the survey, beside the scene file or an absolute path
+    ``crop``                     "west, south, east, north" of the part to use
+    ``crop_centre``              "east, north" of its middle instead, by default the middle of the file
+    ``crop_size``                "width, height" of it [m]
+    ``crop_frame``   projected   crop and centre in the file's own coordinates, or "local": metres from the
+                                 middle of the file
+    ``resolution``               distance of the nodes [m], by default the file's
+    ``vertical``     auto        "elevation" (positive up), "depth" (positive down), or by the sign of most
+    ``band``         1           band of the file
+    ``nodata``                   fill value, where the file does not declare it
+    ``crs``                      coordinate system, where the file does not name it: "EPSG:4326"
+    ``spacing``                  distance of the nodes of an ``.npy`` array [m]
+    ``local_origin``             "east, north" that becomes x = y = 0, by default the middle of the part in
+                                 use, rounded to metres; several surveys in one scene need a common one
+    ``to_world``                 applied to the finished mesh
+    ================ =========== ===========================================================================
+
+    Triangles that touch a node without depth are left out. Attributes of the object, all before ``to_world``:
+    ``survey`` (the `mitsonar.io.bathymetry.Bathymetry` itself), ``local_origin`` [m], ``crs`` and
+    ``bathymetry_bounds`` (west, south, east, north [m] in ``crs``).
+
+    .. code-block:: python
+
+        "bed": {"type": "bathymetry", "filename": "survey.bag", "crop_size": "600, 400", "resolution": 1.0,
+                "bsdf": {"type": "lambert"}}
+    """
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        path = attributes.file("filename")
+        options = {"crop": attributes.numbers("crop", None, count=4),
+                   "centre": attributes.numbers("crop_centre", None, count=2),
+                   "size": attributes.numbers("crop_size", None, count=2, unit="m"),
+                   "frame": attributes.text("crop_frame", "projected", choices=("projected", "local")),
+                   "resolution": attributes.number("resolution", None, unit="m", above=0),
+                   "vertical": attributes.text("vertical", "auto", choices=("auto", "elevation", "depth")),
+                   "band": attributes.integer("band", 1, minimum=1),
+                   "nodata": attributes.number("nodata", None),
+                   "crs": attributes.text("crs", None),
+                   "spacing": attributes.number("spacing", None, unit="m", above=0),
+                   "local_origin": attributes.numbers("local_origin", None, count=2, unit="m")}
+        to_world = attributes.matrix()
+        attributes.finish()
+        survey = bathymetry.read(path, **options)
+        if survey.heights.size > _MOST_NODES:
+            raise attributes.error(f"{survey.y.size} x {survey.x.size} nodes are more than {_MOST_NODES:.0e}; use a "
+                                   "coarser resolution or crop.")
+        grid = triangulate(survey.x, survey.y, survey.heights, to_world)
+        if len(grid.faces) == 0:
+            raise attributes.error(f"{path}: the part in use holds no two neighbouring nodes with depths.")
+        super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
+        fill(self, grid)
+        self.survey = survey
+        self.local_origin = survey.local_origin
+        self.crs = survey.crs
+        self.bathymetry_bounds = survey.bounds
+        self._description = (f"Bathymetry[{path}: {survey.y.size} x {survey.x.size} nodes, {survey.valid.mean():.0%} "
+                             f"with depth, taken as {survey.vertical}, local origin {survey.local_origin}]")
+
+    def to_string(self):
+        """Say where the bed comes from and how it was read."""
+        return self._description
+
+
+mi.register_shape("bathymetry", Bathymetry)

@@ -1,0 +1,67 @@
+"""Triangles over a regular grid of heights, the common half of the shapes `seabed` and `bathymetry`."""
+from typing import NamedTuple
+
+import drjit as dr
+import numpy as np
+
+import mitsuba as mi
+
+
+class GridMesh(NamedTuple):
+    """Hold a triangle mesh: vertices (V, 3) float32 [m], faces (F, 3) uint32, texcoords (V, 2) float32 in 0 to 1."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    texcoords: np.ndarray
+
+
+def triangulate(x, y, heights, to_world):
+    """Make two triangles of every grid cell, and one or none of a cell that touches a hole.
+
+    Parameters
+    ----------
+    x, y : array (X,), (Y,) [m]
+        Increasing coordinates of columns and rows.
+    heights : array (Y, X) [m]
+        z up; NaN is a hole.
+    to_world : array (4, 4)
+        Affine transform of the finished mesh.
+
+    Returns
+    -------
+    GridMesh
+        Faces look up (against +z of the grid), texture coordinate u runs with x, v with y. Vertices that no face
+        uses are left out.
+    """
+    rows, columns = heights.shape
+    index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
+    here, east, north, across = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    faces = np.stack((here, east, north, east, across, north), axis=-1).reshape(-1, 3)
+    valid = np.isfinite(heights).ravel()
+    if not valid.all():
+        faces = faces[valid[faces].all(axis=1)]
+        used = np.zeros(valid.size, bool)
+        used[faces] = True
+        faces = (np.cumsum(used, dtype=np.uint32) - np.uint32(1))[faces]
+    else:
+        used = slice(None)
+    place = np.empty((rows * columns, 3))
+    place[:, 0], place[:, 1] = np.tile(x, rows), np.repeat(y, columns)
+    place[:, 2] = np.ravel(heights)
+    place = place[used]
+    # u and v before the transform: they belong to the grid.
+    texcoords = ((place[:, :2] - (x[0], y[0])) / (x[-1] - x[0], y[-1] - y[0])).astype(np.float32)
+    vertices = (place @ to_world[:3, :3].T + to_world[:3, 3]).astype(np.float32)
+    if np.linalg.det(to_world[:3, :3]) < 0:
+        faces = faces[:, ::-1]  # a mirrored mesh keeps its outside outside
+    return GridMesh(vertices, faces, texcoords)
+
+
+def fill(mesh, grid):
+    """Write the buffers of a ``mi.Mesh`` that was made for the counts of ``grid`` with texture coordinates."""
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = mi.Float(np.ascontiguousarray(grid.vertices).ravel())
+    parameters["vertex_texcoords"] = mi.Float(np.ascontiguousarray(grid.texcoords).ravel())
+    parameters["faces"] = mi.UInt32(np.ascontiguousarray(grid.faces).ravel())
+    parameters.update()
+    dr.eval()
