@@ -138,9 +138,9 @@ def test_uneven_way_is_drawn_to_scale():
 
 
 def test_rare_labels_stay_visible_in_large_surveys(tmp_path):
-    dataset = sidescan(12000, 30)
+    dataset = sidescan(6000, 30)
     dataset["label"][:] = 1
-    dataset["label"][6000, 1, 15] = 2
+    dataset["label"][3000, 1, 15] = 2
     plots.plot(dataset, "labels", tmp_path / "a.png")
     image = matplotlib.image.imread(tmp_path / "a.png")[90:-66, 88:-40, :3]
     blue = (image[..., 2] > 0.6) & (image[..., 0] < 0.3)
