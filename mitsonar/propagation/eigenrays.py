@@ -234,9 +234,8 @@ def _level(profile, source, target, horizontal_range):
     """Find the straight rays between equal depths: in uniform water, or of no length."""
     uniform = (profile.gradient(source, "above") == 0) | (profile.gradient(source, "below") == 0)
     case = np.flatnonzero((source == target) & (uniform | (horizontal_range == 0)))
-    wanted, nothing = horizontal_range[case], np.zeros(case.size)
-    slowness = 1 / profile.at(source[case])
-    return case, np.array([wanted * slowness, wanted, nothing, nothing, wanted**2, slowness, nothing + np.nan])
+    wanted, speed, nothing = horizontal_range[case], profile.at(source[case]), np.zeros(case.size)
+    return case, np.array([wanted / speed, wanted, nothing, nothing, wanted**2, 1 / speed, nothing + np.nan])
 
 
 def _turned(profile, source, target, horizontal_range, latest):
