@@ -201,7 +201,11 @@ class _Block:
         i_phi, i_u = 4 * tile_phi + (inner >> 2), 4 * (tile - tile_phi * tiles_u) + (inner & 3)
         key = dr.gather(mi.UInt32, place.key, row) ^ dr.opaque(mi.UInt32, (self.seed * 0x9E3779B1 + salt) & 0xFFFFFFFF)
         a, b = mi.sample_tea_32(within, key)
-        xi_phi = (mi.Float(i_phi) + _unit(a)) / mi.Float(n_phi)
+        # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
+        # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
+        scramble, _ = mi.sample_tea_32(i_phi, ~key)
+        slice_phi = i_u ^ (scramble & (n_u - 1))
+        xi_phi = (mi.Float(i_phi) + (mi.Float(slice_phi) + _unit(a)) / mi.Float(n_u)) / mi.Float(n_phi)
         xi_u = (mi.Float(i_u) + _unit(b)) / mi.Float(n_u)
         phi, phi_width, cell = draw(mi.Float(quantiles.astype(np.float32).ravel()), row, dr.minimum(xi_phi, _BELOW_ONE))
         u, u_width, _ = draw(self.along, mi.UInt32(0), dr.minimum(xi_u, _BELOW_ONE))

@@ -10,9 +10,12 @@ With H the depth difference, <·> the mean over depth between the two points, s�
     A    = X |D| |sin θ| |sin θ0| / (c0 cos θ0)                                  ray-tube area per steradian
 
 Relative error of T about 0.03 a4^1.25. Where a4 is above `SERIES_LIMIT`, and for rays that turned, the launched ray is
-walked arc by arc instead (`_walk`), exact in the launch angle, and carried the last millimetres to the hit:
+walked arc by arc instead (`_walk`), exact in the launch angle, and carried the last millimetres dz to the hit by the
+eikonal's second-order expansion, a along the ray and δ across it (`_carry`):
 
-    T = T_ray + (sin θ / c) dz
+    T = T_ray + a/c - (g s a² + 2 g cos θ a δ) / (2 c²) + δ² / (2 c R_w),     a = s dz, δ = cos θ dz
+
+R_w the wavefront's radius: V / (dθ/dθ0), dθ/dθ0 = (c s0/c0 - p g V cos θ) / s.
 """
 import drjit as dr
 
@@ -113,9 +116,10 @@ def _arc_length(curvature, d2):
 
 @dr.syntax
 def _walk(table, lib, z0, c0, s0, p, x, active):
-    """Walk the launched ray to horizontal distance x; returns depth, time, arc length, V, sine and speed there."""
+    """Walk the launched ray to horizontal distance x; returns depth, time, arc length, V, sine, speed and
+    gradient there."""
     F = lib.Float64
-    z, s, r, t, arc, v, c = F(z0), F(s0), F(0), F(0), F(0), F(0), F(c0)
+    z, s, r, t, arc, v, c, g_end = F(z0), F(s0), F(0), F(0), F(0), F(0), F(c0), F(0)
     k = first_layer(table, z, s)
     last_layer = lib.Int32(table.last)
     active = lib.Bool(active) & (x > 0)
@@ -137,9 +141,21 @@ def _walk(table, lib, z0, c0, s0, p, x, active):
         arc += _arc_length(curvature, d2)
         v = wavefront_step(v, s, s2, descent, c1, c2, g, p, s0 / c0)
         r += advance
-        z, s, c, k = F(z2), F(s2), F(c2), k2
+        z, s, c, g_end, k = F(z2), F(s2), F(c2), F(g), k2
         active = active & ~ends & (k >= 0) & (k <= last_layer)
-    return z, t, arc, v, s, c
+    return z, t, arc, v, s, c, g_end
+
+
+def _carry(p, s, c, g, v, launch, dz):
+    """Change of time and ray parameter over a short step down from a point of a ray; `launch` = s0/c0."""
+    cosine = p * c
+    a, d = s * dz, cosine * dz
+    level = abs(s) < 0.02                                    # the wavefront's radius is 0/0 where the ray runs level
+    bend = dr.select(level, 0, (c * launch - p * g * v * cosine) / dr.select(level, 1, s * v * c))
+    t_aa, t_ad = -g * s / (c * c), -g * cosine / (c * c)
+    dt = a / c + 0.5 * (t_aa * a * a + 2 * t_ad * a * d + bend * d * d)
+    dp = cosine * (t_aa * a + t_ad * d) - s * (t_ad * a + bend * d)
+    return dt, dp
 
 
 @dr.syntax
@@ -179,11 +195,12 @@ def to_hit(table, lib, source, fan, launch_angle, x, z, valid, tolerance):
     direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < 10 * tolerance + 0.05 * x)
     walk = valid & ~(direct & (a4 < SERIES_LIMIT))
     if walk:
-        z_x, t_x, arc_x, v, s_x, c_x = _walk(table, lib, z0, c0, s0, p0, x, walk)
+        z_x, t_x, arc_x, v, s_x, c_x, g_x = _walk(table, lib, z0, c0, s0, p0, x, walk)
         dz = z - z_x
-        time = t_x + s_x / c_x * dz
-        arc = arc_x + s_x * dz
+        dt, dp = _carry(p0, s_x, c_x, g_x, v, s0 / c0, dz)
+        time, arc, p = t_x + dt, arc_x + s_x * dz, p0 + dp
         area = x * abs(v) / dr.maximum(cosine0, 1e-9)
-        p, sine, c = F(p0), F(s_x), F(c_x)
+        c = dr.fma(g_x, dz, c_x)
+        sine = dr.copysign(dr.sqrt(dr.maximum(1 - p * p * c * c, 0)), s_x)
     area = dr.maximum(area, (x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
     return time, arc, area, p, sine, c
