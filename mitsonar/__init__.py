@@ -57,8 +57,11 @@ def __dir__():
     return sorted(set(globals()) | set(_PUBLIC))
 
 
-class _AfterMitsuba:
-    """Meta-path finder that registers the plugins right after the first ``import mitsuba``, then takes itself away."""
+class _AroundMitsuba:
+    """Meta-path finder around the first ``import mitsuba``: checks libLLVM before, registers the plugins after.
+
+    It then takes itself away.
+    """
 
     @classmethod
     def find_spec(cls, name, path=None, target=None):
@@ -71,6 +74,7 @@ class _AfterMitsuba:
         execute = spec.loader.exec_module
 
         def execute_and_register(module):
+            llvm.check()  # says what to do, where Mitsuba's own import would end in a NameError
             execute(module)
             if cls in sys.meta_path:
                 sys.meta_path.remove(cls)
@@ -86,4 +90,4 @@ if "drjit" not in sys.modules:
 if "mitsuba" in sys.modules:
     importlib.import_module("mitsonar.plugins").install()
 else:
-    sys.meta_path.insert(0, _AfterMitsuba)
+    sys.meta_path.insert(0, _AroundMitsuba)

@@ -35,12 +35,12 @@ class SetupError(Exception):
 def enter(argv):
     """Return when this interpreter can run the command `argv`; start it again in an interpreter that can, otherwise.
 
+    A libLLVM that cannot be had stops only the commands that need it, by `mitsonar.llvm.check`.
+
     Raises
     ------
     SetupError
         The packages cannot be installed.
-    BackendError
-        No libLLVM can be had, and there is no NVIDIA driver either.
     """
     if not os.path.isfile(PROJECT):
         return
@@ -58,7 +58,10 @@ def enter(argv):
     if not llvm.locate():
         with _alone(llvm.private_folder()):
             if not llvm.locate() and not llvm.has_cuda():
-                llvm.provide(say)
+                try:
+                    llvm.provide(say)
+                except llvm.BackendError as error:
+                    say(str(error).partition("\n")[0])
 
 
 def run_tests(arguments):
@@ -68,10 +71,13 @@ def run_tests(arguments):
     ------
     SetupError
         mitsonar is installed without its checkout, so there are no tests.
+    BackendError
+        Kernels cannot be compiled here.
     """
     if not os.path.isdir(os.path.join(ROOT, "tests")):
         raise SetupError("The tests are part of the source checkout, and this mitsonar is installed without it; "
                          "run python3 -m mitsonar test there.")
+    llvm.check()
     import pytest
 
     os.chdir(ROOT)  # where pytest finds its settings, the tests, and a place for its cache
