@@ -97,10 +97,11 @@ def _contrast(dataset, grid, image):
     values = image[shown] if shown.any() else image[np.isfinite(image)]
     if not values.size:
         return 0.0, 1.0
-    # White lies as far above the middle as a bright target may stick out of the speckle, so that the bed stays brown.
+    # Speckle spreads an even bed over some 25 dB. Steep beams, shadows and targets must not widen that much, else the
+    # bed loses its contrast; in a smooth record it may shrink.
     low, middle, high = np.percentile(values, [2, 50, 99.8])
-    low = min(low, middle - 6)
-    return float(low), float(max(high, middle + 0.75 * (middle - low)))
+    low = np.clip(low, middle - 16, middle - 6)
+    return float(low), float(np.clip(high, middle + 0.75 * (middle - low), middle + 16))
 
 
 def _labels(dataset, grid):
