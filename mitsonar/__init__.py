@@ -57,15 +57,16 @@ def __dir__():
     return sorted(set(globals()) | set(_PUBLIC))
 
 
-class _AroundMitsuba:
-    """Meta-path finder around the first ``import mitsuba``: checks libLLVM before, registers the plugins after.
+class _FirstImport:
+    """Meta-path finder around the first import of Dr.Jit and of Mitsuba.
 
-    It then takes itself away.
+    Before either, libLLVM is checked: its lack would show as a NameError. After Mitsuba, the plugins are registered, and
+    the finder takes itself away.
     """
 
     @classmethod
     def find_spec(cls, name, path=None, target=None):
-        if name != "mitsuba":
+        if name not in ("drjit", "mitsuba"):
             return None
         others = (finder for finder in sys.meta_path if finder is not cls)
         spec = next(filter(None, (finder.find_spec(name, path, target) for finder in others)), None)
@@ -73,15 +74,15 @@ class _AroundMitsuba:
             return None
         execute = spec.loader.exec_module
 
-        def execute_and_register(module):
-            llvm.check()  # says what to do, where Mitsuba's own import would end in a NameError
+        def execute_between(module):
+            llvm.check()
             execute(module)
-            if cls in sys.meta_path:
+            if name == "mitsuba" and cls in sys.meta_path:
                 sys.meta_path.remove(cls)
-            importlib.import_module("mitsonar.plugins").install()
+                importlib.import_module("mitsonar.plugins").install()
 
-        # On this one loader object: Mitsuba's spec and loader stay what the import system made them.
-        spec.loader.exec_module = execute_and_register
+        # On this one loader object: the module's spec and loader stay what the import system made them.
+        spec.loader.exec_module = execute_between
         return spec
 
 
@@ -90,4 +91,4 @@ if "drjit" not in sys.modules:
 if "mitsuba" in sys.modules:
     importlib.import_module("mitsonar.plugins").install()
 else:
-    sys.meta_path.insert(0, _AroundMitsuba)
+    sys.meta_path.insert(0, _FirstImport)

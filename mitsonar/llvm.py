@@ -79,11 +79,11 @@ def check():
         There is neither a usable libLLVM nor an NVIDIA driver, or Dr.Jit was imported before mitsonar and has loaded a
         libLLVM that cannot compile its code.
     """
-    if "drjit" not in sys.modules:
+    drjit = sys.modules.get("drjit")
+    if not hasattr(drjit, "detail"):  # not imported, or just about to be
         if not locate() and not (_has_atomic() and has_cuda()):
             raise BackendError(remedy())
         return
-    drjit = sys.modules["drjit"]
     version = drjit.detail.llvm_version()[0]
     if 0 <= version < OLDEST:
         raise BackendError(f"Dr.Jit was imported before mitsonar and has loaded LLVM {version}, which cannot compile "

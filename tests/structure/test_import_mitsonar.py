@@ -49,7 +49,7 @@ def test_import_brings_no_heavy_package():
 @pytest.mark.parametrize("order", ORDERS)
 def test_plugins_are_installed_once_mitsuba_is_there(order):
     expected = "2" if order == "twice" else "1"
-    hook = "sum(getattr(finder, '__name__', '') == '_AroundMitsuba' for finder in sys.meta_path)"
+    hook = "sum(getattr(finder, '__name__', '') == '_FirstImport' for finder in sys.meta_path)"
     assert python(f"{RECORDER}{ORDERS[order]}; print(len(calls), {hook})") == f"{expected} 0"
 
 
@@ -59,12 +59,13 @@ def test_a_failing_plugin_is_not_hidden():
     assert said == "told"
 
 
-def test_without_a_usable_library_mitsuba_is_not_imported():
-    code = """import mitsonar, os
+@pytest.mark.parametrize("package", ["drjit", "mitsuba"])
+def test_without_a_usable_library_the_import_says_what_to_do(package):
+    code = f"""import mitsonar, os
 del os.environ[mitsonar.llvm.VARIABLE]
 mitsonar.llvm._folders = lambda: []
 mitsonar.llvm.has_cuda = lambda: False
-try: import mitsuba
+try: import {package}
 except mitsonar.BackendError as error: print(error)"""
     assert "sudo apt-get install libllvm19 libatomic1" in python(code)
 
