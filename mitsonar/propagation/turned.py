@@ -19,6 +19,7 @@ from .layers import Layers
 TINY_SINE = 1e-80  # stands for a horizontal ray: no division by zero and no overflow
 OVERLAP = 1e-11  # share by which a ray may turn beyond a node: rounding must leave no gap between two layers
 SAME_GRADIENT, JUST_PASSED = 1e-7, 1e-6  # relative; the range they cost is smaller than what OVERLAP adds
+SUMMED = 1e-13  # relative error of a sum over layers, with room to spare
 HALVINGS = 50
 ROUNDING = 2e-15  # a range this close, relatively, cannot be improved
 CONVERGED = 1e-9  # a relative Newton step this small leaves an error of its square
@@ -98,8 +99,9 @@ def _first_intervals(profile, upper, lower, horizontal_range, latest):
     can_turn &= np.hypot(horizontal_range[:, None], height) <= latest[:, None] * far_speed
     # Range per depth, p c / sqrt(1 - (p c)^2), is convex in c and grows with p: at the mean speed it is least.
     node_sum, upper_sum, lower_sum = (_speed_integral(profile, depth) for depth in (node_depth[:-1], upper, lower))
-    mean = 2 * np.maximum(node_sum, lower_sum[:, None]) - lower_sum[:, None] - upper_sum[:, None]
-    mean = np.minimum(mean / np.maximum(height, TINY_SINE) / far_speed, 1)
+    to_near = np.maximum(node_sum, lower_sum[:, None])
+    mean = 2 * to_near - lower_sum[:, None] - upper_sum[:, None] - SUMMED * np.abs(to_near)
+    mean = np.clip(mean / np.maximum(height, TINY_SINE) / far_speed, 0, 1)
     can_turn &= mean * height <= horizontal_range[:, None] * (1 + OVERLAP) * np.sqrt((1 - mean) * (1 + mean))
     node, case = np.nonzero(can_turn.T)  # neighbours in the list share their layers
     right = _sine(fastest[case, node], far_speed[node]) * (1 + OVERLAP)

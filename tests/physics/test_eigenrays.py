@@ -145,11 +145,12 @@ def test_no_distance_takes_no_time(profile):
     assert ray.travel_time == ray.arc_length == ray.spreading_area == ray.launch_angle == ray.arrival_angle == 0
 
 
-def test_depths_a_hair_apart_agree_with_equal_depths():
-    depth = 10.0
-    equal = eigenray(linear(0.5), depth, depth, 100).travel_time
-    for near in (np.nextafter(depth, 0), np.nextafter(depth, 20), depth + 1e-9):
-        assert eigenray(linear(0.5), depth, near, 100).travel_time == pytest.approx(equal, rel=1e-12)
+@pytest.mark.parametrize("profile", [linear(0.5, nodes=101), linear(-0.1), SIX_NODES], ids=["up", "down", "six nodes"])
+def test_depths_a_hair_apart_agree_with_equal_depths(profile, rng):
+    depth = rng.uniform(6, 24, 100)
+    equal = eigenrays(profile, depth, depth, 30).travel_time
+    for near in (np.nextafter(depth, 0), np.nextafter(depth, 90), depth + 1e-12, depth + 1e-9, depth - 1e-9):
+        np.testing.assert_allclose(eigenrays(profile, depth, near, 30).travel_time, equal, rtol=1e-11)
 
 
 # --------------------------------------------------------------------------------------- what holds of every ray
