@@ -85,9 +85,9 @@ class Geometry:
         vertices, faces, first_vertex, first_face = [], [], 0, 0
         for index, shape in zip(registry, shapes):
             rows[index, 0] = number_of[shape.id() or shape.class_name()]
-            if not shape.is_mesh():
-                continue
             parameters = mi.traverse(shape)
+            if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
+                continue
             vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
             face = parameters["faces"].numpy().reshape(-1, 3)
             rows[index, 1:3] = first_face, 1
