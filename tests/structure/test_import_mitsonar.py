@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from mitsonar import llvm
+
 ROOT = Path(__file__).resolve().parents[2]
 
 # Stands for the real plugins: counts the calls and proves that Mitsuba is complete when they come.
@@ -27,8 +29,11 @@ ORDERS = {
 
 
 def python(code, *options):
-    """Run `code` in a process of its own and return what it printed."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    """Run `code` in a process of its own and return what it printed.
+
+    Dr.Jit before mitsonar needs a system that has libatomic; the library path stands for one where mitsonar brought it.
+    """
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "LD_LIBRARY_PATH": os.path.dirname(os.environ[llvm.VARIABLE])}
     child = subprocess.run([sys.executable, *options, "-c", code], env=environment, capture_output=True, text=True,
                            stdin=subprocess.DEVNULL, check=False)
     assert child.returncode == 0, child.stderr
