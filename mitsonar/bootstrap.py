@@ -44,24 +44,36 @@ def enter(argv):
     """
     if not os.path.isfile(PROJECT):
         return
+    try:
+        _move_in(argv)
+        _have_library()
+    except OSError as error:
+        raise SetupError(f"The set-up failed: {error}.") from None
+
+
+def _move_in(argv):
     moved = os.environ.pop(MOVED, None)
     folder = environment()
-    if not (_inside(folder) and _is_ready(folder)) and missing(with_tests=argv[:1] == ["test"]):
-        if moved:
-            raise SetupError(f"The environment {moved} is damaged; remove that folder and try again.")
-        with _alone(folder):
-            if not _is_ready(folder):
-                set_up(folder)
-        os.environ[MOVED] = folder
-        python = _python(folder)
-        os.execv(python, [python, "-m", "mitsonar", *argv])
-    if not llvm.locate():
-        with _alone(llvm.private_folder()):
-            if not llvm.locate() and not llvm.has_cuda():
-                try:
-                    llvm.provide(say)
-                except llvm.BackendError as error:
-                    say(str(error).partition("\n")[0])
+    if _inside(folder) and _is_ready(folder) or not missing(with_tests=argv[:1] == ["test"]):
+        return
+    if moved:
+        raise SetupError(f"The environment {moved} is damaged; remove that folder and try again.")
+    with _alone(folder):
+        if not _is_ready(folder):
+            set_up(folder)
+    os.environ[MOVED] = folder
+    os.execv(_python(folder), [_python(folder), "-m", "mitsonar", *argv])
+
+
+def _have_library():
+    if llvm.locate() or llvm.has_cuda():
+        return
+    with _alone(llvm.private_folder()):
+        if not llvm.locate():  # somebody else may just have fetched it
+            try:
+                llvm.provide(say)
+            except llvm.BackendError as error:
+                say(str(error).partition("\n")[0])
 
 
 def run_tests(arguments):
@@ -142,8 +154,8 @@ def say(line):
 
 def _install_by_uv(folder):
     try:
-        _run("uv", "venv", "-q", "--allow-existing", "--python", sys.executable, folder)
-        _run("uv", "pip", "install", "-q", "--python", _python(folder), "-e", f"{ROOT}[test]")
+        _run(folder, "uv", "venv", "-q", "--allow-existing", "--python", sys.executable, folder)
+        _run(folder, "uv", "pip", "install", "-q", "--python", _python(folder), "-e", f"{ROOT}[test]")
     except SetupError as error:
         say(f"{error} Going on with pip.")
         return False
@@ -170,7 +182,7 @@ def _install_by_pip(folder):
             its_own = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
             variables = {"PIP_CERT": its_own}
     quiet = ["-q", "--disable-pip-version-check", "--no-input"]
-    _run(_python(folder), *pip, "install", *quiet, "-e", f"{ROOT}[test]", **variables)
+    _run(folder, _python(folder), *pip, "install", *quiet, "-e", f"{ROOT}[test]", **variables)
 
 
 def _debian_pip(folder):
@@ -185,10 +197,15 @@ def _debian_pip(folder):
     return glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0]
 
 
-def _run(*command, **variables):
-    # A user's standing wish for installs into the home folder would make pip fail in an environment.
-    child = subprocess.run(command, cwd=ROOT, env={**variables, **os.environ, "PIP_USER": "0"}, text=True, check=False,
+def _run(folder, *command, **defaults):
+    # A user's standing wish for installs into the home folder would make pip fail in an environment. What pip unpacks
+    # goes into a folder of ours: it is large for a /tmp in memory, and an interrupted pip leaves it behind.
+    scratch = os.path.join(folder, "scratch")
+    os.makedirs(scratch, exist_ok=True)
+    environment = {**defaults, **os.environ, "PIP_USER": "0", "TMPDIR": scratch}
+    child = subprocess.run(command, cwd=ROOT, env=environment, text=True, check=False,
                            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    shutil.rmtree(scratch, ignore_errors=True)
     if child.returncode:
         # pip's first line about a failed child ("subprocess-exited-with-error") says nothing; the child's own does.
         reasons = re.findall(r"^ *error: (?!subprocess-exited)(.+)", child.stderr, re.M | re.I)

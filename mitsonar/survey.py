@@ -17,8 +17,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from .propagation.layer_table import arrays_of
-from .signal.echoes import UNIT_BITS, EchoSums, absorbed, echo_energy, mean_absorption_table
+from .propagation.device import arrays_of, upload
+from .signal.echoes import UNIT_BITS, EchoSums, absorbed, echo_energy, mean_absorption_table, sum_size
 from .sonar.directivity import sinc
 from .sonar.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
 from .sonar.sidescan import SIDES
@@ -120,7 +120,7 @@ class _Block:
         self.tracer = Tracer(geometry, survey.profile, max_range=0.5 * survey.window[1] * fastest)
         self.rotation = survey.track.rotation()
         self.solid_angle = sonar.solid_angle()
-        self.along = mi.Float(along_quantiles(sonar).astype(np.float32))
+        self.along = upload(mi.Float, along_quantiles(sonar).astype(np.float32))
         deepest = max(geometry.depth_range[1], -float(survey.track.position[:, 2].min()))
         self.absorption, self.absorption_steps = mean_absorption_table(survey.absorption, deepest, mi.Float)
         sides = [side / sonar.wavelength for face in (sonar.transmit, sonar.receive)
@@ -134,7 +134,7 @@ class _Block:
         self.top, self.per_depth = dr.opaque(mi.Float, top), dr.opaque(mi.Float, 1 / max(bottom - top, 1e-6))
         nearest = 0.25 * sonar.sound_speed * survey.bin_length
         self.range2 = np.maximum(survey.slant_range, nearest) ** 2
-        self.units = mi.Float((2.0 ** UNIT_BITS * self.range2 / self.solid_angle).astype(np.float32))
+        self.units = upload(mi.Float, (2.0 ** UNIT_BITS * self.range2 / self.solid_angle).astype(np.float32))
         dr.eval(self.along, self.units)
         first = int(round(survey.rays * survey.first_pass / 2))
         self.first_grid = _grid(first) if first else None
@@ -178,13 +178,13 @@ class _Block:
         bin, in_window = self._bin(hits)
         index = ray.row * self.bins + bin
         cell = ray.cell
-        count = dr.zeros(mi.UInt32, place.rows * self.survey.bins)
+        count = dr.zeros(mi.UInt32, sum_size(place.rows * self.survey.bins))
         dr.scatter_add(count, mi.UInt32(1), index, in_window)
         dr.eval(count, index, in_window, cell)
         share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, in_window), 1)))
-        need = dr.zeros(mi.UInt64, place.rows * CELLS)
+        need = dr.zeros(mi.UInt64, sum_size(place.rows * CELLS))
         dr.scatter_add(need, share, cell, in_window)
-        return need.numpy().reshape(place.rows, CELLS) / 2.0 ** 32
+        return need.numpy()[:place.rows * CELLS].reshape(place.rows, CELLS) / 2.0 ** 32
 
     def _launch(self, place, quantiles, grid, salt):
         """Draw the rays of a pass: `grid` strata in φ and u for each row (ping and side)."""
@@ -207,7 +207,8 @@ class _Block:
         slice_phi = i_u ^ (scramble & (n_u - 1))
         xi_phi = (mi.Float(i_phi) + (mi.Float(slice_phi) + _unit(a)) / mi.Float(n_u)) / mi.Float(n_phi)
         xi_u = (mi.Float(i_u) + _unit(b)) / mi.Float(n_u)
-        phi, phi_width, cell = draw(mi.Float(quantiles.astype(np.float32).ravel()), row, dr.minimum(xi_phi, _BELOW_ONE))
+        phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row,
+                                    dr.minimum(xi_phi, _BELOW_ONE))
         u, u_width, _ = draw(self.along, mi.UInt32(0), dr.minimum(xi_u, _BELOW_ONE))
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
         sin_phi, cos_phi = dr.sincos(phi)
@@ -262,11 +263,11 @@ class _Place:
         self.lib, self.rows, self.sources = lib, 2 * len(ping), sources
         # a seed per ping and side, from the ping's number in the survey
         number = 2 * np.repeat(ping.astype(np.uint64), 2) + np.tile(np.arange(2, dtype=np.uint64), len(ping))
-        self.key = mi.UInt32(((number + 1) * 0x85EBCA6B & 0xFFFFFFFF).astype(np.uint32))
-        self._position = mi.Float64(np.concatenate([position, np.zeros((len(ping), 1))], 1).ravel())
+        self.key = upload(mi.UInt32, ((number + 1) * 0x85EBCA6B & 0xFFFFFFFF).astype(np.uint32))
+        self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(ping), 1))], 1))
         rows = np.concatenate([rotation, np.zeros((len(ping), 3, 1))], 2)
-        self._rotation = mi.Float(rows.astype(np.float32).ravel())
-        self._source = mi.UInt32(source.astype(np.uint32).ravel())
+        self._rotation = upload(mi.Float, rows.astype(np.float32))
+        self._source = upload(mi.UInt32, source.astype(np.uint32))
         dr.eval(self.key, self._position, self._rotation, self._source)
 
     def origin(self, ping):

@@ -10,8 +10,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .propagation.device import arrays_of, upload
 from .propagation.fans import build_fans
-from .propagation.layer_table import arrays_of, layer_table
+from .propagation.layer_table import layer_table
 from .propagation.record import Record
 from .propagation.two_point import source_state, to_hit
 
@@ -95,10 +96,10 @@ class Geometry:
             faces.append(face + np.uint32(first_vertex))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
-        self.rows = mi.UInt32(rows.ravel())
+        self.rows = upload(mi.UInt32, rows)
         # four wide, so that a vertex or a face is one aligned packet
-        self.vertices = mi.Float(_padded(vertices, np.float32))
-        self.faces = mi.UInt32(_padded(faces, np.uint32))
+        self.vertices = upload(mi.Float, _padded(vertices, np.float32))
+        self.faces = upload(mi.UInt32, _padded(faces, np.uint32))
         dr.eval(self.rows, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
@@ -107,7 +108,7 @@ class Geometry:
 
 def _padded(parts, kind):
     table = np.concatenate(parts) if parts else np.zeros((1, 3), kind)
-    return np.concatenate([table, np.zeros((len(table), 1), kind)], 1, dtype=kind).ravel()
+    return np.concatenate([table, np.zeros((len(table), 1), kind)], 1, dtype=kind)
 
 
 class Sources(Record):

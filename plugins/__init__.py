@@ -12,7 +12,7 @@ if __name__ != "mitsonar.plugins":
 __all__ = ["install"]
 
 MODULES = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "sensors.sidescan", "integrators.sonar_path",
-           "shapes.seabed")
+           "shapes.seabed", "shapes.bathymetry")
 
 _installed = False
 

@@ -1,6 +1,6 @@
 """From echo energy per time bin to a sidescan record: pulse, speckle, noise, levels.
 
-    p²(t) = Σ_j k_j E_j + N,      k the pulse's share of each bin                            mean level
+    p²(t) = Σ_j k_j E_j + N,      k the pulse's share of each (half) bin                     mean level
     z(t)  = Σ_j √k_j √E_j g_j + √N n,  p² = |z|²                                             one realisation
 
 E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g and n circular complex Gaussian of unit variance: the
@@ -12,23 +12,33 @@ import xarray
 
 from mitsonar.units import db_from_power, power_from_db
 
-__all__ = ["image", "pulse_shares", "realisation"]
+__all__ = ["image", "mean_intensity", "pulse_shares", "realisation"]
 
 NOTHING_DB = -200.0                # level where no sound arrives at all
 
 
 def pulse_shares(bin_length, pulse_length):
-    """Overlap of a pulse, centred on its bin, with that bin and its neighbours, in pulse lengths per bin.
+    """Overlap of a pulse, centred on a bin, with the bins or half bins it covers.
 
     Returns
     -------
-    (2 n + 1,) array; sums to pulse_length / bin_length
+    (1,) or (2 n,) array
+        One share, of the whole bin, where the pulse is no longer than the bin; else the shares of the half bins from n
+        before to n after the bin's centre, whose sum is twice pulse_length / bin_length.
     """
     ratio = pulse_length / bin_length
     if ratio <= 1:
         return np.array([ratio])
-    reach = int(np.ceil((ratio - 1) / 2))
-    return np.clip(ratio / 2 + 0.5 - np.abs(np.arange(-reach, reach + 1)), 0, 1)
+    reach = int(np.ceil(ratio))
+    start = np.arange(-reach, reach)
+    return np.clip(np.minimum(start + 1, ratio) - np.maximum(start, -ratio), 0, 1)
+
+
+def mean_intensity(intensity, shares):
+    """Mean level of the bins, (..., bins) [µPa²], of echoes `intensity` (..., bins) and a pulse's `shares`."""
+    if len(shares) == 1:
+        return intensity * shares[0]
+    return _gate(np.repeat(0.5 * intensity, 2, -1), shares)
 
 
 def realisation(intensity, shares, noise, random):
@@ -37,7 +47,7 @@ def realisation(intensity, shares, noise, random):
     Parameters
     ----------
     intensity : (..., bins) [µPa²]
-    shares : (2 n + 1,)
+    shares : array
         See `pulse_shares`.
     noise : float [µPa²]
     random : numpy.random.Generator
@@ -54,7 +64,8 @@ def realisation(intensity, shares, noise, random):
             z += np.sqrt(noise) * _gaussian(random, intensity.shape)
             echo += np.abs(z) ** 2
         return echo / cells
-    z = _along_last(np.sqrt(intensity) * _gaussian(random, intensity.shape), np.sqrt(shares))
+    half = np.sqrt(np.repeat(0.5 * intensity, 2, -1))
+    z = _gate(half * _gaussian(random, half.shape), np.sqrt(shares))
     return np.abs(z + np.sqrt(noise) * _gaussian(random, intensity.shape)) ** 2
 
 
@@ -92,7 +103,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     for start in range(0, pings, 64):                      # float64 work space that does not grow with the survey
         some = slice(start, start + 64)
         energy = echoes["intensity"][some].astype(float)
-        mean = _along_last(energy, shares)
+        mean = mean_intensity(energy, shares)
         mean_level[some] = _level(mean)
         if speckle:
             random = np.random.default_rng([abs(int(seed)), start])
@@ -134,12 +145,13 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
                "labels": {str(number): name for number, name in labels.items()}})
 
 
-def _along_last(values, kernel):
-    if len(kernel) == 1:
-        return values * kernel[0]
-    reach = len(kernel) // 2
-    padded = np.concatenate([np.zeros((*values.shape[:-1], reach)), values, np.zeros((*values.shape[:-1], reach))], -1)
-    return sum(k * padded[..., j:j + values.shape[-1]] for j, k in enumerate(kernel))
+def _gate(half_bins, weights):
+    """Weighted sums of the half bins around the centre of every bin."""
+    reach = len(weights) // 2
+    edge = np.zeros((*half_bins.shape[:-1], reach - 1), half_bins.dtype)
+    padded = np.concatenate([edge, half_bins, edge], -1)
+    bins = half_bins.shape[-1] // 2
+    return sum(w * padded[..., j:j + 2 * bins:2] for j, w in enumerate(weights))
 
 
 def _gaussian(random, shape):

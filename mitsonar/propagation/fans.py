@@ -16,6 +16,7 @@ their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neig
 import drjit as dr
 import numpy as np
 
+from .device import upload
 from .record import Record
 
 __all__ = ["Fans", "build_fans"]
@@ -32,7 +33,7 @@ class Fans(Record):
 
     lib: object
     source_depth: np.ndarray      # (D,) [m]
-    rows: int                     # R
+    rows: object                  # UInt32 (1,): R
     vertex: object                # Float (4 D R V,)
     size: object                  # UInt32 (D R,): vertices in a row
     stride: object                # UInt32 (1,): V
@@ -94,8 +95,8 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
     # a launch angle off the row's middle moves vertices along the wavefront, also out of a thin slab
     margin = 0.1 + 0.01 * max_range
     limits = [dr.opaque(lib.Float64, float(v)) for v in (tolerance, max_range, slab[0] - margin, slab[1] + margin)]
-    depth = lib.Float64(np.repeat(source_depth, count))
-    angle = lib.Float64(middle.ravel())
+    depth = upload(lib.Float64, np.repeat(source_depth, count))
+    angle = upload(lib.Float64, middle)
     edge32 = edges.astype(np.float32)
     edge32[:, -1] = 9.0                                     # no launch angle walks past the last row
     while True:
@@ -107,9 +108,9 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
         if not dr.any(full):
             break
         max_vertices *= 2                                   # a duct bends rays many times: give the rows more room
-    fans = Fans(lib=lib, source_depth=source_depth, rows=count, vertex=vertex, size=size, stride=stride,
-                middle=lib.Float(middle.astype(np.float32).ravel()), edge=lib.Float(edge32.ravel()),
-                lookup=lib.UInt32(lookup.astype(np.uint32).ravel()), bins=dr.opaque(lib.UInt32, bins),
+    fans = Fans(lib=lib, source_depth=source_depth, rows=dr.opaque(lib.UInt32, count), vertex=vertex, size=size, stride=stride,
+                middle=upload(lib.Float, middle.astype(np.float32)), edge=upload(lib.Float, edge32),
+                lookup=upload(lib.UInt32, lookup.astype(np.uint32)), bins=dr.opaque(lib.UInt32, bins),
                 bins_per_radian=dr.opaque(lib.Float, bins / (2 * HALF_SPAN)))
     dr.eval(fans.middle, fans.edge, fans.lookup)
     return fans

@@ -7,29 +7,19 @@ The moments give, between any two depths, the mean of 1/c² and its central mome
 many layers lie between (`two_point`). Layers are split so that c changes by at most 1 % in each: three Gauss points
 then integrate the part of a layer to 1e-15, and the split moves no number, because the profile is linear either way.
 """
-import importlib
 
 import drjit as dr
 import numpy as np
 
+from .device import arrays_of, upload
 from .record import Record
 
-__all__ = ["LayerTable", "arrays_of", "layer_table"]
+__all__ = ["LayerTable", "layer_table"]
 
 FAR = 1.0e5            # [m] thickness of the constant half-spaces above and below the profile
 SPEED_STEP = 0.01      # largest relative change of sound speed inside one layer
 LOOKUP_SIZE = 2048
 _GAUSS3 = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0.5, 5 / 18))
-
-
-def arrays_of(array):
-    """Return the Dr.Jit namespace (`drjit.llvm.ad`, `drjit.cuda.ad`, ...) that an array or its type belongs to."""
-    kind = array if isinstance(array, type) else type(array)
-    module = kind.__module__
-    if not module.startswith("drjit."):
-        kind = next(base for base in kind.__mro__ if base.__module__.startswith("drjit."))
-        module = kind.__module__
-    return importlib.import_module(module)
 
 
 class LayerTable(Record):
@@ -116,7 +106,7 @@ def layer_table(profile, like):
     bins = top + (bottom - top) * np.arange(LOOKUP_SIZE) / LOOKUP_SIZE
     lookup = np.clip(np.searchsorted(z, bins, side="right") - 1, 0, len(rows) - 1)
     table = LayerTable(
-        lib=lib, layers=lib.Float64(rows.ravel()), lookup=lib.UInt32(lookup.astype(np.uint32)),
+        lib=lib, layers=upload(lib.Float64, rows), lookup=upload(lib.UInt32, lookup.astype(np.uint32)),
         top=dr.opaque(lib.Float64, top), bins_per_metre=dr.opaque(lib.Float64, LOOKUP_SIZE / (bottom - top)),
         reference=dr.opaque(lib.Float64, reference), last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows))
     dr.eval(table.layers, table.lookup)

@@ -19,6 +19,7 @@ R_w the wavefront's radius: V / (dθ/dθ0), dθ/dθ0 = (c s0/c0 - p g V cos θ) 
 """
 import drjit as dr
 
+from .device import upload
 from .fans import arc_step, first_layer, wavefront_step
 from .record import Record
 
@@ -43,7 +44,7 @@ class SourceState(Record):
 def source_state(table, source_depth):
     """Evaluate the medium once per source depth ((D,) array [m])."""
     lib = table.lib
-    z = lib.Float64(source_depth)
+    z = upload(lib.Float64, source_depth)
     c, moments = table.at(z)
     count = dr.width(z)
     rows = dr.empty(lib.Float64, 8 * count)

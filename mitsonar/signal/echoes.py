@@ -17,9 +17,9 @@ ray of a typical bin, with room for a bin 30 dB above a perfect reflector that f
 import drjit as dr
 import numpy as np
 
-from mitsonar.propagation.layer_table import arrays_of
+from mitsonar.propagation.device import arrays_of, upload
 
-__all__ = ["EchoSums", "absorbed", "echo_energy", "mean_absorption_table"]
+__all__ = ["EchoSums", "absorbed", "echo_energy", "mean_absorption_table", "sum_size"]
 
 UNIT_BITS = 50
 LARGEST = 2.0 ** 58                # units a single echo may bring
@@ -31,7 +31,7 @@ def mean_absorption_table(column, deepest, like):
     lib = arrays_of(like)
     deepest = max(float(deepest), 1.0)
     alpha, integral = column.sampled(deepest, ABSORPTION_STEPS)
-    table = lib.Float(np.stack([integral, alpha], 1).astype(np.float32).ravel())
+    table = upload(lib.Float, np.stack([integral, alpha], 1).astype(np.float32))
     dr.eval(table)
     return table, dr.opaque(lib.Float, ABSORPTION_STEPS / deepest)
 
@@ -71,6 +71,11 @@ def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, 
     return solid_angle * pattern * per_patch * loss * speed_ratio * speed_ratio / spreading_area
 
 
+def sum_size(needed):
+    """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes exist."""
+    return max(1 << 14, 1 << (int(needed) - 1).bit_length())
+
+
 class EchoSums:
     """Integer sums of a block of pings, and their reading in physical units.
 
@@ -86,9 +91,9 @@ class EchoSums:
 
     def __init__(self, lib, rows, labels, bins):
         self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
-        self.energy = dr.zeros(lib.UInt64, rows * labels * bins)
-        self.depth = dr.zeros(lib.UInt64, rows * bins)
-        self.count = dr.zeros(lib.UInt64, rows * bins)
+        self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
+        self.depth = dr.zeros(lib.UInt64, sum_size(rows * bins))
+        self.count = dr.zeros(lib.UInt64, sum_size(rows * bins))
 
     def add(self, *, row, label, bin, units, height, in_beam, active):
         """Scatter echoes into their bins.
@@ -108,8 +113,9 @@ class EchoSums:
         lib = self.lib
         U = lib.UInt64
         units = dr.minimum(units, LARGEST)
-        place = row * self.bins + bin
-        dr.scatter_add(self.energy, U(units + 0.5), (row * self.labels + (label - 1)) * self.bins + bin, active)
+        bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
+        place = row * bins + bin
+        dr.scatter_add(self.energy, U(units + 0.5), (row * labels + (label - 1)) * bins + bin, active)
         # a quarter, so that the two sums overflow together
         dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25), place, active)
         dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
@@ -130,11 +136,14 @@ class EchoSums:
             ``rays_in_beam`` uint32.
         """
         shape = (self.rows, self.bins)
-        energy = self.energy.numpy().reshape(self.rows, self.labels, self.bins)
+        def values(sums, *shape):
+            return sums.numpy()[:int(np.prod(shape))].reshape(shape)
+
+        energy = values(self.energy, self.rows, self.labels, self.bins)
         total = energy.sum(1, dtype=np.uint64)
         strongest = energy.argmax(1).astype(np.uint32) + np.uint32(1)
-        height = self.depth.numpy().reshape(shape) / np.maximum(total * 0.25, 1e-9)
-        count = self.count.numpy().reshape(shape)
+        height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
+        count = values(self.count, *shape)
         top, bottom = depth_range
         return {"intensity": total * unit[None],
                 "label": np.where(total > 0, strongest, np.uint32(0)),

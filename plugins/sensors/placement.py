@@ -1,7 +1,9 @@
 """Where a sonar without a recorded track goes, and whether any track makes sense over the scene."""
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.propagation.device import upload
 from mitsonar.sonar.track import Track
 
 SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
@@ -12,7 +14,8 @@ def soundings(geometry, x, y):
     """Depth [m] of the highest surface below points (x, y) [m]; NaN where there is none."""
     x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
     above = -geometry.depth_range[0] + 1.0
-    ray = mi.Ray3f(mi.Point3f(mi.Float(x.ravel()), mi.Float(y.ravel()), above), mi.Vector3f(0, 0, -1))
+    ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, above)),
+                   mi.Vector3f(0, 0, -1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
     distance = np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)
     return (distance - above).reshape(x.shape)
@@ -118,7 +121,7 @@ def check(geometry, track):
 
 
 def _below(geometry, position):
-    x, y, z = (mi.Float(column) for column in position.T)
+    x, y, z = (upload(mi.Float, column.astype(np.float32)) for column in position.T)
     ray = mi.Ray3f(mi.Point3f(x, y, z), mi.Vector3f(0, 0, -1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
     return np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)

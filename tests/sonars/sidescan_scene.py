@@ -14,11 +14,13 @@ def sidescan(shapes, *, sensor=None, water=None, film=None, rays=100_000, first_
     water = water or {}
     if "profile" not in water:
         water = {"sound_speed": 1500.0, **water}
+    sensor = sensor or {}
+    if "track" not in sensor:
+        sensor = {"pings": 4, "speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -20.0], **sensor}
     return mi.load_dict({
         "type": "scene",
         "integrator": {"type": "sonar_path", "rays": rays, "first_pass": first_pass},
-        "sensor": {"type": "sidescan", "pings": 4, "speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -20.0],
-                   "preset": "towed_100khz", **LEVEL, **(sensor or {}),
+        "sensor": {"type": "sidescan", "preset": "towed_100khz", **LEVEL, **sensor,
                    "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **water},
                    "film": {"type": "sonar_film", "range": 100.0, "bins": 1000, **(film or {})}},
         **shapes}, optimize=False)

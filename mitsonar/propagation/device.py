@@ -1,0 +1,29 @@
+"""NumPy arrays to the device, always at the same alignment.
+
+Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows of four as one packet. A NumPy buffer used
+in place lies anywhere, so the same code would compile again and again, and now and then run without packets.
+"""
+import importlib
+
+import numpy as np
+
+__all__ = ["arrays_of", "upload"]
+
+ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once
+
+
+def arrays_of(array):
+    """Return the Dr.Jit namespace (`drjit.llvm.ad`, `drjit.cuda.ad`, ...) that an array or its type belongs to."""
+    kind = array if isinstance(array, type) else type(array)
+    module = next(base.__module__ for base in kind.__mro__ if base.__module__.startswith("drjit."))
+    return importlib.import_module(module)
+
+
+def upload(kind, values):
+    """Copy values (any shape, flattened) to a device array of type `kind`, whose NumPy type they must have."""
+    values = np.ravel(values)
+    raw = np.empty(values.nbytes + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    place = raw[start:start + values.nbytes].view(values.dtype)
+    place[:] = values
+    return kind(place)
