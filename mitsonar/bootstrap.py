@@ -66,10 +66,10 @@ def _move_in(argv):
 
 
 def _have_library():
-    if llvm.locate() or llvm.has_cuda():
+    if llvm.is_ready():
         return
     with _alone(llvm.private_folder()):
-        if not llvm.locate():  # somebody else may just have fetched it
+        if not llvm.is_ready():  # somebody else may just have fetched it
             try:
                 llvm.provide(say)
             except llvm.BackendError as error:

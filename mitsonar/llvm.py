@@ -70,6 +70,11 @@ def locate():
     return path if _has_atomic() else None
 
 
+def is_ready():
+    """Tell whether Dr.Jit, still to be imported, will find a way to compile kernels; `locate` is part of it."""
+    return bool(locate() or _has_atomic() and has_cuda())
+
+
 def check():
     """Make sure that kernels can be compiled; call this before a variant is set.
 
@@ -81,7 +86,7 @@ def check():
     """
     drjit = sys.modules.get("drjit")
     if not hasattr(drjit, "detail"):  # not imported, or just about to be
-        if not locate() and not (_has_atomic() and has_cuda()):
+        if not is_ready():
             raise BackendError(remedy())
         return
     version = drjit.detail.llvm_version()[0]

@@ -145,6 +145,13 @@ def test_no_network_is_one_sentence_and_exit_code_2(checkout):
     assert checkout.run("doctor")[0] == 0
 
 
+def test_a_folder_that_cannot_be_written_is_one_sentence(checkout):
+    checkout.environment.touch()  # a file, where the environment's folder has to be
+    code, said, told = checkout.run("doctor")
+    assert (code, said) == (2, "")
+    assert told.startswith("mitsonar: The set-up failed") and str(checkout.environment) in told
+
+
 def test_a_damaged_environment_is_named_and_not_entered_for_ever(checkout):
     code, _, told = checkout.run("doctor", REAL_PYTHON=f"{sys.executable} -S")
     assert code == 2
