@@ -60,8 +60,8 @@ def __dir__():
 class _FirstImport:
     """Meta-path finder around the first import of Dr.Jit and of Mitsuba.
 
-    Before either, libLLVM is checked: its lack would show as a NameError. After Mitsuba, the plugins are registered, and
-    the finder takes itself away.
+    Before either, libLLVM is checked: its lack would show as a NameError. After Mitsuba, the plugins are registered,
+    and the finder takes itself away.
     """
 
     @classmethod

@@ -128,7 +128,7 @@ def provide(say=print):
     except debian.Unavailable as error:
         raise BackendError(f"Could not fetch libLLVM: {error}.\n{remedy()}") from None
     path = locate()
-    if not path:
+    if not path or not _loads(path):
         raise BackendError(f"The libLLVM unpacked in {private_folder()} cannot be loaded.\n{remedy()}")
     return path
 
