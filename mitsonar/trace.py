@@ -209,13 +209,14 @@ class Tracer:
         face = dr.gather(self.lib.Array4u, geometry.faces, dr.select(mesh, first_face + pi.prim_index, 0), mesh)
         a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
                    (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
-        u, v = self.lib.Float64(pi.prim_uv.x), self.lib.Float64(pi.prim_uv.y)
+        # a miss leaves its barycentrics undefined; a NaN depth would later index a table with anything
+        u, v = (self.lib.Float64(dr.select(mesh, w, 0)) for w in (pi.prim_uv.x, pi.prim_uv.y))
         point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
         normal = dr.cross(b - a, c - a)
         normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
         if not geometry.only_meshes:
             si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), mi.RayFlags.Minimal, valid & ~mesh)
-            point = dr.select(mesh, point, wide(si.p))
+            point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
         return point, normal
 

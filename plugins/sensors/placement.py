@@ -75,21 +75,41 @@ def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
     middle = 0.5 * (place[first] + place[last - 1])
     path = middle + speed * interval * (np.arange(pings) - 0.5 * (pings - 1))
     position = centre + path[:, None] * course
-    seabed = _smoothed(geometry, centre, course, path)
-    z = -(seabed - altitude)
-    if np.any(z > 0):
-        raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is "
-                         f"{seabed.min():.1f} m deep; lower the altitude")
-    return Track(time=np.arange(pings) * interval, position=np.column_stack([position, z]), roll=0.0, pitch=0.0,
-                 heading=heading)
+    z = -_smoothed(geometry, position, course)
+    track = Track(time=np.arange(pings) * interval, position=np.column_stack([position, z]), roll=0.0, pitch=0.0,
+                  heading=heading)
+    return _raised(track, altitude)
 
 
-def _smoothed(geometry, centre, course, path):
-    """Mean seabed depth over ± SMOOTHING along the track at each place."""
+def lifted(geometry, track, altitude):
+    """Fly a track's x and y at an altitude [m] above the seabed, smoothed along its headings."""
+    course = np.stack([np.sin(track.heading), np.cos(track.heading)], -1)
+    seabed = _smoothed(geometry, track.position[:, :2], course)
+    if np.any(np.isnan(seabed)):
+        ping = int(np.argmax(np.isnan(seabed)))
+        raise ValueError(f"track outside the bathymetry: no seabed lies around ping {ping} at x = "
+                         f"{track.position[ping, 0]:.1f} m, y = {track.position[ping, 1]:.1f} m to hold an altitude over")
+    on_bed = np.column_stack([track.position[:, :2], -seabed])
+    return _raised(Track(time=track.time, position=on_bed, roll=track.roll, pitch=track.pitch, heading=track.heading),
+                   altitude)
+
+
+def _raised(track, altitude):
+    z = track.position[:, 2]
+    if np.any(z + altitude > 0):
+        raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is {-z.max():.1f} m deep; "
+                         "lower the altitude")
+    return Track(time=track.time, position=track.position + np.array([0, 0, altitude]), roll=track.roll,
+                 pitch=track.pitch, heading=track.heading)
+
+
+def _smoothed(geometry, position, course):
+    """Mean seabed depth over ± SMOOTHING along the course at each position (P, 2); NaN where there is none at all."""
     offset = np.linspace(-SMOOTHING, SMOOTHING, 21)
-    line = centre + (path[:, None] + offset)[..., None] * course
+    line = position[:, None] + offset[:, None] * np.broadcast_to(course, position.shape)[:, None]
     depth = soundings(geometry, line[..., 0], line[..., 1])
-    return np.nanmean(depth, axis=1)
+    found = np.isfinite(depth)
+    return np.where(found.any(1), np.where(found, depth, 0).sum(1) / np.maximum(found.sum(1), 1), np.nan)
 
 
 def check(geometry, track):

@@ -11,8 +11,9 @@ The sonar (defaults from ``preset``: towed_100khz, towed_400khz or auv_900khz):
 The run:
 
 - ``pings`` [400], ``ping_rate_hz`` (default: as fast as the range allows, c / 2 range), ``speed_knots`` [4]
-- ``track``: CSV file with time, x, y, z, roll, pitch, heading; resampled at the ping rate; ``pings`` bounds it if written.
-  ``georeferenced`` [false]: its x, y are eastings and northings, as the bathymetry's file has them.
+- ``track``: CSV file with time, x, y, z, roll, pitch, heading; resampled at the ping rate, at most ``pings`` of it if that
+  is written. ``georeferenced`` [false]: x, y are eastings and northings, as the bathymetry's file has them.
+  ``altitude`` [m]: fly its x, y this far above the seabed instead of at its z; 0, the default, keeps z.
 - or ``start`` (point, z up) and ``heading_deg``: a straight, level track
 - or neither: straight over the middle of the surveyed area, ``altitude`` [m, 20] above the seabed, along its longer axis
   unless ``heading_deg`` is written.
@@ -44,6 +45,7 @@ from mitsonar.units import hertz_from_khz, metres_per_second_from_knots
 from . import placement
 
 WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
+ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
 
 
 class SidescanSensor(mi.Sensor):
@@ -67,17 +69,17 @@ class SidescanSensor(mi.Sensor):
         self.speed = float(metres_per_second_from_knots(attributes.number("speed_knots", 4.0, minimum=0, unit="knots")))
         self.start = attributes.point("start", None)
         self.heading = attributes.angle("heading_deg", None)
-        self.altitude = attributes.number("altitude", 20.0, above=0, unit="m")
+        self.altitude = attributes.number("altitude", 0.0, minimum=0, unit="m")
         path = attributes.file("track", None)
         self.georeferenced = attributes.boolean("georeferenced", False)
         self.speckle = attributes.boolean("speckle", True)
         self.noise = attributes.boolean("noise", True)
         self.given_noise_level_db = attributes.number("noise_level_db", None)
         self._bounded = bool(attributes.given("pings"))
-        if path is not None and attributes.given("start", "heading_deg", "altitude", "speed_knots"):
-            raise attributes.error(f"{', '.join(attributes.given('start', 'heading_deg', 'altitude', 'speed_knots'))} "
-                                   "cannot be combined with a recorded track; leave one of them out.")
-        if self.start is not None and attributes.given("altitude"):
+        written = attributes.given("start", "heading_deg", "speed_knots")
+        if path is not None and written:
+            raise attributes.error(f"{', '.join(written)} and a recorded track are both given; leave one of them out.")
+        if self.start is not None and self.altitude > 0:
             raise attributes.error("start and altitude are both given; start says the depth already, leave one out.")
         self.water = attributes.object(mi.Medium)
         if not hasattr(self.water, "profile"):
@@ -125,11 +127,13 @@ class SidescanSensor(mi.Sensor):
         interval = self._interval()
         if self.recorded is not None:
             track = self._resampled(interval, origin)
+            if self.altitude:
+                track = placement.lifted(geometry, track, self.altitude)
         elif self.start is not None:
             track = Track.straight(start=self.start, heading=self.heading or 0.0, speed=self.speed, interval=interval,
                                    pings=self.pings)
         else:
-            track = placement.lines_up(geometry, heading=self.heading, altitude=self.altitude, pings=self.pings,
+            track = placement.lines_up(geometry, heading=self.heading, altitude=self.altitude or ALTITUDE, pings=self.pings,
                                        length=self.speed * interval * (self.pings - 1), interval=interval,
                                        speed=self.speed)
         below = placement.check(geometry, track)
@@ -159,10 +163,7 @@ class SidescanSensor(mi.Sensor):
         if recorded.pings == 1:
             return recorded
         lasting = int((recorded.time[-1] - recorded.time[0]) / interval + 1e-9) + 1
-        if self._bounded and self.pings > lasting:
-            raise ValueError(f"pings is {self.pings}, but the recorded track lasts for {lasting} at {interval:.3f} s a ping; "
-                             "ask for fewer or raise the ping rate")
-        pings = self.pings if self._bounded else lasting
+        pings = min(self.pings, lasting) if self._bounded else lasting
         return recorded.at(recorded.time[0] + interval * np.arange(pings))
 
     def noise_level_db(self):

@@ -17,7 +17,7 @@ class Bathymetry(mi.Mesh):
     ``crop_size``                "width, height" of it [m]
     ``crop_frame``   projected   crop and centre in the file's own coordinates, or "local": metres from the
                                  middle of the file
-    ``resolution``               distance of the nodes [m], by default the file's
+    ``resolution``   0           distance of the nodes [m]; 0: the file's
     ``vertical``     auto        "elevation" (positive up), "depth" (positive down), or by the sign of most
     ``band``         1           band of the file
     ``nodata``                   fill value, where the file does not declare it
@@ -45,7 +45,7 @@ class Bathymetry(mi.Mesh):
                    "centre": attributes.numbers("crop_centre", None, count=2),
                    "size": attributes.numbers("crop_size", None, count=2, unit="m"),
                    "frame": attributes.text("crop_frame", "projected", choices=("projected", "local")),
-                   "resolution": attributes.number("resolution", None, unit="m", above=0),
+                   "resolution": attributes.number("resolution", 0.0, unit="m", minimum=0) or None,
                    "vertical": attributes.text("vertical", "auto", choices=("auto", "elevation", "depth")),
                    "band": attributes.integer("band", 1, minimum=1),
                    "nodata": attributes.number("nodata", None),
