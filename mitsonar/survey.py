@@ -8,8 +8,8 @@ The stages of one block, in order (`_Block`):
     echo        the sonar equation, summed into time bins                                    `signal.echoes`
 
 Everything between launch and the bins is one Dr.Jit kernel; its numbers are opaque, so a scene compiles once. Random
-numbers are hashed from (seed, ping, side, ray): neither blocks nor threads change them. The platform stands still during a
-ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
+numbers are hashed from (seed, ping, side, ray): neither blocks nor threads change them. The platform stands still
+during a ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
 """
 from dataclasses import dataclass
 

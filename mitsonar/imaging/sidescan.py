@@ -3,9 +3,9 @@
     p²(t) = Σ_j k_j E_j + N,      k the pulse's share of each (half) bin                     mean level
     z(t)  = Σ_j √k_j √E_j g_j + √N n,  p² = |z|²                                             one realisation
 
-E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g and n circular complex Gaussian of unit variance: the
-sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson & Richardson 2007, ch. 16). Where a
-bin is longer than the pulse it holds several cells, whose intensities are averaged.
+E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g and n circular complex Gaussian of unit
+variance: the sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson & Richardson
+2007, ch. 16). Where a bin is longer than the pulse it holds several cells, whose intensities are averaged.
 """
 import numpy as np
 import xarray
@@ -127,7 +127,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
         coords={
             "ping": entry(np.arange(pings), "1", "ping number", along),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
-            "range": entry(0.5 * sonar.sound_speed * time, "m", "slant range at the sound speed of the head", ("range",)),
+            "range": entry(0.5 * sonar.sound_speed * time, "m", "slant range at the head's sound speed", ("range",)),
             "time": entry(time, "s", "two-way travel time", ("range",)),
             "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
             "x": entry(np.array(track.position[:, 0]), "m", "east", along),

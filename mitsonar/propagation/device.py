@@ -1,7 +1,7 @@
 """NumPy arrays to the device, always at the same alignment.
 
-Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows of four as one packet. A NumPy buffer used
-in place lies anywhere, so the same code would compile again and again, and now and then run without packets.
+Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows of four as one packet. A NumPy buffer
+used in place lies anywhere, so the same code would compile again and again, and now and then run without packets.
 """
 import importlib
 

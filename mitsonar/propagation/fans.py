@@ -28,7 +28,8 @@ LOOKUP_PER_ROW = 2
 class Fans(Record):
     """Polylines of D fans, one a source depth.
 
-    ``vertex`` holds (r, z, dr/dθ0, dz/dθ0) of vertex v of row j of fan d at index ((d R + j) V + v), float32 [m, m/rad].
+    ``vertex`` holds (r, z, dr/dθ0, dz/dθ0) of vertex v of row j of fan d at index ((d R + j) V + v), float32 [m,
+    m/rad].
     """
 
     lib: object
@@ -108,8 +109,8 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
         if not dr.any(full):
             break
         max_vertices *= 2                                   # a duct bends rays many times: give the rows more room
-    fans = Fans(lib=lib, source_depth=source_depth, rows=dr.opaque(lib.UInt32, count), vertex=vertex, size=size, stride=stride,
-                middle=upload(lib.Float, middle.astype(np.float32)), edge=upload(lib.Float, edge32),
+    fans = Fans(lib=lib, source_depth=source_depth, rows=dr.opaque(lib.UInt32, count), vertex=vertex, size=size,
+                stride=stride, middle=upload(lib.Float, middle.astype(np.float32)), edge=upload(lib.Float, edge32),
                 lookup=upload(lib.UInt32, lookup.astype(np.uint32)), bins=dr.opaque(lib.UInt32, bins),
                 bins_per_radian=dr.opaque(lib.Float, bins / (2 * HALF_SPAN)))
     dr.eval(fans.middle, fans.edge, fans.lookup)
@@ -120,7 +121,7 @@ def _row_edges(profile, source_depth, rows):
     """Equal rows, cut at the launch angles that just reach the speed of a node."""
     equal = np.linspace(-HALF_SPAN, HALF_SPAN, rows + 1)
     ratio = profile.at(source_depth)[:, None] / np.asarray(profile.sound_speed)[None]         # (D, node)
-    critical = np.arccos(np.clip(ratio, -1, 1))                                               # 0 where the node is slower
+    critical = np.arccos(np.clip(ratio, -1, 1))                                 # 0 where the node is slower
     edges = np.concatenate([np.broadcast_to(equal, (len(source_depth), rows + 1)), critical, -critical], 1)
     edges = np.sort(edges, 1)
     # cuts closer than float32 can tell apart would make rows no angle finds: move them onto their neighbour

@@ -7,12 +7,12 @@ A ray launched into ΔΩ lights dA = A ΔΩ / sin θ_i of a facet, and the echo'
 
 SL source level, B two-way intensity pattern, σ scattering strength, θ_i grazing angle on the facet, ᾱ absorption, L arc
 length, A ray-tube area per steradian of the outgoing leg: it cancels, and A' is that of the returning leg, from the
-stratified reciprocity A c_0² p = A' c_h² p. What a time bin's rays bring adds up (Jackson & Richardson 2007; ray form of
-the reverberation integral).
+stratified reciprocity A c_0² p = A' c_h² p. What a time bin's rays bring adds up (Jackson & Richardson 2007; ray
+form of the reverberation integral).
 
 Sums are kept in 64-bit integers, so they do not depend on the order of additions, hence not on the number of threads.
-One unit is 2^-50 of 10^(SL/10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range: 60 dB finer than a typical
-ray of a typical bin, with room for a bin 30 dB above a perfect reflector that fills the beam.
+One unit is 2^-50 of 10^(SL/10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range: 60 dB finer than a
+typical ray of a typical bin, with room for a bin 30 dB above a perfect reflector that fills the beam.
 """
 import drjit as dr
 import numpy as np
@@ -72,7 +72,8 @@ def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, 
 
 
 def sum_size(needed):
-    """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes exist."""
+    """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes
+    exist."""
     return max(1 << 14, 1 << (int(needed) - 1).bit_length())
 
 

@@ -5,11 +5,11 @@ cells of equal probability. With a table e_0..e_M and a stratified ξ in [0, 1),
 
     i = ⌊ξ M⌋,  φ = e_i + (ξ M - i)(e_{i+1} - e_i),   density = 1 / (M (e_{i+1} - e_i))
 
-so a draw costs one look-up, and the ray's solid angle is ΔΩ = 1 / (N density_u density_φ), exactly the reciprocal of what
-was drawn: no choice of density can bias a level.
+so a draw costs one look-up, and the ray's solid angle is ΔΩ = 1 / (N density_u density_φ), exactly the reciprocal of
+what was drawn: no choice of density can bias a level.
 
-Along the platform the density follows the two-way beam. In φ a first, sparse pass spreads rays evenly over travel time on
-a flat bed and over the vertical beam; what it hits tells each cell how many rays its time bins still lack
+Along the platform the density follows the two-way beam. In φ a first, sparse pass spreads rays evenly over travel
+time on a flat bed and over the vertical beam; what it hits tells each cell how many rays its time bins still lack
 (`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass decides where
 rays go, never what they weigh, so the estimate stays unbiased.
 """

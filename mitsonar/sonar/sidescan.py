@@ -1,12 +1,12 @@
 """A sidescan sonar: what it sends, from which faces, and how it listens.
 
-Each side has its own face on the platform's body (x forward, y starboard, z down): the normal lies in the athwart plane,
-`depression_angle` below horizontal, the length along x, the height across. Directions from a face are written
+Each side has its own face on the platform's body (x forward, y starboard, z down): the normal lies in the athwart
+plane, `depression_angle` below horizontal, the length along x, the height across. Directions from a face are written
 
     d_body = (u, ± sqrt(1 - u²) cos φ, sqrt(1 - u²) sin φ)            + starboard, - port
 
-u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face hears nothing from behind it, that is from
-the other side of the body (a hard baffle in the plane y = 0).
+u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face hears nothing from behind it, that is
+from the other side of the body (a hard baffle in the plane y = 0).
 """
 from dataclasses import dataclass
 

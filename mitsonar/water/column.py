@@ -2,9 +2,9 @@
 
     ᾱ = (A(z_1) - A(z_0)) / (z_1 - z_0),   A(z) = ∫ α dz          two-way loss = 2 ᾱ L
 
-α -> ``absorption_db`` [dB/m], L arc length. The mean is over depth; a ray spends more of its arc where it runs flatter, so
-ᾱ errs by the covariance of α and 1/sin θ over the path: 0 where α is constant, below 0.05 dB for a 200 m path through a
-strong summer thermocline at 100 kHz and grazing angles above 10°.
+α -> ``absorption_db`` [dB/m], L arc length. The mean is over depth; a ray spends more of its arc where it runs
+flatter, so ᾱ errs by the covariance of α and 1/sin θ over the path: 0 where α is constant, below 0.05 dB for a 200 m
+path through a strong summer thermocline at 100 kHz and grazing angles above 10°.
 """
 from dataclasses import dataclass
 

@@ -10,7 +10,7 @@ import mitsonar
 from mitsonar.imaging.sidescan import pulse_shares
 from mitsonar.io import exr
 
-ALTITUDE, HEIGHT, RANGE = 20.0, 1.5, 40.0          # sonar above the bed, box height, ground range of the box's front face
+ALTITUDE, HEIGHT, RANGE = 20.0, 1.5, 40.0          # sonar above the bed, box, ground range of its front
 
 
 def box(x, height, width=1.0, length=60.0):
@@ -35,7 +35,8 @@ def test_first_bottom_return_comes_from_right_below(boxed):
 
 
 def test_shadow_length_behind_a_box_is_that_of_geometry(boxed):
-    """The ray over the box's rear top edge, ground range r at height h_t, meets the bed at slant range R h / (h - h_t)."""
+    """The ray over the box's rear top edge, ground range r at height h_t, meets the bed at slant range R h / (h -
+    h_t)."""
     r = RANGE + 1.0
     grazing = np.hypot(r, ALTITUDE - HEIGHT)
     shadow = boxed["range"].values[boxed["shadow"].values[0] == 1]
@@ -75,7 +76,8 @@ def test_adaptive_pass_feeds_the_bins_that_the_flat_bed_draw_starves():
 
 
 def test_speckle_is_rayleigh_with_the_mean_level():
-    """Bins as long as the pulse: I / <I> is exponential. KS on 4000 values at 1 %; the scale is known, so no Lilliefors."""
+    """Bins as long as the pulse: I / <I> is exponential. KS on 4000 values at 1 %; the scale is known, so no
+    Lilliefors."""
     scene = sidescan({"bed": plane(40.0)}, sensor={"pings": 40, "speckle": True}, film={"range": 75.0, "bins": 1000})
     dataset = mitsonar.render(scene, 3)
     part = dataset.isel(range=slice(500, 600), side=1)
@@ -150,8 +152,8 @@ def test_mi_render_gives_the_waterfall():
 
 
 def test_roll_turns_the_beams(tmp_path):
-    """Rolled 20 degrees to starboard (starboard side down): the starboard face looks steeper and hears more from near, the
-    port face flatter and hears more from afar. Unrolled, both sides hear the same."""
+    """Rolled 20 degrees to starboard (starboard side down): the starboard face looks steeper and hears more from
+    near, the port face flatter and hears more from afar. Unrolled, both sides hear the same."""
     track = tmp_path / "track.csv"
     sensor = {"depression_deg": 30.0, "vertical_beam_width_deg": 20.0, "track": str(track)}
     near, far = slice(25, 35), slice(60, 90)

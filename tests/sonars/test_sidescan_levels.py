@@ -1,13 +1,13 @@
 """Echo levels of a sidescan against closed forms and brute-force integrals.
 
-Flat Lambert bed, one sound speed, faces omnidirectional in elevation. With h the altitude, sin θ = h/R, the level of a gate
-at slant range R is (Jackson & Richardson 2007; sonar equation)
+Flat Lambert bed, one sound speed, faces omnidirectional in elevation. With h the altitude, sin θ = h/R, the level of
+a gate at slant range R is (Jackson & Richardson 2007; sonar equation)
 
     RL = SL - 40 log R - 2 α R + S_b(θ) + 10 log A,    A = Φ_ψ R (c τ / 2) / cos θ,   Φ_ψ = ∫ b_t² b_r² dψ
 
-Here the integral over the gate and over azimuth is done numerically, so that no approximation is left: dA = R dR dφ, the
-pattern taken at sin ψ = cos θ sin φ. Levels are compared as mean intensities over pings; the tolerances are the Monte-Carlo
-errors, estimated from the pings themselves, and 0.02 dB where rays are plenty.
+Here the integral over the gate and over azimuth is done numerically, so that no approximation is left: dA = R dR dφ,
+the pattern taken at sin ψ = cos θ sin φ. Levels are compared as mean intensities over pings; the tolerances are the
+Monte-Carlo errors, estimated from the pings themselves, and 0.02 dB where rays are plenty.
 """
 import numpy as np
 import pytest
@@ -83,7 +83,8 @@ def test_level_follows_refraction_by_the_ray_tube_in_a_constant_gradient():
     outgoing = (c1 * np.sinh(g * t) / g) ** 2
     azimuth = np.linspace(0, 1, 4001) ** 3 * np.pi / 2
     some = np.linspace(0, len(x) - 1, 400).astype(int)
-    ring = np.interp(x, x[some], [2 * trapezoid(sonar.along_intensity(p[i] * c0 * np.sin(azimuth)), azimuth) for i in some])
+    rings = [2 * trapezoid(sonar.along_intensity(p[i] * c0 * np.sin(azimuth)), azimuth) for i in some]
+    ring = np.interp(x, x[some], rings)
     per_x = ring * x * 10 ** -2.7 * sine1 ** 2 * 10 ** (-0.2 * ALPHA * arc) / (outgoing * returning)
     assert np.all(np.isfinite(sine0))
     time = dataset["time"].values
@@ -96,7 +97,8 @@ def test_level_follows_refraction_by_the_ray_tube_in_a_constant_gradient():
 
 
 def patches(triangles, sonar, source, mu, window):
-    """Brute force: the sonar equation summed over small triangles, no rays: (side, bin) intensity of a straight-ray sea."""
+    """Brute force: the sonar equation summed over small triangles, no rays: (side, bin) intensity of a straight-ray
+    sea."""
     a, b, c = (triangles[:, i] for i in range(3))
     normal = 0.5 * np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
@@ -105,7 +107,8 @@ def patches(triangles, sonar, source, mu, window):
     sine = np.abs((normal * to).sum(1)) / (area * distance)
     u = to[:, 1] / distance                                          # body x is north at heading 0
     phi = np.arctan2(-to[:, 2], np.abs(to[:, 0]))
-    pattern = sonar.along_intensity(u) * sonar.across_intensity(np.sqrt(1 - u * u) * np.sin(phi - sonar.depression_angle))
+    v = np.sqrt(1 - u * u) * np.sin(phi - sonar.depression_angle)
+    pattern = sonar.along_intensity(u) * sonar.across_intensity(v)
     power = pattern * mu * sine ** 2 * area * distance ** -4.0 * 10 ** (-0.2 * ALPHA * distance)
     bins = ((distance - window[0]) / (window[1] - window[0]) * window[2]).astype(int)
     sums = np.zeros((2, window[2]))
@@ -149,8 +152,9 @@ FACES = {
 
 @pytest.mark.parametrize("name", FACES)
 def test_uneven_beds_match_a_brute_force_integral_within_a_tenth_of_a_decibel(name):
-    """Straight rays, Lambert in the facet's frame. The triangles of the sum are 0.01 m across track, the bins 0.5 m: what a
-    triangle adds to the wrong bin is below 0.02 dB; the rest of the 0.1 dB is Monte-Carlo noise (0.01 dB) and room."""
+    """Straight rays, Lambert in the facet's frame. The triangles of the sum are 0.01 m across track, the bins 0.5 m:
+    what a triangle adds to the wrong bin is below 0.02 dB; the rest of the 0.1 dB is Monte-Carlo noise (0.01 dB) and
+    room."""
     surface, ranges = FACES[name]
     # along track the beam is 1 degree wide: fine patches in the main lobe, coarse ones out to the far sidelobes
     y = np.concatenate([np.arange(-25, -2, 0.25), np.arange(-2, 2, 0.05), np.arange(2, 25.1, 0.25)])
