@@ -237,9 +237,9 @@ class _Block:
         strength, sin_grazing = _strength(hits, inside, self.survey.sonar.frequency)
         source_depth, source_speed = place.medium(ray.ping)
         loss = absorbed(self.absorption, self.absorption_steps, source_depth, mi.Float(-hits.point.z),
-                        mi.Float(hits.arc_length))
+                        hits.arc_length)
         energy = echo_energy(solid_angle=ray.solid_angle, pattern=ray.pattern, strength=strength,
-                             sin_grazing=sin_grazing, spreading_area=mi.Float(hits.spreading_area),
+                             sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
                              speed_ratio=mi.Float(hits.sound_speed) / source_speed, loss=loss)
         units = mi.Float64(energy) * mi.Float64(dr.gather(mi.Float, self.units, bin, inside))
         return units, bin, inside & dr.isfinite(energy)

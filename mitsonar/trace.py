@@ -37,8 +37,9 @@ class Hits:
     shape : ShapePtr (R,)
     primitive, uv : UInt32 (R,), Point2f (R,)
         Facet and place on it.
-    travel_time, arc_length : Float64 (R,) [s], [m]
-    spreading_area : Float64 (R,) [m²/sr]
+    travel_time : Float64 (R,) [s]
+    arc_length : Float (R,) [m]
+    spreading_area : Float (R,) [m²/sr]
     launch_direction, arrival_direction : Vector3f (R,)
         Unit, along the travel, at the source and at the hit.
     ray_parameter : Float64 (R,) [s/m]
@@ -176,17 +177,17 @@ class Tracer:
         point, facet_normal = self._rebuild(pi, chord, o, heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
-        time, arc, area, p, sine, c = to_hit(
-            self.table, lib, sources.state, source, lib.Float64(launch_angle), x, -point.z, valid,
-            dr.opaque(lib.Float64, self.tolerance))
+        s0, cosine0 = _unit_sine(direction, lib.Float64)
+        time, arc, area, p, sine, c = to_hit(self.table, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
+                                             dr.opaque(lib.Float64, self.tolerance))
         # the hit may lie a hair off the launch bearing: directions are those of the eigenray
-        along = mi.Vector2f(dx, dy) * mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
-        along = dr.select(x > 1e-6, along, heading)
+        along = mi.Vector2f(dx, dy) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
+        along = dr.select(mi.Float(x) > 1e-6, along, heading)
         _, c0, _ = sources.state.gather(lib, source)
         cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
-        sine0 = dr.sqrt(dr.maximum(1 - dr.square(p * c0), 0)) * dr.select(launch_angle < 0, -1.0, 1.0)
-        launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, -mi.Float(sine0))
-        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -mi.Float(sine))
+        sine0 = dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0)))
+        launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
+        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
         row = dr.reinterpret_array(mi.UInt32, _solid(pi))
         return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=pi.prim_uv,
@@ -233,6 +234,14 @@ def _angles(direction):
     scale = dr.rcp(dr.select(upright, 1, across))
     heading = mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale)
     return dr.atan2(-direction.z, across), heading
+
+
+def _unit_sine(direction, wide):
+    """Sine (positive down) and cosine of the launch angle in float64, unit to the last bit."""
+    x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
+    across = dr.sqrt(dr.fma(x, x, y * y))
+    scale = dr.rsqrt(dr.fma(z, z, across * across))
+    return -z * scale, across * scale
 
 
 def _chord_ray(origin, heading, r0, z0, r1, z1):

@@ -1,7 +1,7 @@
 """Exact eigenray from a source to a hit, given the nearly right ray that found the hit.
 
 With H the depth difference, <·> the mean over depth between the two points, s² = <1/c²>, m_n the central moments of
-1/c², q² = s² - p², a_n = m_n / q^2n (expand the ray integrals about the mean):
+1/c², q² = s² - p², a_n = m_n / q^2n (expand the ray integrals about the mean; the code scales 1/c² by r0):
 
     X(p) = (H p / q) (1 + 3/8 a2 - 5/16 a3 + 35/128 a4)
     D    = dX/dp = (H / q) [... + (p/q)² (1 + 15/8 a2 - 35/16 a3 + 315/128 a4)]
@@ -55,41 +55,51 @@ def source_state(table, source_depth):
     return SourceState(rows=rows)
 
 
-def _series(table, p, x, z, z0, moments0):
-    """The O(1) series; returns T, D, S, X/p, refined p, c, a4 (NaN or large where the series does not hold)
-    and the horizontal miss of the launched ray."""
+def _series(table, lib, p, x, z, z0, moments0):
+    """The O(1) series; returns T, D, S, X/p, refined p, c, a4 (NaN or large where the series does not hold) and the
+    horizontal miss of the launched ray.
+
+    Time and p are float64. What enters T only squared (the miss) or is no time (D, S) is float32, twice as many lanes.
+    """
+    F, wide = lib.Float, lib.Float64
     c, moments = table.at(z)
     height = abs(z - z0)
     per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
     n1, n2, n3, n4 = ((moments[i] - moments0[i]) * per_height for i in range(4))
     m2 = n2 - n1 * n1
-    m3 = n3 - n1 * (3 * n2 - 2 * n1 * n1)
-    m4 = n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1))
-    s2 = table.reference + n1
+    m3 = F(n3 - n1 * (3 * n2 - 2 * n1 * n1))
+    m4 = F(n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1)))
+    # p and q in units of sqrt(r0): s² = 1 + <e>
+    s2 = 1 + n1
+    root = dr.sqrt(table.reference)
+    per_root = F(dr.rcp(root))
+    h, y = F(height), F(x)
     # one cheap Newton step from the launched ray to the eigenray, two terms deep
-    w = dr.rcp(s2 - p * p)
+    scaled = F(p) * per_root
+    w = dr.rcp(F(s2 - p * p * table.scale))
     q = dr.sqrt(w)                                                     # 1/q
-    a2 = m2 * w * w
-    slope = height * q * (1 + 0.375 * a2 + p * p * w * (1 + 1.875 * a2))
-    first_miss = x - height * p * q * (1 + 0.375 * a2)
-    p = p + first_miss / slope
+    a2 = F(m2) * w * w
+    slope = h * q * (1 + 0.375 * a2 + scaled * scaled * w * (1 + 1.875 * a2))
+    first_miss = y - h * scaled * q * (1 + 0.375 * a2)
+    p = p + wide(first_miss / slope) * root
     # the series at the eigenray
-    p2 = p * p
-    q2 = s2 - p2
-    w = dr.rcp(q2)
-    q = dr.sqrt(q2)
-    a2, a3, a4 = m2 * w * w, m3 * w * w * w, m4 * (w * w) * (w * w)
-    range_per_p = height * w * q * (1 + 0.375 * a2 - 0.3125 * a3 + (35 / 128) * a4)
-    slope = range_per_p + height * w * q * p2 * w * (1 + 1.875 * a2 - 2.1875 * a3 + (315 / 128) * a4)
-    miss = x - p * range_per_p
-    time = p * x + height * q * (1 - 0.125 * a2 + a3 * (1 / 16) - (5 / 128) * a4) + 0.5 * miss * miss / slope
-    u = q2 / s2
+    q2 = s2 - p * p * table.scale
+    wide_w = dr.rcp(q2)
+    wide_a2 = m2 * wide_w * wide_w
+    w, a2 = F(wide_w), F(wide_a2)
+    a3, a4 = m3 * w * w * w, m4 * (w * w) * (w * w)
+    higher = a3 * (1 / 16) - (5 / 128) * a4
+    time = p * x + height * root * dr.sqrt(q2) * (1 - 0.125 * wide_a2 + wide(higher))
+    q, p2 = dr.sqrt(w), F(p * p * table.scale)                         # 1/q
+    per_p = h * q * (1 + 0.375 * a2 - 0.3125 * a3 + (35 / 128) * a4)
+    slope = per_p + h * q * p2 * w * (1 + 1.875 * a2 - 2.1875 * a3 + (315 / 128) * a4)
+    s2 = F(s2)
+    u = F(q2) / s2
     b1, b2, b3, b4 = 0.5 * u, -0.125 * u * u, u * u * u / 16, -(5 / 128) * u * u * u * u
-    arc = height * dr.sqrt(s2) * w * q * (
+    arc = h * dr.sqrt(s2) * q * (
         1 + a2 * (0.375 - 0.5 * b1 + b2) + a3 * (-0.3125 + 0.375 * b1 - 0.5 * b2 + b3)
         + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
-    arc += miss * p * dr.rsqrt(s2)
-    return time, slope, arc, range_per_p, p, c, a4, first_miss
+    return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
 
 
 def _arc_time(c1, c2, g, d2):
@@ -160,7 +170,7 @@ def _carry(p, s, c, g, v, launch, dz):
 
 
 @dr.syntax
-def to_hit(table, lib, source, fan, launch_angle, x, z, valid, tolerance):
+def to_hit(table, lib, source, fan, s0, cosine0, x, z, valid, tolerance):
     """Travel time, arc length, spreading and directions of the eigenray source → hit.
 
     Parameters
@@ -170,8 +180,8 @@ def to_hit(table, lib, source, fan, launch_angle, x, z, valid, tolerance):
     source : SourceState
     fan : UInt32 (R,)
         Source of each ray.
-    launch_angle : Float64 (R,) [rad]
-        Of the ray that was traced, positive down.
+    s0, cosine0 : Float64 (R,)
+        Sine, positive down, and cosine of the launch angle of the ray that was traced.
     x, z : Float64 (R,) [m]
         Horizontal distance and depth of the hit.
     valid : Bool (R,)
@@ -181,27 +191,26 @@ def to_hit(table, lib, source, fan, launch_angle, x, z, valid, tolerance):
     Returns
     -------
     travel_time [s], arc_length [m], spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s]
-        Float64 (R,); the sine is that of the arrival angle, positive down.
+        (R,); time, ray parameter and speed are Float64; the sine is that of the arrival angle, positive down.
     """
-    F = lib.Float64
+    F = lib.Float
     z0, c0, moments0 = source.gather(lib, fan)
-    s0, cosine0 = dr.sincos(launch_angle)
     p0 = cosine0 / c0
-    time, slope, arc, range_per_p, p, c, a4, miss = _series(table, p0, x, z, z0, moments0)
-    sine0 = dr.sqrt(dr.maximum(1 - p * p * c0 * c0, 0))
-    sine = dr.sqrt(dr.maximum(1 - p * p * c * c, 0))
-    area = range_per_p * slope * sine * sine0 / (c0 * c0)              # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
+    time, slope, arc, range_per_p, p, c, a4, miss = _series(table, lib, p0, x, z, z0, moments0)
+    sine0 = dr.sqrt(F(dr.maximum(1 - p * p * c0 * c0, 0)))
+    sine = dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0)))
+    area = range_per_p * slope * sine * sine0 / F(c0 * c0)             # X |D| sinθ sinθ0 / (c0 cosθ0), cosθ0 = p c0
     sine = dr.select(z < z0, -sine, sine)
     # the ray heads away from the hit, or missed it: it turned; or the series is too slow: walk the arcs
-    direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < 10 * tolerance + 0.05 * x)
+    direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < F(10 * tolerance + 0.05 * x))
     walk = valid & ~(direct & (a4 < SERIES_LIMIT))
     if walk:
         z_x, t_x, arc_x, v, s_x, c_x, g_x = _walk(table, lib, z0, c0, s0, p0, x, walk)
         dz = z - z_x
         dt, dp = _carry(p0, s_x, c_x, g_x, v, s0 / c0, dz)
-        time, arc, p = t_x + dt, arc_x + s_x * dz, p0 + dp
-        area = x * abs(v) / dr.maximum(cosine0, 1e-9)
+        time, arc, p = t_x + dt, F(arc_x + s_x * dz), p0 + dp
+        area = F(x * abs(v) / dr.maximum(cosine0, 1e-9))
         c = dr.fma(g_x, dz, c_x)
-        sine = dr.copysign(dr.sqrt(dr.maximum(1 - p * p * c * c, 0)), s_x)
-    area = dr.maximum(area, (x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
+        sine = dr.copysign(dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0))), F(s_x))
+    area = dr.maximum(area, F(x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
     return time, arc, area, p, sine, c
