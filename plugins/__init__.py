@@ -6,6 +6,8 @@ exists only once a variant is set, so its module is imported then, and reloaded 
 import importlib
 import sys
 
+from mitsonar import llvm
+
 if __name__ != "mitsonar.plugins":
     raise ImportError("import mitsonar.plugins, not plugins: the folder is part of the package mitsonar")
 
@@ -20,10 +22,10 @@ _installed = False
 def install():
     """Register every plugin for the present variant, if there is one, and for those set from now on."""
     global _installed
+    import mitsuba as mi        # where this is the first import, it installs by itself (see mitsonar/__init__)
+
     if _installed:
         return
-    import mitsuba as mi
-
     _installed = True
     mi.detail.add_variant_callback(_register)
     if mi.variant():
@@ -33,6 +35,8 @@ def install():
 def _register(old, new):
     if new is None or new.startswith("scalar"):
         return                      # a scalar variant has no arrays to trace with
+    if new.startswith("llvm"):
+        llvm.check()                # Dr.Jit may have been imported, with any LLVM, before mitsonar was
     for name in MODULES:
         name = f"{__name__}.{name}"
         if name in sys.modules:
