@@ -7,6 +7,7 @@ import mitsonar  # noqa: F401  (chooses libLLVM: must come before anything that 
 def pytest_addoption(parser):
     parser.addoption("--variants", default="llvm_ad_mono",
                      help="Mitsuba variants, separated by commas, in which tests with the fixture `variant` run")
+    parser.addoption("--regenerate", action="store_true", help="rewrite the stored results of tests/regression")
 
 
 def pytest_generate_tests(metafunc):

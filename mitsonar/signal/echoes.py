@@ -133,8 +133,8 @@ class EchoSums:
         Returns
         -------
         dict of (rows, bins) arrays
-            ``intensity`` [µPa²] float64, ``label`` uint32, ``depth`` [m] float32, NaN where no echo, ``rays`` and
-            ``rays_in_beam`` uint32.
+            ``intensity`` [µPa²] float64, ``label`` uint32, 0 where no ray of the main lobe arrives, ``depth`` [m]
+            float32, NaN where no echo, ``rays`` and ``rays_in_beam`` uint32.
         """
         shape = (self.rows, self.bins)
         def values(sums, *shape):
@@ -147,7 +147,8 @@ class EchoSums:
         count = values(self.count, *shape)
         top, bottom = depth_range
         return {"intensity": total * unit[None],
-                "label": np.where(total > 0, strongest, np.uint32(0)),
+                # in a shadow side lobes bring what little there is: it has no label
+                "label": np.where(count >> np.uint64(32) > 0, strongest, np.uint32(0)),
                 "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
                 "rays": (count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
                 "rays_in_beam": (count >> np.uint64(32)).astype(np.uint32)}

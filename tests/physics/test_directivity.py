@@ -57,7 +57,7 @@ def test_solid_angle_of_a_line_is_its_ring():
 
 
 def test_directivity_index_of_a_large_face_is_4_pi_area():
-    """4πA/λ² for a rectangle many wavelengths wide, baffled (its beam lies in one half space): 0.05 dB at 100 x 10 λ."""
+    """4πA/λ² for a rectangle many wavelengths wide, baffled (its beam in one half space): 0.05 dB at 100 x 10 λ."""
     sonar = sidescan(Aperture(length=100 * WAVELENGTH, height=10 * WAVELENGTH))
     assert sonar.directivity_index_db() == pytest.approx(10 * np.log10(4 * np.pi * 1000), abs=0.05)
 

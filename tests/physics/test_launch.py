@@ -1,7 +1,7 @@
 """Drawing of directions: quantile tables give the density they were made of, and its exact reciprocal as weight.
 
-Stratified draws from a table must integrate any function: mean of f(x) / density = ∫ f, here to the stratification error;
-chi² over equal-probability cells is 0 for jittered strata, so the shares of cells are tested directly.
+Stratified draws from a table must integrate any function: mean of f(x) / density = ∫ f, here to the stratification
+error; chi² over equal-probability cells is 0 for jittered strata, so the shares of cells are tested directly.
 """
 import numpy as np
 import pytest

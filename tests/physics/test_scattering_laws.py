@@ -39,7 +39,8 @@ def test_scatters_no_more_than_it_receives(law):
 
 def test_lambert_backscatter_in_decibels():
     """S_b = 10 log μ + 20 log sin θ: numbers at -27 dB (Mackenzie 1961) and -15 dB, to the digits printed."""
-    for mu_db, angle, expected in ((-27, 10, -42.20660), (-27, 30, -33.02060), (-27, 60, -28.24939), (-15, 20, -24.31897)):
+    for mu_db, angle, expected in ((-27, 10, -42.20660), (-27, 30, -33.02060), (-27, 60, -28.24939), (-15, 20,
+    -24.31897)):
         sine = np.sin(np.radians(angle))
         found = 10 * np.log10(lambert.scattering_strength(10 ** (mu_db / 10), sine, sine))
         assert found == pytest.approx(expected, abs=5e-6)

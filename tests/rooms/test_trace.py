@@ -1,8 +1,8 @@
 """Refracted rays against a scene: the hit lies on the scene, and everything said of it is that of the exact eigenray.
 
-Truth is `propagation.eigenrays`, an independent NumPy solver checked against 60-digit arithmetic. The bed is a rough height
-field 45 m deep, sonar 10.3 and 20 m deep, launch angles from 3 degrees above horizontal to straight down, ranges to 260 m.
-Tolerance on time: 1 ns, the requirement; found are 2e-10 s (steepest profiles) and 1e-14 s (median).
+Truth is `propagation.eigenrays`, an independent NumPy solver checked against 60-digit arithmetic. The bed is a rough
+height field 45 m deep, sonar 10.3 and 20 m deep, launch angles from 3 degrees above horizontal to straight down,
+ranges to 260 m. Tolerance on time: 1 ns, the requirement; found are 2e-10 s (steepest profiles) and 1e-14 s (median).
 """
 import json
 from pathlib import Path
@@ -37,8 +37,8 @@ def bed():
     prepare()
     relief = {"fractal_rms": 0.6, "fractal_gamma": 3.3, "fractal_outer_scale": 60.0}
     return Geometry(mi.load_dict({
-        "type": "scene", "bed": {"type": "seabed", "depth": 45.0, "length": 400.0, "width": 400.0, "spacing": 1.0, **relief},
-        "ball": {"type": "sphere", "center": [30.0, 0.0, -38.0], "radius": 9.0}}, optimize=False))
+        "type": "scene", "bed": {"type": "seabed", "depth": 45.0, "length": 400.0, "width": 400.0, "spacing": 1.0,
+        **relief}, "ball": {"type": "sphere", "center": [30.0, 0.0, -38.0], "radius": 9.0}}, optimize=False))
 
 
 def fan(rng, count=RAYS):

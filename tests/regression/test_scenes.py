@@ -1,0 +1,41 @@
+"""The shipped scenes keep their levels: block means against stored ones, judged by their spread.
+
+Every scene is rendered small. Intensities (without speckle and noise) are averaged over pings and over 12 blocks of range,
+one value per side and block, and compared with the stored mean of 16 runs. Standard errors come from those runs; with 24
+values a scene, |z| < 5 fails by chance once in 70,000. Run with --regenerate after a change that is meant to move levels.
+"""
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mitsonar
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+STORED = Path(__file__).with_name("scenes.json")
+SMALL = {"pings": 12, "rays": 20_000, "bins": 240, "speckle": False, "noise": False}
+BLOCKS, RUNS = 12, 16
+
+
+def block_means(scene, seed):
+    """Mean level [dB] of each side and range block; -200 where nothing is heard."""
+    level = mitsonar.render(scene, seed)["mean_level"].values.astype(float)
+    intensity = np.where(level > -199, 10 ** (level / 10), 0)
+    blocks = intensity.mean(0).reshape(2, BLOCKS, -1).mean(-1)
+    return 10 * np.log10(np.maximum(blocks, 1e-20))
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.xml")))
+def test_levels_of_the_shipped_scenes(variant, request, name):
+    scene = mitsonar.load_file(SCENES / f"{name}.xml", **SMALL)
+    stored = json.loads(STORED.read_text()) if STORED.is_file() else {}
+    if request.config.getoption("--regenerate"):
+        runs = np.array([block_means(scene, seed) for seed in range(100, 100 + RUNS)])
+        stored[name] = {"mean": runs.mean(0).round(4).tolist(), "spread": runs.std(0, ddof=1).round(4).tolist()}
+        STORED.write_text(json.dumps(stored, indent=1, sort_keys=True) + "\n")
+    mean, spread = (np.array(stored[name][key]) for key in ("mean", "spread"))
+    found = block_means(scene, 1)
+    # the stored spread has 15 degrees of freedom; rounding of a float32 level is 1e-5 dB
+    z = (found - mean) / np.hypot(spread * np.sqrt(1 + 1 / RUNS), 2e-3)
+    assert np.abs(z).max() < 5.5, f"{name}: levels moved by {np.abs(found - mean).max():.3f} dB"
