@@ -1,0 +1,26 @@
+"""The benchmarks still run: each as a person starts it, at a size that takes a moment. Figures are not looked at."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+SMALL = "--nodes", "60"
+RUNS = {
+    "tracing": (["tracing.py", *SMALL, "--rays", "4096", "--rounds", "2"], "cast: hits alone"),
+    "eigenrays": (["eigenrays.py", *SMALL, "--rays", "200"], "gradient -1 1/s"),
+    "ping": (["ping.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "mitsonar.render"),
+    "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_benchmark_runs_and_prints_its_table(name):
+    (script, *options), line = RUNS[name]
+    child = subprocess.run([sys.executable, HERE / script, *options], capture_output=True, text=True, check=False,
+                           stdin=subprocess.DEVNULL, timeout=300, env={**os.environ, "PYTHONPATH": ""})
+    assert child.returncode == 0, child.stderr
+    assert line in child.stdout
+    assert "nan" not in child.stdout
