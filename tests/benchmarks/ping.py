@@ -115,8 +115,8 @@ def surveys(arguments):
         rows.append([told["pings"], f"{told['render']:.1f}", f"{1000 * told['render'] / told['pings']:.1f}",
                      f"{told['write']:.1f}", f"{told['before']:.0f}", f"{told['peak']:.0f}", f"{told['image']:.0f}"])
     print(told["machine"])
-    print(f"{2 * (arguments.nodes - 1) ** 2 / 1e6:.1f} million triangles, two sides, {arguments.rays or 100_000:,} rays "
-          f"and {arguments.bins} bins a ping\n")
+    print(f"{2 * (arguments.nodes - 1) ** 2 / 1e6:.1f} million triangles, two sides, {arguments.rays or 100_000:,} "
+          f"rays and {arguments.bins} bins a ping\n")
     measuring.table(["pings", "render [s]", "ms per ping", "write EXR [s]", "peak before [MB]", "peak [MB]",
                      "of it the image [MB]"], rows)
 
