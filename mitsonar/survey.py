@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from .propagation.device import arrays_of, upload
-from .signal.echoes import UNIT_BITS, EchoSums, absorbed, echo_energy, mean_absorption_table, sum_size
+from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
 from .sonar.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
 from .sonar.sidescan import SIDES
@@ -122,7 +122,7 @@ class _Block:
         self.solid_angle = sonar.solid_angle()
         self.along = upload(mi.Float, along_quantiles(sonar).astype(np.float32))
         deepest = max(geometry.depth_range[1], -float(survey.track.position[:, 2].min()))
-        self.absorption, self.absorption_steps = mean_absorption_table(survey.absorption, deepest, mi.Float)
+        self.absorption = Absorption(survey.absorption, survey.profile, deepest, mi.Float)
         sides = [side / sonar.wavelength for face in (sonar.transmit, sonar.receive)
                  for side in (face.length, face.height)]
         self.sides = [dr.opaque(mi.Float, side) for side in sides]
@@ -155,7 +155,7 @@ class _Block:
         hits = self._trace(place, ray)
         units, bin, in_window = self._echo(place, ray, hits)
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=ray.along_intensity > BEAM_EDGE,
-                 height=(mi.Float(-hits.point.z) - self.top) * self.per_depth, active=in_window)
+                 height=dr.clip((mi.Float(-hits.point.z) - self.top) * self.per_depth, 0, 1), active=in_window)
         dr.eval(sums.energy, sums.depth, sums.count)
         worth = 10 ** (survey.sonar.source_level_db / 10) * self.solid_angle / (self.range2 * 2.0 ** UNIT_BITS)
         return sums.read(worth, survey.geometry.depth_range)
@@ -236,8 +236,7 @@ class _Block:
         bin, inside = self._bin(hits)
         strength, sin_grazing = _strength(hits, inside, self.survey.sonar.frequency)
         source_depth, source_speed = place.medium(ray.ping)
-        loss = absorbed(self.absorption, self.absorption_steps, source_depth, mi.Float(-hits.point.z),
-                        hits.arc_length)
+        loss = self.absorption(source_depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter))
         energy = echo_energy(solid_angle=ray.solid_angle, pattern=ray.pattern, strength=strength,
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
                              speed_ratio=mi.Float(hits.sound_speed) / source_speed, loss=loss)

@@ -18,39 +18,54 @@ import drjit as dr
 import numpy as np
 
 from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.water.column import column_integrals
 
-__all__ = ["EchoSums", "absorbed", "echo_energy", "mean_absorption_table", "sum_size"]
+__all__ = ["Absorption", "EchoSums", "echo_energy", "sum_size"]
 
 UNIT_BITS = 50
 LARGEST = 2.0 ** 58                # units a single echo may bring
 ABSORPTION_STEPS = 1024
 
 
-def mean_absorption_table(column, deepest, like):
-    """Device table of an `AbsorptionColumn`: interleaved (A, α), and steps per metre."""
-    lib = arrays_of(like)
-    deepest = max(float(deepest), 1.0)
-    alpha, integral = column.sampled(deepest, ABSORPTION_STEPS)
-    table = upload(lib.Float, np.stack([integral, alpha], 1).astype(np.float32))
-    dr.eval(table)
-    return table, dr.opaque(lib.Float, ABSORPTION_STEPS / deepest)
+class Absorption:
+    """Two-way absorption on the device; see `water.column` for the equation.
 
+    Parameters
+    ----------
+    column : AbsorptionColumn
+    profile : SoundSpeedProfile
+    deepest : float [m]
+        Of source and scene.
+    like : Dr.Jit array or type
+    """
 
-def absorbed(table, steps_per_metre, z0, z1, arc_length):
-    """Two-way power factor 10^(-2 ᾱ L / 10) between two depths [m], float32."""
-    lib = arrays_of(arc_length)
+    def __init__(self, column, profile, deepest, like):
+        self.lib = lib = arrays_of(like)
+        deepest = max(float(deepest), 1.0)
+        integrals, c_r = column_integrals(column, profile, deepest, ABSORPTION_STEPS)
+        self.table = upload(lib.Float, integrals.astype(np.float32))
+        self.steps_per_metre = dr.opaque(lib.Float, ABSORPTION_STEPS / deepest)
+        self.c2 = dr.opaque(lib.Float, c_r ** 2)
+        dr.eval(self.table)
 
-    def look_up(z):
-        place = dr.clip(z * steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
-        index = lib.UInt32(place)
-        low, high = dr.gather(lib.Array2f, table, index), dr.gather(lib.Array2f, table, index + 1)
-        return low + (high - low) * (place - lib.Float(index))
+    def __call__(self, z0, z1, arc_length, ray_parameter):
+        """Power factor 10^(-2 ᾱ L / 10) between depths z0 and z1 [m]; float32 arrays."""
+        a, b = self._at(z0), self._at(z1)
+        apart = z1 - z0
+        far = abs(apart) > 0.5                              # nearer, float32 differences are worse than α itself
+        per_metre = dr.select(far, 1 / dr.select(far, apart, 1), 0)
+        mean, mean_product, e = ((b[i] - a[i]) * per_metre for i in range(3))
+        square = ray_parameter * ray_parameter * self.c2
+        flat = dr.maximum(1 - square * (1 + e), 0.01)       # about to turn: the expansion ends here
+        mean += 0.5 * square / flat * (mean_product - mean * e)
+        mean = dr.select(far, mean, 0.5 * (a[3] + b[3]))
+        return dr.exp(mean * arc_length * (-0.2 * float(np.log(10))))
 
-    a, b = look_up(z0), look_up(z1)
-    apart = z1 - z0
-    far = abs(apart) > 0.5                                  # nearer, float32 differences of A are worse than α itself
-    mean = dr.select(far, (b[0] - a[0]) / dr.select(far, apart, 1), 0.5 * (a[1] + b[1]))
-    return dr.exp(mean * arc_length * (-0.2 * float(np.log(10))))
+    def _at(self, z):
+        place = dr.clip(z * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
+        index = self.lib.UInt32(place)
+        low, high = (dr.gather(self.lib.Array4f, self.table, index + i) for i in (0, 1))
+        return low + (high - low) * (place - self.lib.Float(index))
 
 
 def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, speed_ratio, loss):
