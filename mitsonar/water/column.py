@@ -1,14 +1,14 @@
 """Absorption along refracted paths, from integrals over depth that are made once.
 
-A ray spends more of its arc where it runs flatter. With s² = 1 - p² c², the mean absorption along the arc is expanded about
-the mean of c² over depth, <·> the mean over depth between the two ends and e = c²/c_r² - 1:
+A ray spends more of its arc where it runs flatter. With s² = 1 - p² c², the mean absorption along the arc is expanded
+about the mean of c² over depth, <·> the mean over depth between the two ends and e = c²/c_r² - 1:
 
     ᾱ = ∫ α dz/s / ∫ dz/s ≈ <α> + κ (<α e> - <α> <e>),   κ = p² c_r² / (2 (1 - p² c_r² (1 + <e>)))
     two-way loss = 2 ᾱ L
 
 α -> ``absorption_db`` [dB/m], p ray parameter, L arc length. Exact where α is constant. Through a strong summer
-thermocline at 400 kHz (94 to 110 dB/km), from 2 to 40 m deep, κ takes the two-way error from 0.59 to 0.26 dB at 5 degrees
-of grazing (237 m), from 0.16 to 0.04 dB at 10 degrees (170 m); at 100 kHz it leaves 0.03 and 0.005 dB.
+thermocline at 400 kHz (94 to 110 dB/km), from 2 to 40 m deep, κ takes the two-way error from 0.59 to 0.26 dB at 5
+degrees of grazing (237 m), from 0.16 to 0.04 dB at 10 degrees (170 m); at 100 kHz it leaves 0.03 and 0.005 dB.
 """
 from dataclasses import dataclass
 

@@ -30,8 +30,9 @@ def test_vertical_paths_take_the_mean_over_depth(variant, pair):
 
 @pytest.mark.parametrize("grazing_deg, tolerance", [(5.0, 0.4), (8.0, 0.12), (10.0, 0.06), (20.0, 0.01), (60.0, 0.005)])
 def test_slant_paths_through_a_thermocline(variant, grazing_deg, tolerance):
-    """∫ α dz / s by quadrature along the refracted ray, 2 to 40 m, 400 kHz. The expansion is of first order in the change
-    of c² over s², so its error grows like 1/s⁴: found are 0.36, 0.10, 0.05 dB, and 0.003 dB of float32 and table above."""
+    """∫ α dz / s by quadrature along the refracted ray, 2 to 40 m, 400 kHz. The expansion is of first order in the
+    change of c² over s², so its error grows like 1/s⁴: found are 0.36, 0.10, 0.05 dB, and 0.003 dB of float32 and
+    table above."""
     column = AbsorptionColumn(DEPTH, absorption_db(400e3, TEMPERATURE, 32.0, DEPTH, 8.0))
     z = np.linspace(2.0, 40.0, 200_001)
     p = np.cos(np.radians(grazing_deg)) / SUMMER.at(2.0)

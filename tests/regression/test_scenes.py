@@ -1,8 +1,9 @@
 """The shipped scenes keep their levels: block means against stored ones, judged by their spread.
 
-Every scene is rendered small. Intensities (without speckle and noise) are averaged over pings and over 12 blocks of range,
-one value per side and block, and compared with the stored mean of 16 runs. Standard errors come from those runs; with 24
-values a scene, |z| < 5 fails by chance once in 70,000. Run with --regenerate after a change that is meant to move levels.
+Every scene is rendered small. Intensities (without speckle and noise) are averaged over pings and over 12 blocks of
+range, one value per side and block, and compared with the stored mean of 16 runs. Standard errors come from those
+runs; with 24 values a scene, |z| < 5 fails by chance once in 70,000. Run with --regenerate after a change that is
+meant to move levels.
 """
 import json
 from pathlib import Path
