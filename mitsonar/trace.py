@@ -247,7 +247,7 @@ def _chord_ray(origin, heading, r0, z0, r1, z1):
     per_length = dr.rsqrt(dr.maximum(square, 1e-12))
     across, down = across * per_length, down * per_length
     start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
-    return mi.Ray3f(start, mi.Vector3f(across * heading.x, across * heading.y, -down), square * per_length, 0, [])
+    return mi.Ray3f(mi.Ray3f(start, mi.Vector3f(across * heading.x, across * heading.y, -down)), square * per_length)
 
 
 @dr.syntax
