@@ -140,7 +140,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
         attrs={"sonar": "sidescan", "seed": int(seed), "sound_speed": float(sonar.sound_speed),
                "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "absorption_db": float(absorption_db),
-               "noise_level_db": None if noise_db is None else float(noise_db),
+               "noise_db": None if noise_db is None else float(noise_db),
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
                "labels": {str(number): name for number, name in labels.items()}})
 

@@ -105,7 +105,7 @@ def test_noise_fills_the_water_column_at_the_level_of_band_and_beam():
     expected = 40 + 10 * np.log10(1 / sonar.pulse_length) - sonar.directivity_index_db()
     column = 10 ** (dataset["level"].values[..., :150] / 10)
     assert abs(10 * np.log10(column.mean()) - expected) < 0.12
-    assert dataset.attrs["noise_level_db"] == pytest.approx(expected)
+    assert dataset.attrs["noise_db"] == pytest.approx(expected)
 
 
 def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch):
