@@ -10,6 +10,7 @@ _PLACE = r"(?:(?P<file>\S.*?) \(line (?P<line>\d+), col \d+\)|dictionary node \"
 _PLUGIN = r"(?:failed to instantiate (?P<kind>\S+) plugin of type \"(?P<plugin>[^\"]*)\": )?"
 _WRAPPERS = (
     re.compile(rf"(?:At|While loading|Error while loading) {_PLACE}: {_PLUGIN}", re.DOTALL),
+    re.compile(r"Error while loading XML file \"(?P<file>.*?)\": (?P<plugin>)"),
     re.compile(r"while processing <include>:\s*"),
 )
 _SYNTAX = re.compile(r"(?:Parsing of XML file \"(?P<file>.*?)\"|XML parsing) failed: (?P<what>.*?) "
@@ -43,12 +44,23 @@ def plain(error):
             place = _at(found["file"], found["line"])
         elif found.get("node"):
             place = f'object "{found["node"]}"'
+        elif found.get("file"):
+            place = found["file"]
         plugin = found.get("plugin") or plugin
         text = _strip_tag(text[match.end():])
     sentence = _sentence(text)
     if plugin and not re.match(rf"{re.escape(plugin)}[ :]", sentence) and not sentence.startswith("there is no plugin"):
         sentence = f"{plugin}: {sentence}"
     return f"{place}: {sentence}" if place else sentence
+
+
+def as_exception(error):
+    """Make the exception to raise instead of one that Mitsuba raised: a `ValueError`, or the Ctrl-C that it wraps."""
+    sentence, cause = plain(error), error
+    while cause is not None and not isinstance(cause, KeyboardInterrupt):
+        cause = cause.__cause__
+    interrupted = cause is not None or re.search(r"\bKeyboardInterrupt\b", sentence)
+    return KeyboardInterrupt() if interrupted else ValueError(sentence)
 
 
 def _at(file, line):
@@ -99,6 +111,8 @@ def _unparsable(match):
         return f'"{value}" is not {"an" if kind[0] in "aeiou" else "a"} {kind} value.'
     if kind.startswith("integer") and not re.fullmatch(r"\s*[+-]?\d+\s*", value):
         return f'"{value}" is not an integer value.'
+    if kind.startswith("integer") and abs(int(value)) >= 1 << 63:
+        return f'"{value}" is too large for an integer.'
     return f'the value "{value}" cannot be set: is the attribute written twice?'  # how Mitsuba words a repetition
 
 
@@ -120,8 +134,12 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
      lambda m: "the first numbers of a table (such as depths) must increase."),
     (r"Spectrum must have at least two entries", lambda m: "a table needs at least two entries."),
     (r"\"(.*?)\": file does not exist!", lambda m: f'there is no file "{m[1]}".'),
-    (r"Missing version attribute in root element <scene>",
+    (r"Could not parse wavelength:value pair \"(.*?)\"",
+     lambda m: f'the table holds "{m[1]}"; expected pairs of numbers such as 0:1490.5, 10:1485.'),
+    (r"Error while loading (\w+) file \"(.*?)\": .*I/O error while attempting to read",
+     lambda m: f'the file "{m[2]}" is cut short, or no {m[1]} file.'),
+    (r"[Mm]issing version attribute in root element <scene>",
      lambda m: 'the file must begin with <scene version="3.0.0">.'),
-    (r"Missing version attribute in root element <(.*?)>",
+    (r"[Mm]issing version attribute in root element <(.*?)>",
      lambda m: f'the root element is <{m[1]}>; expected <scene version="3.0.0">.'),
 )]

@@ -63,7 +63,7 @@ class Attributes:
     def number(self, name, default=REQUIRED, *, minimum=None, maximum=None, above=None, below=None, unit=None):
         """Read a finite number, written as a float or an integer."""
         return self._scalar(name, default, float, "a number", ("Float", "Integer"), unit,
-                            minimum=minimum, maximum=maximum, above=above, below=below)
+                            minimum=minimum, above=above, maximum=maximum, below=below)
 
     def angle(self, name, default=REQUIRED, **bounds):
         """Read degrees, under a name that ends in ``_deg``, and give radians; default and bounds in degrees."""
@@ -128,7 +128,7 @@ class Attributes:
 
     def table(self, name, default=REQUIRED):
         """Read a table such as <spectrum name=... value="0:1490.5, 10:1485"/> as two float64 arrays."""
-        expected = 'a table "0:1490.5, 10:1485"'
+        expected = 'a table of finite numbers "0:1490.5, 10:1485"'
         value = self._value(name, default, expected, ("Spectrum", "String"))
         if isinstance(value, str):
             try:

@@ -14,18 +14,21 @@ import numpy as np
 from mitsonar.plugins.properties import Attributes
 from mitsonar.units import hertz_from_khz
 
+FARTHEST = 100_000               # [m]
+MOST_BINS = 1_000_000
+
 
 class SonarFilm(mi.Film):
     """See the module's text."""
 
     def __init__(self, props):
         attributes = Attributes(props)
-        self.range = attributes.number("range", 100.0, above=0, unit="m")
+        self.range = attributes.number("range", 100.0, above=0, maximum=FARTHEST, unit="m")
         self.range_min = attributes.number("range_min", 0.0, minimum=0, unit="m")
         sample_rate_khz = attributes.number("sample_rate_khz", None, above=0, unit="kHz")
         if sample_rate_khz is not None and attributes.given("bins"):
             raise attributes.error("bins and sample_rate_khz are both given; give one of them.")
-        self._bins = attributes.integer("bins", 800, minimum=1, maximum=1_000_000)
+        self._bins = attributes.integer("bins", 800, minimum=1, maximum=MOST_BINS)
         self._sample_rate = None if sample_rate_khz is None else float(hertz_from_khz(sample_rate_khz))
         if self.range_min >= self.range:
             raise attributes.error(f"range_min is {self.range_min} m, not below range {self.range} m; lower it.")
@@ -36,12 +39,21 @@ class SonarFilm(mi.Film):
         self.image = None
 
     def window(self, sound_speed):
-        """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s]."""
+        """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s].
+
+        Raises
+        ------
+        ValueError
+            If the sample rate makes more bins than a film may have.
+        """
         start, end = 2 * self.range_min / sound_speed, 2 * self.range / sound_speed
-        bins = self._bins if self._sample_rate is None else max(1, int(np.ceil((end - start) * self._sample_rate)))
-        if self._sample_rate is not None:
-            end = start + bins / self._sample_rate
-        return (start, end), bins
+        if self._sample_rate is None:
+            return (start, end), self._bins
+        bins = max(1, np.ceil((end - start) * self._sample_rate))
+        if bins > MOST_BINS:
+            raise ValueError(f"sonar_film: sample_rate_khz is {self._sample_rate / 1000:g}, which makes {bins:.3g} "
+                             f"bins of the range; lower it, a film has at most {MOST_BINS}")
+        return (start, start + bins / self._sample_rate), int(bins)
 
     # ---- what Mitsuba asks of a film; the picture itself is put here by `sonar_path`
     def base_channels_count(self):

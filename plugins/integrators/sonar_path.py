@@ -8,6 +8,8 @@
 
     <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
 """
+import os
+
 import mitsuba as mi
 import numpy as np
 
@@ -16,6 +18,9 @@ from mitsonar.plugins.properties import Attributes
 from mitsonar.survey import Survey
 from mitsonar.trace import Geometry
 from mitsonar.units import db_from_power
+
+BYTES_PER_BIN = 50                 # of the record while it is made and written, all variables together
+BINS_PER_PULSE = 10_000
 
 
 class SonarPath(mi.SamplingIntegrator):
@@ -37,10 +42,12 @@ class SonarPath(mi.SamplingIntegrator):
             If sensor and scene do not fit together: no seabed, a track outside it, a sonar below it, ...
         """
         if not hasattr(sensor, "sonar"):
-            raise ValueError(f"the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got {sensor}")
+            raise ValueError("the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a "
+                             f"{sensor.class_name()}")
         geometry = Geometry(scene)
         track, sonar, below = sensor.plan(geometry, _origin(scene))
         window, bins = sensor.film().window(sonar.sound_speed)
+        _check_size(track.pings, bins, window, sonar.pulse_length)
         return Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
                       absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
                       rays=self.rays, first_pass=self.first_pass)
@@ -70,6 +77,26 @@ class SonarPath(mi.SamplingIntegrator):
 
     def to_string(self):
         return f"SonarPath[{self.rays} rays]"
+
+
+def _check_size(pings, bins, window, pulse_length):
+    """Refuse what would end in exhausted memory, or in hours of summing over a pulse of a million bins."""
+    bin_length = (window[1] - window[0]) / bins
+    if pulse_length > BINS_PER_PULSE * bin_length:
+        raise ValueError(f"the film's bins last {1e6 * bin_length:.3g} µs and the pulse {1e6 * pulse_length:.3g} µs, "
+                         f"more than {BINS_PER_PULSE} bins; take fewer bins, a longer range or a shorter pulse")
+    needed, there = BYTES_PER_BIN * pings * 2 * bins, _memory()
+    if needed > there:
+        raise ValueError(f"a record of {pings} pings with 2 x {bins} bins takes {needed / 1e9:.0f} GB, more than the "
+                         f"{there / 1e9:.0f} GB of this machine; take fewer pings or bins")
+
+
+def _memory():
+    """Physical memory [bytes]; infinite where the system does not say."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return np.inf
 
 
 def _origin(scene):

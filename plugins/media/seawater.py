@@ -24,6 +24,7 @@ from mitsonar.io import casts
 from mitsonar.plugins.properties import Attributes
 from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db, sound_speed
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.profile import FASTEST, SLOWEST
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
@@ -55,7 +56,7 @@ class Seawater(mi.Medium):
             raise attributes.error(f"{' and '.join(written)} are given; give one of them.")
         table = attributes.table("profile", None)
         path = attributes.file("cast", None)
-        constant = attributes.number("sound_speed", None, unit="m/s")
+        constant = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
         try:
             if table is not None:
                 return SoundSpeedProfile(*table)

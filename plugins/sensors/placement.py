@@ -21,8 +21,13 @@ def soundings(geometry, x, y):
     return (distance - above).reshape(x.shape)
 
 
-def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
-    """Lay a straight track of given length over the middle of the surveyed area, at a fixed altitude.
+def _wet(geometry, x, y):
+    """Tell where points (x, y) [m] have seabed under water."""
+    return np.nan_to_num(soundings(geometry, x, y), nan=-1.0) > 0
+
+
+def lines_up(geometry, *, heading, altitude, pings, interval, speed):
+    """Lay a straight track over the middle of the surveyed area, at a fixed altitude.
 
     Parameters
     ----------
@@ -31,8 +36,6 @@ def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
         None: along the area's longer axis.
     altitude : float [m]
         Above the seabed, smoothed along the track.
-    length : float [m]
-        From the first ping to the last.
     pings, interval, speed : int, s, m/s
 
     Returns
@@ -42,11 +45,11 @@ def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
     Raises
     ------
     ValueError
-        If no line of that length stays over the seabed.
+        If no line of that length stays over water with a seabed.
     """
     (x0, y0), (x1, y1) = geometry.horizontal_bounds
     x, y = np.meshgrid(*(a + (b - a) * (np.arange(SOUNDINGS) + 0.5) / SOUNDINGS for a, b in ((x0, x1), (y0, y1))))
-    covered = np.isfinite(soundings(geometry, x, y))
+    covered = _wet(geometry, x, y)
     if not covered.any():
         raise ValueError("the scene has no seabed below z = 0 to lay a track over; give the sensor a start or a track")
     points = np.stack([x[covered], y[covered]], -1)
@@ -61,7 +64,7 @@ def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
     step = max(reach / 4000, 0.05)
     place = np.arange(-reach, reach, step)
     line = centre + place[:, None] * course
-    over = np.isfinite(soundings(geometry, line[:, 0], line[:, 1]))
+    over = _wet(geometry, line[:, 0], line[:, 1])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], over, [False]]).astype(int)))
     runs = edges.reshape(-1, 2)
     if not len(runs):
@@ -69,9 +72,11 @@ def lines_up(geometry, *, heading, altitude, length, pings, interval, speed):
                          f"{np.rad2deg(heading):.0f} degrees; choose another heading or give the sensor a start")
     first, last = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     room = place[last - 1] - place[first]
+    length = speed * interval * (pings - 1)
     if length > room:
-        raise ValueError(f"track outside the bathymetry: {pings} pings cover {length:.1f} m, but the seabed reaches only "
-                         f"{room:.1f} m at heading {np.rad2deg(heading):.0f} degrees; take fewer pings or a lower speed")
+        raise ValueError(f"track outside the bathymetry: {pings} pings cover {length:.1f} m, but the seabed reaches "
+                         f"only {room:.1f} m at heading {np.rad2deg(heading):.0f} degrees; take fewer pings or a lower "
+                         "speed")
     middle = 0.5 * (place[first] + place[last - 1])
     path = middle + speed * interval * (np.arange(pings) - 0.5 * (pings - 1))
     position = centre + path[:, None] * course
@@ -88,7 +93,8 @@ def lifted(geometry, track, altitude):
     if np.any(np.isnan(seabed)):
         ping = int(np.argmax(np.isnan(seabed)))
         raise ValueError(f"track outside the bathymetry: no seabed lies around ping {ping} at x = "
-                         f"{track.position[ping, 0]:.1f} m, y = {track.position[ping, 1]:.1f} m to hold an altitude over")
+                         f"{track.position[ping, 0]:.1f} m, y = {track.position[ping, 1]:.1f} m to hold an altitude "
+                         "over; move the track")
     on_bed = np.column_stack([track.position[:, :2], -seabed])
     return _raised(Track(time=track.time, position=on_bed, roll=track.roll, pitch=track.pitch, heading=track.heading),
                    altitude)
@@ -97,8 +103,8 @@ def lifted(geometry, track, altitude):
 def _raised(track, altitude):
     z = track.position[:, 2]
     if np.any(z + altitude > 0):
-        raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is {-z.max():.1f} m deep; "
-                         "lower the altitude")
+        raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is {-z.max():.1f} m "
+                         "deep; lower the altitude")
     return Track(time=track.time, position=track.position + np.array([0, 0, altitude]), roll=track.roll,
                  pitch=track.pitch, heading=track.heading)
 
@@ -123,20 +129,20 @@ def check(geometry, track):
     x, y, z = track.position.T
     if np.any(z > 0):
         ping = int(np.argmax(z > 0))
-        raise ValueError(f"ping {ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is negative under "
-                         "water")
+        raise ValueError(f"ping {ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is negative "
+                         "under water")
     depth = soundings(geometry, x, y)
     if np.any(np.isnan(depth)):
         ping = int(np.argmax(np.isnan(depth)))
         (x0, y0), (x1, y1) = geometry.horizontal_bounds
-        raise ValueError(f"track outside the bathymetry: ping {ping} is at x = {x[ping]:.1f} m, y = {y[ping]:.1f} m, where "
-                         f"no seabed lies below (the scene spans x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f} m); move the "
-                         "track or crop it")
+        raise ValueError(f"track outside the bathymetry: ping {ping} is at x = {x[ping]:.1f} m, y = {y[ping]:.1f} m, "
+                         f"where no seabed lies below (the scene spans x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f} m); "
+                         "move the track or crop it")
     below = _below(geometry, track.position)
     if np.any(np.isnan(below)):
         ping = int(np.argmax(np.isnan(below)))
-        raise ValueError(f"sonar below the seabed: at ping {ping} it is {-z[ping]:.2f} m deep, the seabed {depth[ping]:.2f} m; "
-                         "raise the track or lower the altitude")
+        raise ValueError(f"sonar below the seabed: at ping {ping} it is {-z[ping]:.2f} m deep, the seabed "
+                         f"{depth[ping]:.2f} m; raise the track or the altitude")
     return below
 
 

@@ -4,19 +4,20 @@ The sonar (defaults from ``preset``: towed_100khz, towed_400khz or auv_900khz):
 
 - ``frequency_khz``, ``source_level_db`` [dB re 1 µPa @ 1 m], ``pulse_ms`` (effective, after compression)
 - ``beam_width_deg`` along track, ``vertical_beam_width_deg``: full one-way -3 dB widths of the transmitting face;
-  180 makes that side of the face a point; ``receive_beam_width_deg``, ``receive_vertical_beam_width_deg`` if they differ
+  180 makes that side of the face a point; ``receive_beam_width_deg``, ``receive_vertical_beam_width_deg`` if they
+  differ
 - ``depression_deg``: of the faces' normals below horizontal
 - ``sound_speed`` [m/s]: at the head, what the sonar makes slant range of; default: the profile there
 
 The run:
 
 - ``pings`` [400], ``ping_rate_hz`` (default: as fast as the range allows, c / 2 range), ``speed_knots`` [4]
-- ``track``: CSV file with time, x, y, z, roll, pitch, heading; resampled at the ping rate, at most ``pings`` of it if that
-  is written. ``georeferenced`` [false]: x, y are eastings and northings, as the bathymetry's file has them.
+- ``track``: CSV file with time, x, y, z, roll, pitch, heading; resampled at the ping rate, at most ``pings`` of it if
+  that is written. ``georeferenced`` [false]: x, y are eastings and northings, as the bathymetry's file has them.
   ``altitude`` [m]: fly its x, y this far above the seabed instead of at its z; 0, the default, keeps z.
 - or ``start`` (point, z up) and ``heading_deg``: a straight, level track
-- or neither: straight over the middle of the surveyed area, ``altitude`` [m, 20] above the seabed, along its longer axis
-  unless ``heading_deg`` is written.
+- or neither: straight over the middle of the surveyed area, ``altitude`` [m, 20] above the seabed, along its longer
+  axis unless ``heading_deg`` is written.
 
 What is heard:
 
@@ -41,10 +42,13 @@ from mitsonar.io import tracks
 from mitsonar.plugins.properties import Attributes
 from mitsonar.sonar import Aperture, Sidescan, Track, length_for_beam_width, presets
 from mitsonar.units import hertz_from_khz, metres_per_second_from_knots
+from mitsonar.water.profile import FASTEST, SLOWEST
 
 from . import placement
 
 WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
+NARROWEST_DEG = 0.01, 0.1          # what the integrals over the beam resolve
+LEVELS_DB = {"minimum": -200, "maximum": 300}     # what energies in float32 can hold
 ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
 
 
@@ -55,15 +59,17 @@ class SidescanSensor(mi.Sensor):
         attributes = Attributes(props)
         self.preset = attributes.text("preset", "towed_400khz", choices=tuple(presets()))
         default = presets()[self.preset]
-        self.frequency = float(hertz_from_khz(attributes.number("frequency_khz", default["frequency_khz"], above=0)))
-        self.source_level_db = attributes.number("source_level_db", default["source_level_db"])
+        self.frequency = float(hertz_from_khz(attributes.number("frequency_khz", default["frequency_khz"], above=0,
+                                                                  maximum=10_000, unit="kHz")))
+        self.source_level_db = attributes.number("source_level_db", default["source_level_db"], **LEVELS_DB)
         self.pulse_length = attributes.number("pulse_ms", default["pulse_ms"], above=0, unit="ms") / 1000
-        self.transmit_widths = tuple(attributes.angle(name, default[name], above=0, maximum=180) for name in WIDTHS)
+        self.transmit_widths = tuple(attributes.angle(name, default[name], minimum=narrowest, maximum=180)
+                                     for name, narrowest in zip(WIDTHS, NARROWEST_DEG))
         self.receive_widths = tuple(
-            attributes.angle(f"receive_{name}", float(np.rad2deg(width)), above=0, maximum=180)
-            for name, width in zip(WIDTHS, self.transmit_widths))
+            attributes.angle(f"receive_{name}", float(np.rad2deg(width)), minimum=narrowest, maximum=180)
+            for name, width, narrowest in zip(WIDTHS, self.transmit_widths, NARROWEST_DEG))
         self.depression_angle = attributes.angle("depression_deg", default["depression_deg"], minimum=-90, maximum=90)
-        self.sound_speed = attributes.number("sound_speed", None, above=300, below=3000, unit="m/s")
+        self.sound_speed = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
         self.pings = attributes.integer("pings", 400, minimum=1, maximum=10_000_000)
         self.ping_rate = attributes.number("ping_rate_hz", None, above=0, unit="Hz")
         self.speed = float(metres_per_second_from_knots(attributes.number("speed_knots", 4.0, minimum=0, unit="knots")))
@@ -74,16 +80,16 @@ class SidescanSensor(mi.Sensor):
         self.georeferenced = attributes.boolean("georeferenced", False)
         self.speckle = attributes.boolean("speckle", True)
         self.noise = attributes.boolean("noise", True)
-        self.given_noise_level_db = attributes.number("noise_level_db", None)
+        self.given_noise_level_db = attributes.number("noise_level_db", None, **LEVELS_DB)
         self._bounded = bool(attributes.given("pings"))
         written = attributes.given("start", "heading_deg", "speed_knots")
         if path is not None and written:
             raise attributes.error(f"{', '.join(written)} and a recorded track are both given; leave one of them out.")
         if self.start is not None and self.altitude > 0:
             raise attributes.error("start and altitude are both given; start says the depth already, leave one out.")
-        self.water = attributes.object(mi.Medium)
+        self.water = attributes.object(mi.Medium, None)
         if not hasattr(self.water, "profile"):
-            raise attributes.error("the medium must be of type seawater.")
+            raise attributes.error('it must hold the water it works in: <medium type="seawater"/>.')
         attributes.finish()
         try:
             self.recorded = None if path is None else tracks.read(path)
@@ -92,13 +98,14 @@ class SidescanSensor(mi.Sensor):
         self.provenance = None            # file, resolved text and parameters, told by `mitsonar.load_file`
         super().__init__(props)
         if not hasattr(self.film(), "window"):
-            raise attributes.error("the film must be of type sonar_film.")
+            raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
 
     def sonar(self, head_depth):
         """The sonar as the head meets the water at a depth [m]: a `Sidescan`."""
         speed = self.sound_speed or float(self.water.profile.at(head_depth))
         wavelength = speed / self.frequency
-        faces = [Aperture(length=length_for_beam_width(along, wavelength), height=length_for_beam_width(across, wavelength))
+        faces = [Aperture(length=length_for_beam_width(along, wavelength),
+                          height=length_for_beam_width(across, wavelength))
                  for along, across in (self.transmit_widths, self.receive_widths)]
         return Sidescan(frequency=self.frequency, source_level_db=self.source_level_db, pulse_length=self.pulse_length,
                         transmit=faces[0], receive=faces[1], depression_angle=self.depression_angle, sound_speed=speed)
@@ -133,9 +140,8 @@ class SidescanSensor(mi.Sensor):
             track = Track.straight(start=self.start, heading=self.heading or 0.0, speed=self.speed, interval=interval,
                                    pings=self.pings)
         else:
-            track = placement.lines_up(geometry, heading=self.heading, altitude=self.altitude or ALTITUDE, pings=self.pings,
-                                       length=self.speed * interval * (self.pings - 1), interval=interval,
-                                       speed=self.speed)
+            track = placement.lines_up(geometry, heading=self.heading, altitude=self.altitude or ALTITUDE,
+                                       pings=self.pings, interval=interval, speed=self.speed)
         below = placement.check(geometry, track)
         return track, self.sonar(float(np.mean(-track.position[:, 2]))), below
 

@@ -126,7 +126,7 @@ def test_table_from_a_string(read):
     ('<string name="crop" value="1,2,3"/>', 'crop is the string "1,2,3"; expected 4 numbers [m] separated by commas'),
     ('<string name="crop" value="1,2,3,x"/>', 'crop is the string "1,2,3,x"; expected 4 numbers'),
     ('<string name="crop" value="1,2,3,nan"/>', "expected 4 numbers"),
-    ('<string name="profile" value="0:1490, 10"/>', 'expected a table "0:1490.5, 10:1485"'),
+    ('<string name="profile" value="0:1490, 10"/>', 'expected a table of finite numbers "0:1490.5, 10:1485"'),
     ('<spectrum name="profile" value="1490"/>', "profile is a spectrum; expected a table"),
     ('<float name="spaceing" value="3"/>',
      'got the float 3.0 for the unknown attribute "spaceing" (did you mean "spacing"?).'
