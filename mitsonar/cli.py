@@ -1,14 +1,22 @@
-"""The command line: render, plot, doctor, demo. Exit codes: 0 done, 2 for what the user can mend, 130 for Ctrl-C."""
+"""The command line: render, plot, doctor, demo.
+
+Exit codes: 0 done, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
+interrupted leaves no file, nor half of one.
+"""
 import argparse
 import os
+import signal
 import sys
 import time
 from importlib.resources import files
+
+from . import __version__
 
 __all__ = ["main"]
 
 QUIET_SECONDS = 2.0                # progress is shown on anything longer
 LINE_SECONDS = 10.0                # where there is no terminal, a line this often
+MOST_THREADS = 1024
 
 
 class _Parser(argparse.ArgumentParser):
@@ -18,19 +26,56 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv=None):
     """Run one command and return its exit code."""
-    try:
-        arguments = _parser().parse_args(argv)
-        return arguments.run(arguments) or 0
-    except (ValueError, OSError) as error:
-        print(f"mitsonar: {_sentence(error)}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("\nmitsonar: interrupted, nothing was written", file=sys.stderr)
-        return 130
+    with _Signals() as signals:
+        try:
+            arguments = _parser().parse_args(argv)
+            return arguments.run(arguments) or 0
+        except BrokenPipeError:
+            _mute()
+            return 128 + signal.SIGPIPE
+        except (Exception, KeyboardInterrupt) as error:
+            # between Mitsuba and Python an interrupt may turn into any other exception
+            if signals.received or isinstance(error, KeyboardInterrupt):
+                return signals.end()
+            if not isinstance(error, (ValueError, OSError, MemoryError)):
+                raise
+            print(f"mitsonar: {_sentence(error)}", file=sys.stderr)
+            return 2
+
+
+class _Signals:
+    """Let Ctrl-C and a request to terminate end the command by the same way, and remember which of them came."""
+
+    def __enter__(self):
+        self.received, self.before = None, {}
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:                 # whoever started us wants it ignored
+                self.before[number] = signal.signal(number, self._stop)
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self.before.items():
+            signal.signal(number, handler)
+
+    def _stop(self, number, _frame):
+        self.received = number
+        raise KeyboardInterrupt
+
+    def end(self):
+        """Say that the command was interrupted, and end it, or give its exit code where no signal came."""
+        for number in self.before:
+            signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C shall not break into the last words
+        after_echo = "\n" if self.received == signal.SIGINT and sys.stderr.isatty() else ""     # the terminal's ^C
+        print(f"{after_echo}mitsonar: interrupted; no unfinished file is left", file=sys.stderr, flush=True)
+        if self.received is None:
+            return 128 + signal.SIGINT
+        # Python's orderly end crashes on a library whose import was interrupted
+        os._exit(128 + self.received)
 
 
 def _parser():
     parser = _Parser(prog="mitsonar", description="Render sonar images of Mitsuba scenes.")
+    parser.add_argument("-v", "--version", action="version", version=f"mitsonar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
 
     render = commands.add_parser("render", help="render a scene to an EXR")
@@ -38,9 +83,9 @@ def _parser():
     render.add_argument("-o", "--output", required=True, metavar="OUT.exr")
     render.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
                         help="value for a $parameter of the scene; repeatable")
-    render.add_argument("--seed", type=int, default=0)
+    render.add_argument("--seed", type=_whole, default=0, metavar="N", help="of all that is random; default: 0")
     render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
-    render.add_argument("--threads", type=int, metavar="N", help="worker threads, at least 2; default: one per core")
+    render.add_argument("--threads", type=_whole, metavar="N", help="worker threads, at least 2; default: one per core")
     render.set_defaults(run=_render)
 
     plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
@@ -48,21 +93,27 @@ def _parser():
     plot.add_argument("--what", default="waterfall", metavar="VIEW",
                       help="waterfall (default), ping, mean, labels, depth, shadow or rays")
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
-    plot.add_argument("--ping", type=int, help="which ping the view `ping` shows; default: the middle one")
+    plot.add_argument("--ping", type=_whole, metavar="N",
+                      help="which ping the view `ping` shows; default: the middle one")
     plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
     plot.set_defaults(run=_plot)
 
     demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
-    demo.add_argument("--seed", type=int, default=0)
+    demo.add_argument("--seed", type=_whole, default=0, metavar="N")
     demo.set_defaults(run=_demo)
 
-    commands.add_parser("doctor", help="say what was found on this machine and render one ping").set_defaults(run=_doctor)
+    doctor = commands.add_parser("doctor", help="say what was found on this machine and render one ping")
+    doctor.set_defaults(run=_doctor)
     commands.add_parser("test", help="run the project's tests (in a checkout)")
     return parser
 
 
 def _render(arguments):
-    parameters = dict(_key_value(text) for text in arguments.parameters)
+    parameters = {}
+    for key, value in map(_key_value, arguments.parameters):
+        if key in parameters:
+            raise ValueError(f"-D {key} is given twice, as {parameters[key]} and {value}; leave one out")
+        parameters[key] = value
     _render_to(_scene_file(arguments.scene), parameters, arguments.seed, arguments.output, arguments.preview,
                arguments.threads)
 
@@ -79,7 +130,7 @@ def _plot(arguments):
     output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{arguments.what}.png"
     tvg = None if arguments.tvg == "none" else arguments.tvg
     plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping)
-    print(output)
+    _announce(output)
 
 
 def _doctor(arguments):
@@ -94,28 +145,66 @@ def _doctor(arguments):
 
 
 def _render_to(scene_file, parameters, seed, output, preview, threads):
-    from .io import exr
-    from .io.files import check_writable
-
-    # an hour of rendering must not end in a missing folder
-    for path in filter(None, (output, preview)):
-        check_writable(path)
-    import drjit as dr
-
+    _check_outputs(output, preview)
     from . import load_file, plots, render
+    from .io import exr
 
-    if threads is not None:
-        if threads < 2:
-            raise ValueError(f"--threads is {threads}; Mitsuba needs at least 2 (one core is enough for them)")
-        dr.set_thread_count(threads)
+    _set_up(threads)
     scene = load_file(scene_file, **parameters)
     with _Progress() as progress:
         dataset = render(scene, seed=seed, progress=progress)
     exr.write(dataset, output)
-    print(output)
+    _announce(output)
     if preview:
         plots.preview(dataset, preview)
-        print(preview)
+        _announce(preview)
+
+
+def _check_outputs(output, preview):
+    """An hour of rendering must not end in a missing folder."""
+    from .io.files import check_writable
+
+    try:
+        f"{output}{preview}".encode()
+    except UnicodeEncodeError:
+        raise ValueError("cannot write a file whose name is not UTF-8; give another name") from None
+    check_writable(output)
+    if os.path.splitext(output)[1].lower() != ".exr":
+        raise ValueError(f"cannot write {output}: its name must end in .exr; pictures are made by --preview")
+    if preview is not None:
+        from .plots.canvas import file_format
+
+        file_format(preview)
+        check_writable(preview)
+
+
+def _set_up(threads):
+    """Silence what Mitsuba says beside its errors, and set the number of threads."""
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_log_level(mi.LogLevel.Error)
+    if threads is None:
+        return
+    if not 2 <= threads <= MOST_THREADS:
+        raise ValueError(f"--threads is {threads}; give 2 to {MOST_THREADS} (Mitsuba needs two even on one core)")
+    try:
+        dr.set_thread_count(threads)
+    except RuntimeError as error:
+        raise ValueError(f"--threads is {threads}, more than this machine starts: {error}; give fewer") from None
+
+
+def _announce(path):
+    """Print the name of a file that was written; that nobody listens does not undo it."""
+    try:
+        print(path, flush=True)
+    except OSError:
+        _mute()
+
+
+def _mute():
+    """Send what is left to print to nowhere, else Python complains about it when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Progress:
@@ -163,8 +252,15 @@ def _key_value(text):
     return key, value
 
 
+def _whole(text):
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
 def _scene_file(name):
-    if os.path.isfile(name):
+    if os.path.exists(name):
         return name
     if os.path.dirname(name) == "":
         shipped = files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
@@ -176,6 +272,8 @@ def _scene_file(name):
 
 
 def _sentence(error):
+    if isinstance(error, MemoryError):
+        return f"out of memory: {error or 'nothing more is known'}; take fewer pings, rays or bins"
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return " ".join(str(error).split())

@@ -1,13 +1,17 @@
 """Scene in, image out: the verb `render`."""
 import importlib.metadata
+import operator
+import os
 
 import mitsuba as mi
 
 from . import __version__
-from .plugins.errors import plain
+from .plugins.errors import as_exception
 from .scene import load_file, prepare
 
 __all__ = ["render"]
+
+SEEDS = 1 << 32                    # what Mitsuba takes, and what tells rays apart
 
 
 def render(scene, seed=0, *, sensor=0, progress=None):
@@ -19,6 +23,7 @@ def render(scene, seed=0, *, sensor=0, progress=None):
         As `mitsonar.load_file` or `mi.load_file` give it, or the name of its file.
     seed : int
         Of everything random: ray directions, speckle, noise. The same scene and seed give the same bytes.
+        From 0 to 4294967295.
     sensor : int
         Which of the scene's sensors.
     progress : callable(done, total) or None
@@ -27,34 +32,52 @@ def render(scene, seed=0, *, sensor=0, progress=None):
     Returns
     -------
     xarray.Dataset
-        For a sidescan over (ping, side, range): ``level`` [dB re 1 µPa], ``mean_level``, and ground truth from the same rays
-        (``label``, ``depth``, ``shadow``, ``rays``); axes, units, resolved scene and versions in coordinates and attributes.
+        For a sidescan over (ping, side, range): ``level`` [dB re 1 µPa], ``mean_level``, and ground truth from the same
+        rays (``label``, ``depth``, ``shadow``, ``rays``); axes, units, resolved scene and versions in coordinates and
+        attributes.
 
     Raises
     ------
+    FileNotFoundError
+        If the scene's file is not there.
     ValueError
-        If scene, sensor and integrator do not make a sonar survey.
+        If scene, sensor and integrator do not make a sonar survey, or the seed is out of range.
+    TypeError
+        If `scene` is neither a file's name nor a scene of the present variant, or `seed` or `sensor` no whole number.
     """
-    if not isinstance(scene, mi.Scene if mi.variant() else ()):
+    seed, sensor = _seed(seed), operator.index(sensor)
+    if not (mi.variant() and isinstance(scene, mi.Scene)):
+        if not isinstance(scene, (str, os.PathLike)):
+            raise TypeError(f"a scene of the variant {mi.variant()} or the path of a file was wanted, got a "
+                            f"{type(scene).__name__}; load the scene after mi.set_variant")
         scene = load_file(scene)
     prepare()
     sensors, integrator = scene.sensors(), scene.integrator()
+    if not sensors:
+        raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")
     if not 0 <= sensor < len(sensors):
-        raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}; give it a <sensor type=\"sidescan\">")
+        raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
     if not hasattr(integrator, "dataset"):
         raise ValueError("the scene's integrator cannot render sound; write <integrator type=\"sonar_path\"/>")
     try:
         image = integrator.dataset(scene, sensors[sensor], seed, progress)
     except RuntimeError as error:
-        raise ValueError(plain(error)) from error
+        raise as_exception(error) from error
     image.attrs.update(_provenance(scene, sensors[sensor]))
     return image
+
+
+def _seed(seed):
+    number = operator.index(seed)
+    if not 0 <= number < SEEDS:
+        raise ValueError(f"seed is {number}; give a whole number from 0 to {SEEDS - 1}")
+    return number
 
 
 def _provenance(scene, sensor):
     bed = next((shape for shape in scene.shapes() if getattr(shape, "local_origin", None) is not None), None)
     known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
-    versions = {"mitsonar": __version__, **{name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}}
-    return {**known, "versions": versions,
+    versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
+    return {**known, "versions": {"mitsonar": __version__, **versions},
             "local_origin": None if bed is None else [float(v) for v in bed.local_origin],
             "crs": None if bed is None else getattr(bed, "crs", None)}

@@ -1,12 +1,16 @@
 """Load a scene file as mitsonar means it: variant set, ids kept, parameters filled in."""
+import numbers
 import os
 from xml.etree import ElementTree
 
 import mitsuba as mi
+import numpy as np
 
-__all__ = ["VARIANTS", "load_file", "prepare"]
+__all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
 VARIANTS = ("cuda_ad_mono", "llvm_ad_mono")
+TAKEN = ("path", "parallel", "optimize")       # arguments of Mitsuba's own loader
+WANTED = "give the path of a Mitsuba XML file"
 
 
 def prepare():
@@ -30,7 +34,7 @@ def prepare():
         dr.set_thread_count(2)                 # with one worker Mitsuba's file readers wait for themselves for ever
 
 
-def load_file(path, **parameters):
+def load_file(path, /, **parameters):
     """Load a scene file.
 
     Parameters
@@ -38,7 +42,7 @@ def load_file(path, **parameters):
     path : str or path
         Mitsuba XML.
     **parameters
-        Values for the scene's ``$parameters``: numbers and strings.
+        Values for the scene's ``$parameters``: numbers, strings, true or false, paths, or lists of these.
 
     Returns
     -------
@@ -50,46 +54,105 @@ def load_file(path, **parameters):
         If there is no such file.
     ValueError
         If the scene or a parameter is wrong; names file, line and attribute.
+    TypeError
+        If a parameter's value is of a kind that cannot be written in XML.
 
     Notes
     -----
     Meshes stay apart even if they share a material (``optimize=False``), because their ids are the labels of the image.
     """
     path = os.fspath(path)
-    if not os.path.isfile(path):
-        raise FileNotFoundError(f"scene file {path} does not exist; give the path of a Mitsuba XML file")
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"scene file {path} does not exist; {WANTED}")
+    if os.path.isdir(path):
+        raise ValueError(f"scene file {path} is a folder; {WANTED}")
+    values = {name: _text(name, value) for name, value in parameters.items()}
+    for name in TAKEN:
+        if name in values:
+            raise ValueError(f"a scene's parameter cannot be called {name}, which means something to Mitsuba's loader; "
+                             "rename it in the scene")
     prepare()
-    from .plugins.errors import plain
+    from .plugins.errors import as_exception
 
     try:
-        scene = mi.load_file(path, optimize=False, **{name: _text(value) for name, value in parameters.items()})
+        scene = mi.load_file(path, optimize=False, **values)
     except RuntimeError as error:
-        raise ValueError(plain(error)) from None
+        raise _naming_parameters(as_exception(error), path) from None
+    if not isinstance(scene, mi.Scene):
+        raise ValueError(f"{path} holds no scene but a single object; put it into <scene version=\"3.0.0\">")
+    provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():
         if hasattr(sensor, "provenance"):
-            sensor.provenance = {"file": os.path.basename(path), "scene": resolved(path, parameters),
-                                 "parameters": {name: _text(value) for name, value in parameters.items()}}
+            sensor.provenance = provenance
     return scene
 
 
 def resolved(path, parameters):
-    """Text of a scene file with its ``<default>``s and parameters filled in, included files left as they are."""
-    tree = ElementTree.parse(path)
-    root = tree.getroot()
-    values = {}
-    for element in root.findall("default"):
-        values[element.get("name")] = element.get("value")
-        root.remove(element)
-    values.update({name: str(_text(value)) for name, value in parameters.items()})
-    # longest names first: $rays must not eat the start of $rays_far
-    names = sorted(values, key=len, reverse=True)
-    for element in root.iter():
+    """Text of a scene file with its parameters filled in, so that it renders the same beside the original.
+
+    Parameters
+    ----------
+    path : str or path
+    parameters : dict of str to str
+
+    Returns
+    -------
+    str
+        XML. Included files are left as they are; the values they might use then stay, as ``<default>``s.
+
+    Raises
+    ------
+    ValueError
+        If the file is no XML, which Mitsuba's own reader may not notice.
+    """
+    root, values = _root(path), dict(parameters)
+    elements = list(root.iter())                   # in the order of the document, which is that of Mitsuba's reader
+    for element in elements:
         for key, text in element.attrib.items():
-            for name in names:
-                text = text.replace(f"${name}", values[name])
-            element.set(key, text)
+            element.set(key, _filled(text, values))
+        if element.tag == "default":
+            values.setdefault(element.get("name"), element.get("value"))     # the first one, or who loads it, wins
+    for element in elements:
+        for default in element.findall("default"):
+            element.remove(default)
+    if root.find(".//include") is not None:
+        root[:0] = [ElementTree.Element("default", name=name, value=value) for name, value in values.items()]
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _text(value):
-    return value if isinstance(value, (int, float, str)) and not isinstance(value, bool) else str(value).lower()
+def _filled(text, values):
+    """An attribute with its ``$names`` replaced, longest first: $rays must not eat the start of $rays_far."""
+    for name in sorted(values, key=len, reverse=True):
+        # a dollar behind a backslash is no parameter, and both stay for Mitsuba to read
+        parts = text.replace(r"\$", "\0").split(f"${name}")
+        text = values[name].join(parts).replace("\0", r"\$")
+    return text
+
+
+def _root(path):
+    try:
+        return ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: the XML is broken: {error}") from None
+
+
+def _naming_parameters(error, path):
+    """The same error; where it is about an unknown parameter, with the names of the known ones."""
+    if "the scene has no parameter" not in str(error):
+        return error
+    names = sorted({element.get("name") for element in _root(path).iter("default")})
+    return ValueError(f"{path}: {error} Known: {', '.join(names) or 'none'}.")
+
+
+def _text(name, value):
+    """A parameter's value as it would be written in XML."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (str, numbers.Real)):
+        return str(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return ", ".join(_text(name, item) for item in np.ravel(value).tolist())
+    raise TypeError(f"the parameter {name} is {value!r}; give a number, a string, true or false, a path, or a list of "
+                    "these")
