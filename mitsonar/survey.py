@@ -21,13 +21,15 @@ from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
 from .sonar.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
-from .sonar.sidescan import SIDES
 from .trace import Tracer
 
 __all__ = ["Survey"]
 
 RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
+FANS_PER_BLOCK = 128               # a megabyte each: bounds it where every ping has a depth of its own
+MOST_SUMS = 1 << 32                # what an index reaches
+MOST_LOSS = 20.0                   # powers of ten of absorption that the sums follow
 FIRST_SALT, SECOND_SALT = 0x51ED270B, 0x2545F491
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe as shadows see it (-6 dB)
 
@@ -49,7 +51,7 @@ class Survey:
         Two-way time recorded.
     bins : int
     rays : int
-        Per ping, both sides and both passes together.
+        Per ping, both sides and both passes together; each side's share of a pass is rounded to strata, at least 16.
     first_pass : float
         Share of the rays that only finds out where rays are needed; 0 for none.
     """
@@ -77,9 +79,19 @@ class Survey:
 
     def pings_per_block(self):
         """How many pings a block holds: bounded by rays and by the memory of the sums."""
-        by_rays = RAYS_PER_BLOCK // self.rays
-        by_sums = SUMS_PER_BLOCK // (2 * self.bins * len(self.geometry.labels))
-        return max(1, min(by_rays, by_sums, self.track.pings))
+        sums = 2 * self.bins * len(self.geometry.labels)
+        if sums >= MOST_SUMS:
+            raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, more than "
+                             f"{MOST_SUMS}; take fewer bins or let shapes share an id")
+        by_rays = RAYS_PER_BLOCK // (2 * sum(grid[0] * grid[1] for grid in self.grids() if grid))
+        level = len(np.unique(self.track.position[:, 2])) == 1
+        return max(1, min(by_rays, SUMS_PER_BLOCK // sums, self.track.pings if level else FANS_PER_BLOCK,
+                          self.track.pings))
+
+    def grids(self):
+        """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
+        first = int(round(self.rays * self.first_pass / 2))
+        return _grid(first) if first else None, _grid(max(1, self.rays // 2 - first))
 
     def echoes(self, seed=0, progress=None):
         """Run the survey.
@@ -134,11 +146,13 @@ class _Block:
         self.top, self.per_depth = dr.opaque(mi.Float, top), dr.opaque(mi.Float, 1 / max(bottom - top, 1e-6))
         nearest = 0.25 * sonar.sound_speed * survey.bin_length
         self.range2 = np.maximum(survey.slant_range, nearest) ** 2
-        self.units = upload(mi.Float, (2.0 ** UNIT_BITS * self.range2 / self.solid_angle).astype(np.float32))
+        least = float(np.min(survey.absorption.absorption_db))
+        loss = 10 ** -np.minimum(0.2 * least * survey.slant_range, MOST_LOSS)
+        # worth of one unit of echo energy in each bin, relative to 10^(SL/10) [1/m²]
+        self.unit = self.solid_angle * loss / (self.range2 * 2.0 ** UNIT_BITS)
+        self.units = upload(mi.Float, (1 / self.unit).astype(np.float32))
         dr.eval(self.along, self.units)
-        first = int(round(survey.rays * survey.first_pass / 2))
-        self.first_grid = _grid(first) if first else None
-        self.second_grid = _grid(max(1, survey.rays // 2 - first))
+        self.first_grid, self.second_grid = survey.grids()
 
     def __call__(self, ping):
         """Echoes of the pings with these numbers (B,)."""
@@ -157,8 +171,7 @@ class _Block:
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=ray.along_intensity > BEAM_EDGE,
                  height=dr.clip((mi.Float(-hits.point.z) - self.top) * self.per_depth, 0, 1), active=in_window)
         dr.eval(sums.energy, sums.depth, sums.count)
-        worth = 10 ** (survey.sonar.source_level_db / 10) * self.solid_angle / (self.range2 * 2.0 ** UNIT_BITS)
-        return sums.read(worth, survey.geometry.depth_range)
+        return sums.read(10 ** (survey.sonar.source_level_db / 10) * self.unit, survey.geometry.depth_range)
 
     def _first_quantiles(self, ping):
         survey = self.survey

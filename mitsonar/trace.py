@@ -36,7 +36,7 @@ class Hits:
         Number of the shape, see `Geometry.labels`; 0 where nothing was hit.
     shape : ShapePtr (R,)
     primitive, uv : UInt32 (R,), Point2f (R,)
-        Facet and place on it.
+        Facet, and texture coordinates (barycentric where the shape has none, or no material of the scene asks).
     travel_time : Float64 (R,) [s]
     arc_length : Float (R,) [m]
     spreading_area : Float (R,) [m²/sr]
@@ -83,8 +83,10 @@ class Geometry:
         self.labels = {number: name for number, name in enumerate(names, 1)}
         number_of = {name: number for number, name in self.labels.items()}
         registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
-        rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)            # label, first face, is a mesh, unused
-        vertices, faces, first_vertex, first_face = [], [], 0, 0
+        # only materials of Mitsuba's own read textures
+        self.textured = not all(hasattr(shape.bsdf(), "scattering_strength") for shape in shapes)
+        rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)     # label, first face, is a mesh, has texture coordinates
+        vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0
         for index, shape in zip(registry, shapes):
             rows[index, 0] = number_of[shape.id() or shape.class_name()]
             parameters = mi.traverse(shape)
@@ -92,7 +94,9 @@ class Geometry:
                 continue
             vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
             face = parameters["faces"].numpy().reshape(-1, 3)
-            rows[index, 1:3] = first_face, 1
+            rows[index, 1:] = first_face, 1, self.textured and shape.has_vertex_texcoords()
+            texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
+                             else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
             faces.append(face + np.uint32(first_vertex))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
@@ -101,6 +105,7 @@ class Geometry:
         # four wide, so that a vertex or a face is one aligned packet
         self.vertices = upload(mi.Float, _padded(vertices, np.float32))
         self.faces = upload(mi.UInt32, _padded(faces, np.uint32))
+        self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
         dr.eval(self.rows, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
@@ -174,7 +179,7 @@ class Tracer:
         o = mi.Point3f(origin)
         valid, pi, chord = _first_hit(self.geometry.scene, sources.fans, o, source, launch_angle, heading,
                                       mi.Bool(active), self.geometry.only_meshes)
-        point, facet_normal = self._rebuild(pi, chord, o, heading, valid)
+        point, facet_normal, uv = self._rebuild(pi, chord, o, heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
@@ -190,13 +195,13 @@ class Tracer:
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
         row = dr.reinterpret_array(mi.UInt32, _solid(pi))
-        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=pi.prim_uv,
+        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=uv,
                     label=dr.gather(mi.UInt32, self.geometry.rows, 4 * row, valid),
                     travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, arrival_direction=arrival)
 
     def _rebuild(self, pi, chord, origin, heading, valid):
-        """Hit point in float64 and facet normal."""
+        """Hit point in float64, facet normal and texture coordinates."""
         geometry, wide = self.geometry, self.lib.Array3f64
         row = dr.reinterpret_array(mi.UInt32, _solid(pi))
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
@@ -211,11 +216,19 @@ class Tracer:
         point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
         normal = dr.cross(b - a, c - a)
         normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
+        uv = pi.prim_uv
+        if geometry.texcoords is not None:
+            mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
+            corners = [mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped)) for i in range(3)]
+            s, t = mi.Float(u), mi.Float(v)
+            uv = dr.select(mapped, corners[0] * (1 - s - t) + corners[1] * s + corners[2] * t, uv)
         if not geometry.only_meshes:
-            si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), mi.RayFlags.Minimal, valid & ~mesh)
+            flags = mi.RayFlags.UV if geometry.textured else mi.RayFlags.Minimal
+            si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), flags, valid & ~mesh)
+            uv = dr.select(mesh, uv, si.uv)
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
-        return point, normal
+        return point, normal, uv
 
 
 def _solid(pi):
@@ -237,7 +250,8 @@ def _unit_sine(direction, wide):
     x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
     across = dr.sqrt(dr.fma(x, x, y * y))
     scale = dr.rsqrt(dr.fma(z, z, across * across))
-    return -z * scale, across * scale
+    sine = -z * scale
+    return dr.select(abs(sine) < 1e-12, 1e-12, sine), across * scale    # exactly level rays spread 0/0
 
 
 def _chord_ray(origin, heading, r0, z0, r1, z1):

@@ -15,6 +15,7 @@ from mitsonar.units import db_from_power, power_from_db
 __all__ = ["image", "mean_intensity", "pulse_shares", "realisation"]
 
 NOTHING_DB = -200.0                # level where no sound arrives at all
+WORK = 1 << 18                     # bins drawn at a time
 
 
 def pulse_shares(bin_length, pulse_length):
@@ -66,7 +67,9 @@ def realisation(intensity, shares, noise, random):
         return echo / cells
     half = np.sqrt(np.repeat(0.5 * intensity, 2, -1))
     z = _gate(half * _gaussian(random, half.shape), np.sqrt(shares))
-    return np.abs(z + np.sqrt(noise) * _gaussian(random, intensity.shape)) ** 2
+    # noise has the band of the pulse as well; drawn on both sides of the record, its level holds to the ends
+    drawn = _gaussian(random, (*half.shape[:-1], half.shape[-1] + len(shares) - 2))
+    return np.abs(z + np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))) ** 2
 
 
 def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckle, seed, absorption_db):
@@ -100,8 +103,9 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
-    for start in range(0, pings, 64):                      # float64 work space that does not grow with the survey
-        some = slice(start, start + 64)
+    step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
+    for start in range(0, pings, step):
+        some = slice(start, start + step)
         energy = echoes["intensity"][some].astype(float)
         mean = mean_intensity(energy, shares)
         mean_level[some] = _level(mean)
@@ -110,7 +114,8 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
             level[some] = _level(realisation(energy, shares, noise, random))
         else:
             level[some] = _level(mean + noise)
-    shadow = _shadow(echoes["rays_in_beam"])
+    slant_range = 0.5 * sonar.sound_speed * time
+    shadow = _shadow(echoes["rays_in_beam"], slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
     dims = ("ping", "side", "range")
 
     def entry(values, units, long_name, dims=dims, **more):
@@ -122,12 +127,12 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
          "label": entry(echoes["label"], "1", "shape that brings most of the echo"),
          "depth": entry(echoes["depth"], "m", "depth of the hits, weighted by echo energy"),
-         "shadow": entry(shadow, "1", "no ray of the main lobe arrives after the first return"),
+         "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
          "rays": entry(echoes["rays"], "1", "rays that arrive")},
         coords={
             "ping": entry(np.arange(pings), "1", "ping number", along),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
-            "range": entry(0.5 * sonar.sound_speed * time, "m", "slant range at the head's sound speed", ("range",)),
+            "range": entry(slant_range, "m", "slant range at the head's sound speed", ("range",)),
             "time": entry(time, "s", "two-way travel time", ("range",)),
             "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
             "x": entry(np.array(track.position[:, 0]), "m", "east", along),
@@ -149,8 +154,11 @@ def _gate(half_bins, weights):
     """Weighted sums of the half bins around the centre of every bin."""
     reach = len(weights) // 2
     edge = np.zeros((*half_bins.shape[:-1], reach - 1), half_bins.dtype)
-    padded = np.concatenate([edge, half_bins, edge], -1)
-    bins = half_bins.shape[-1] // 2
+    return _sums(np.concatenate([edge, half_bins, edge], -1), weights)
+
+
+def _sums(padded, weights):
+    bins = (padded.shape[-1] - len(weights) + 2) // 2
     return sum(w * padded[..., j:j + 2 * bins:2] for j, w in enumerate(weights))
 
 
@@ -163,6 +171,6 @@ def _level(intensity):
     return np.maximum(db_from_power(intensity), NOTHING_DB).astype(np.float32)
 
 
-def _shadow(rays_in_beam):
-    heard = rays_in_beam > 0
-    return (np.logical_or.accumulate(heard, -1) & ~heard).astype(np.uint8)
+def _shadow(rays_in_beam, below):
+    heard = (rays_in_beam > 0) & below
+    return (np.logical_or.accumulate(heard, -1) & (rays_in_beam == 0)).astype(np.uint8)

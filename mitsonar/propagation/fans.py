@@ -23,6 +23,7 @@ __all__ = ["Fans", "build_fans"]
 
 HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
 LOOKUP_PER_ROW = 2
+NARROWEST = 2e-7                   # [rad] rows below this are not told apart in float32
 
 
 class Fans(Record):
@@ -63,7 +64,7 @@ def _step_rows(lib, edge, first, j, angle):
     return j
 
 
-def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008, rows=3072, max_vertices=48):
+def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008, rows=3072, max_vertices=16):
     """Trace and simplify one fan of exact rays per source depth.
 
     Parameters
@@ -98,13 +99,15 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
     limits = [dr.opaque(lib.Float64, float(v)) for v in (tolerance, max_range, slab[0] - margin, slab[1] + margin)]
     depth = upload(lib.Float64, np.repeat(source_depth, count))
     angle = upload(lib.Float64, middle)
+    # where edges coincide lies a row of no width: no ray finds it, and it may be one that never leaves its depth
+    wanted = upload(lib.UInt32, (np.diff(edges, axis=1) > NARROWEST).astype(np.uint32)) != 0
     edge32 = edges.astype(np.float32)
     edge32[:, -1] = 9.0                                     # no launch angle walks past the last row
     while True:
         stride = dr.opaque(lib.UInt32, max_vertices)
         vertex = dr.empty(lib.Float, 4 * lanes * max_vertices)
         size = dr.empty(lib.UInt32, lanes)
-        full = _trace_rows(table, lib, depth, angle, *limits, vertex, size, stride)
+        full = _trace_rows(table, lib, depth, angle, wanted, *limits, vertex, size, stride)
         dr.eval(vertex, size, full)
         if not dr.any(full):
             break
@@ -125,7 +128,7 @@ def _row_edges(profile, source_depth, rows):
     edges = np.concatenate([np.broadcast_to(equal, (len(source_depth), rows + 1)), critical, -critical], 1)
     edges = np.sort(edges, 1)
     # cuts closer than float32 can tell apart would make rows no angle finds: move them onto their neighbour
-    edges[:, 1:] = np.where(np.diff(edges, axis=1) < 2e-7, edges[:, :-1], edges[:, 1:])
+    edges[:, 1:] = np.where(np.diff(edges, axis=1) < NARROWEST, edges[:, :-1], edges[:, 1:])
     return edges
 
 
@@ -196,7 +199,7 @@ def first_layer(table, z, s):
 
 
 @dr.syntax
-def _trace_rows(table, lib, depth, angle, tolerance, max_range, slab_top, slab_bottom, vertex, size, stride):
+def _trace_rows(table, lib, depth, angle, wanted, tolerance, max_range, slab_top, slab_bottom, vertex, size, stride):
     """One row a lane: exact arcs, simplified by the swing-door rule within ±tolerance."""
     F, U = lib.Float64, lib.UInt32
     s, cosine = dr.sincos(angle)
@@ -219,15 +222,19 @@ def _trace_rows(table, lib, depth, angle, tolerance, max_range, slab_top, slab_b
     started = lib.Bool(inside)
     first = lib.Bool(inside)
     full = lib.Bool(False)
-    active = (k >= 0) & (k <= last)
+    slab_bottom = dr.maximum(slab_bottom, depth + 1)   # a scene may lie above the source
+    surface = dr.minimum(slab_top, 0)                  # above it there is nothing to hit, and no water
+    active = wanted & (k >= 0) & (k <= last)
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, tolerance, active)
         r2 = r + advance
         v2 = wavefront_step(v, s, s2, descent, c1, c2, g, p, launch)
         # a ray leaves the region on a straight piece: cut it there, long chords cost precision
         cut = dr.minimum((max_range - r) / dr.maximum(advance, 1e-9),
-                         (slab_bottom - z) / dr.select(z2 > slab_bottom, z2 - z, 1e-9))
-        cut = dr.select(active & ((r2 > max_range) | (z2 > slab_bottom)) & (cut > 0), dr.minimum(cut, 1), 1)
+                         dr.minimum((slab_bottom - z) / dr.select(z2 > slab_bottom, z2 - z, 1e-9),
+                                    (z - surface) / dr.select(z2 < surface, z - z2, 1e-9)))
+        leaves = (r2 > max_range) | (z2 > slab_bottom) | (z2 < surface)
+        cut = dr.select(active & leaves & (cut > 0), dr.minimum(cut, 1), 1)
         r2, z2 = dr.fma(cut, advance, r), dr.select(cut < 1, dr.fma(cut, z2 - z, z), z2)
         v2 = dr.fma(cut, v2 - v, v)
         vr, vz = -v2 * s2, v2 * p * c2
@@ -266,9 +273,10 @@ def _trace_rows(table, lib, depth, angle, tolerance, max_range, slab_top, slab_b
         r_p, z_p, vr_p, vz_p = F(r2), F(z2), F(vr), F(vz)
         r, z, s, k, v = F(r2), F(z2), F(s2), k2, F(v2)
         room = m < stride - 2
-        within = (cut >= 1) & (k >= 0) & (k <= last) & (r < max_range) & (z < slab_bottom) & ((z > 0) | (s > 0))
+        within = (cut >= 1) & (k >= 0) & (k <= last) & (r < max_range) & (z < slab_bottom) & ((z > surface) | (s > 0))
         full |= active & within & ~room
         active = active & within & room
+    started &= wanted
     _put(lib, vertex, base + m, r_p, z_p, vr_p, vz_p, started)
     m = dr.select(started, m + 1, m)
     dr.scatter(size, m, row)

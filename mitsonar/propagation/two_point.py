@@ -5,7 +5,7 @@ With H the depth difference, <·> the mean over depth between the two points, s�
 
     X(p) = (H p / q) (1 + 3/8 a2 - 5/16 a3 + 35/128 a4)
     D    = dX/dp = (H / q) [... + (p/q)² (1 + 15/8 a2 - 35/16 a3 + 315/128 a4)]
-    T    = p X + H q (1 - a2/8 + a3/16 - 5 a4/128) + (X - X(p))² / (2 D)        stationary in p (Fermat)
+    T    = p X + H q (1 - a2/8 + a3/16 - 5 a4/128)      at p one Newton step from the launched ray: stationary (Fermat)
     S    = H s/q (1 + ...)                                                       arc length
     A    = X |D| |sin θ| |sin θ0| / (c0 cos θ0)                                  ray-tube area per steradian
 
@@ -26,6 +26,7 @@ from .record import Record
 __all__ = ["SourceState", "source_state", "to_hit"]
 
 SERIES_LIMIT = 1e-6
+LEVEL = 5e-3               # depth difference over distance below which moments are rounding noise
 MAX_TUBE_GAIN = 1e4        # spreading area is kept above distance²/this: energy at a caustic stays finite
 
 
@@ -203,7 +204,9 @@ def to_hit(table, lib, source, fan, s0, cosine0, x, z, valid, tolerance):
     sine = dr.select(z < z0, -sine, sine)
     # the ray heads away from the hit, or missed it: it turned; or the series is too slow: walk the arcs
     direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < F(10 * tolerance + 0.05 * x))
-    walk = valid & ~(direct & (a4 < SERIES_LIMIT))
+    # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
+    close = abs(z - z0) < LEVEL * x
+    walk = valid & ~(direct & (abs(a4) < SERIES_LIMIT) & ~close)
     if walk:
         z_x, t_x, arc_x, v, s_x, c_x, g_x = _walk(table, lib, z0, c0, s0, p0, x, walk)
         dz = z - z_x

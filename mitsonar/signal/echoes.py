@@ -11,8 +11,9 @@ stratified reciprocity A c_0² p = A' c_h² p. What a time bin's rays bring adds
 form of the reverberation integral).
 
 Sums are kept in 64-bit integers, so they do not depend on the order of additions, hence not on the number of threads.
-One unit is 2^-50 of 10^(SL/10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range: 60 dB finer than a
-typical ray of a typical bin, with room for a bin 30 dB above a perfect reflector that fills the beam.
+One unit is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range, α
+the least absorption of the water: 60 dB finer than a typical ray of a typical bin, with room for a bin 30 dB above a
+perfect reflector that fills the beam.
 """
 import drjit as dr
 import numpy as np
@@ -132,8 +133,8 @@ class EchoSums:
         bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
         place = row * bins + bin
         dr.scatter_add(self.energy, U(units + 0.5), (row * labels + (label - 1)) * bins + bin, active)
-        # a quarter, so that the two sums overflow together
-        dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25), place, active)
+        # a quarter: depths must not overflow before the energies they are divided by
+        dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25 + 0.5), place, active)
         dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
 
     def read(self, unit, depth_range):
@@ -163,7 +164,7 @@ class EchoSums:
         top, bottom = depth_range
         return {"intensity": total * unit[None],
                 # in a shadow side lobes bring what little there is: it has no label
-                "label": np.where(count >> np.uint64(32) > 0, strongest, np.uint32(0)),
+                "label": np.where((count >> np.uint64(32) > 0) & (total > 0), strongest, np.uint32(0)),
                 "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
                 "rays": (count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
                 "rays_in_beam": (count >> np.uint64(32)).astype(np.uint32)}

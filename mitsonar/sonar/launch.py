@@ -40,7 +40,8 @@ def quantiles(edges, density, cells=CELLS):
     edges = np.broadcast_to(edges, (len(density), density.shape[1] + 1))
     cumulative = np.concatenate([np.zeros((len(density), 1)), np.cumsum(density * np.diff(edges, axis=1), 1)], 1)
     cumulative /= cumulative[:, -1:]
-    # one interpolation for all rows: row d lives on [2 d, 2 d + 1]
+    # one interpolation for all rows: row d lives on [2 d, 2 d + 1], shifted exactly so that its place changes no bit
+    cumulative = np.round(cumulative * 2.0 ** 40) / 2.0 ** 40
     shift = 2.0 * np.arange(len(density))[:, None]
     wanted = np.linspace(0, 1, cells + 1)[None] + shift
     found = np.interp(wanted.ravel(), (cumulative + shift).ravel(), edges.ravel()).reshape(wanted.shape)

@@ -76,16 +76,19 @@ class Sidescan:
         return (self.transmit.across(v, self.wavelength) * self.receive.across(v, self.wavelength)) ** 2
 
     def solid_angle(self):
-        """Two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr] (numerical, 1e-6)."""
-        u = np.linspace(-1, 1, 200001)
-        phi = np.linspace(-np.pi / 2, np.pi / 2, 20001)
-        along = trapezoid(self.along_intensity(u), u)
-        return float(along * trapezoid(self.across_intensity(np.sin(phi - self.depression_angle)), phi))
+        """Two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr]."""
+        return self._over_directions(self.along_intensity, self.across_intensity)
 
     def directivity_index_db(self):
         """Receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
+        beam = self._over_directions(lambda u: self.receive.along(u, self.wavelength) ** 2,
+                                     lambda v: self.receive.across(v, self.wavelength) ** 2)
+        return float(10 * np.log10(4 * np.pi / beam))
+
+    def _over_directions(self, along, across):
+        """∫ along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
+        phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
+        w = np.linspace(0, 1, 129)
+        ring = [trapezoid(across(root * np.sin(phi)), phi) for root in w]         # smooth in w = sqrt(1 - u²)
         u = np.linspace(-1, 1, 200001)
-        phi = np.linspace(-np.pi / 2, np.pi / 2, 20001)
-        along = trapezoid(self.receive.along(u, self.wavelength) ** 2, u)
-        across = trapezoid(self.receive.across(np.sin(phi - self.depression_angle), self.wavelength) ** 2, phi)
-        return float(10 * np.log10(4 * np.pi / (along * across)))
+        return float(trapezoid(along(u) * np.interp(np.sqrt(1 - u * u), w, ring), u))

@@ -62,6 +62,14 @@ def test_directivity_index_of_a_large_face_is_4_pi_area():
     assert sonar.directivity_index_db() == pytest.approx(10 * np.log10(4 * np.pi * 1000), abs=0.05)
 
 
+@pytest.mark.parametrize("along_deg, across_deg, expected", [(1, 50, 28.41), (60, 50, 10.72), (180, 50, 6.67)])
+def test_directivity_index_of_wide_beams(along_deg, across_deg, expected):
+    """Against a plain two-dimensional quadrature of b² over the half space of the face, to the digits printed."""
+    face = Aperture(**{name: length_for_beam_width(np.radians(width), WAVELENGTH)
+                       for name, width in (("length", along_deg), ("height", across_deg))})
+    assert sidescan(face).directivity_index_db() == pytest.approx(expected, abs=0.01)
+
+
 @pytest.mark.parametrize("side", [-1.0, np.nan, np.inf])
 def test_sizes_that_are_none_are_refused(side):
     with pytest.raises(ValueError, match="aperture length is"):

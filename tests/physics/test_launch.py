@@ -44,11 +44,12 @@ def test_weights_along_integrate_over_all_directions(variant, sonar, rng, f, int
 
 
 def test_draw_along_follows_the_two_way_beam(variant, sonar, rng):
-    """The weighted beam is nearly constant: 95 % of the rays carry between 1.0 and 1.06 of the beam's integral."""
+    """The weighted beam is nearly constant: most rays carry between 1.0 and 1.06 of the beam's integral (found: 92
+    %)."""
     u, width, _ = drawn(along_quantiles(sonar), 50_000, rng)
     carried = sonar.along_intensity(u) * width
     assert carried.mean() == pytest.approx(sonar.solid_angle() / _across(sonar), rel=2e-3)
-    assert np.mean((carried > carried.mean()) & (carried < 1.06 * carried.mean())) > 0.7
+    assert np.mean((carried > carried.mean()) & (carried < 1.06 * carried.mean())) > 0.85
 
 
 def _across(sonar):

@@ -113,6 +113,7 @@ def test_misses_are_zero_not_nan(variant, bed):
     assert not hits.valid.numpy().any()
     assert np.isfinite(hits.point.numpy()).all()
     assert (hits.label.numpy() == 0).all()
+    assert not hits.shape.numpy().any() if hasattr(hits.shape, "numpy") else True
 
 
 def test_straight_water_gives_mitsubas_own_hits(variant, bed, rng):
@@ -126,11 +127,65 @@ def test_straight_water_gives_mitsubas_own_hits(variant, bed, rng):
     assert np.quantile(gap, 0.99) < 2e-3                              # float32 at 270 m and 1 degree of grazing
 
 
-def test_finer_tolerance_changes_times_of_launch_angles_not_of_points(variant, bed, rng):
-    """Chords within 2 or 20 mm find points that differ by as much; either way time belongs to the point found."""
+def test_tolerance_bounds_how_far_hits_move(variant, bed, rng):
+    """Chords within 2 or 20 mm of the ray find points that differ by about as much along a flat grazing bed."""
     direction, _ = fan(rng, 1000)
     profile = SoundSpeedProfile(*PROFILES["summer"])
     fine, coarse = (trace(bed, profile, 20.0, direction, tolerance=t) for t in (0.002, 0.02))
     both = fine.valid.numpy() & coarse.valid.numpy()
     gap = np.linalg.norm(fine.point.numpy()[:, both] - coarse.point.numpy()[:, both], axis=0)
     assert np.median(gap) < 0.02
+
+
+@pytest.mark.parametrize("depth", [30.0, 44.5])
+@pytest.mark.parametrize("name", ["constant", "summer", "one thick layer", "duct"])
+def test_hits_at_the_depth_of_the_source(variant, rng, name, depth):
+    """A wall around the sonar, rays within half a degree of level: depths agree to millimetres, where moments of the
+    water between them are rounding noise."""
+    wall = {"type": "cylinder", "p0": [0.0, 0.0, -60.0], "p1": [0.0, 0.0, -1.0], "radius": 50.0}
+    from mitsonar.scene import prepare
+
+    prepare()
+    geometry = Geometry(mi.load_dict({"type": "scene", "wall": wall}, optimize=False))
+    angle, azimuth = np.radians(rng.uniform(-0.5, 0.5, RAYS)), rng.uniform(0, 2 * np.pi, RAYS)
+    d = np.stack([np.cos(angle) * np.cos(azimuth), np.cos(angle) * np.sin(azimuth), -np.sin(angle)])
+    profile = SoundSpeedProfile(*PROFILES[name])
+    hits = trace(geometry, profile, depth, mi.Vector3f(*(upload(mi.Float, row.astype(np.float32)) for row in d)))
+    valid = hits.valid.numpy()
+    assert valid.mean() > 0.99
+    x, y, z = hits.point.numpy()[:, valid]
+    exact = eigenrays(profile, depth, -z, np.hypot(x, y))
+    off = np.nanmin(np.abs(exact.travel_time - hits.travel_time.numpy()[valid, None]), axis=1)
+    assert off.max() < 1e-9
+    level = -10 * np.log10(hits.spreading_area.numpy()[valid] / np.hypot(np.hypot(x, y), z + depth) ** 2)
+    assert np.quantile(np.abs(level), 0.99) < 0.5
+
+
+def test_texture_coordinates_are_those_of_the_shape(variant):
+    """Mitsuba's own at the same points, for a mesh with coordinates and for a rectangle, where a material reads
+    textures."""
+    from mitsonar.scene import prepare
+
+    prepare()
+    T = mi.ScalarTransform4f
+    for shape in ({"type": "seabed", "depth": 30.0, "length": 80.0, "width": 80.0, "spacing": 2.0},
+                  {"type": "rectangle", "to_world": T().translate([0, 0, -30]).scale(40.0)}):
+        scene = mi.load_dict({"type": "scene", "bed": {**shape, "bsdf": {"type": "diffuse"}}}, optimize=False)
+        angle = np.radians(np.linspace(50, 88, 500))
+        d = mi.Vector3f(*(upload(mi.Float, v.astype(np.float32)) for v in (0.6 * np.cos(angle), 0.8 * np.cos(angle),
+                                                                             -np.sin(angle))))
+        hits = trace(Geometry(scene), SoundSpeedProfile([0.0], [1500.0]), 10.0, d)
+        si = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, -10), d))
+        np.testing.assert_allclose(hits.uv.numpy(), si.uv.numpy(), atol=2e-5)
+
+
+def test_shapes_at_the_surface_are_hit(variant):
+    """Rays stop above the water, not at it: a plate at z = 0 reflects every ray that looks up at it."""
+    from mitsonar.scene import prepare
+
+    prepare()
+    plate = {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale(200.0)}
+    angle = np.radians(np.linspace(-20, -88, 2000))
+    d = mi.Vector3f(*(upload(mi.Float, v.astype(np.float32)) for v in (np.cos(angle), 0 * angle, -np.sin(angle))))
+    hits = trace(Geometry(mi.load_dict({"type": "scene", "plate": plate})), SoundSpeedProfile(*PROFILES["summer"]), 20.0, d)
+    assert hits.valid.numpy().mean() > 0.999

@@ -97,6 +97,35 @@ def test_bins_finer_than_the_pulse_are_correlated_over_it():
     assert pulse_shares(1.0, 4.0).sum() == pytest.approx(8.0)      # half bins
 
 
+def test_noise_has_the_band_of_the_pulse():
+    """Bins a quarter of the pulse long, water column only: intensities j bins apart correlate as (1 - j/4)²."""
+    scene = sidescan({"bed": plane(400.0)}, sensor={"pings": 60, "speckle": True, "noise": True},
+                     film={"range": 75.0, "bins": 4000})
+    intensity = 10 ** (mitsonar.render(scene, 6)["level"].values[:, 1].astype(float) / 10)
+    ratio = intensity / intensity.mean() - 1
+    for j in (1, 2, 3):
+        assert abs(np.mean(ratio[:, :-j] * ratio[:, j:]) / np.mean(ratio ** 2) - (1 - j / 4) ** 2) < 0.03
+    assert intensity[:, :20].mean() == pytest.approx(intensity.mean(), rel=0.1)        # also at the ends of the record
+
+
+def test_absorbed_echoes_keep_their_label_and_depth():
+    """300 dB/km over 100 m: echoes 60 dB below those without absorption still say where they came from."""
+    shapes = {"a_buoy": {"type": "sphere", "center": [0.0, 300.0, -5.0], "radius": 1.0, "bsdf": lambert()},
+              "bed": plane(40.0)}
+    scene = sidescan(shapes, sensor={"preset": "auv_900khz"}, water={"absorption_db_per_km": 300.0}, film={"bins": 200})
+    far = mitsonar.render(scene).isel(range=slice(150, 199))
+    names = far.attrs["labels"]
+    assert {names[str(number)] for number in np.unique(far["label"]) if number} == {"bed"}
+    assert np.nanmax(np.abs(far["depth"].values - 40.0)) < 0.05
+
+
+def test_water_below_a_target_in_mid_water_is_no_shadow():
+    """The flag begins with the first bottom return; a fish ball beside the track casts none on water."""
+    ball = {"type": "sphere", "center": [8.0, 0.0, -28.0], "radius": 1.5, "bsdf": lambert(-10.0)}
+    dataset = mitsonar.render(sidescan({"bed": plane(40.0), "ball": ball}, film={"bins": 400}))
+    assert not dataset["shadow"].sel(range=slice(0, 19.5)).values.any()
+
+
 def test_noise_fills_the_water_column_at_the_level_of_band_and_beam():
     """NL + 10 log BW - DI; the mean of 40,000 exponential values is known to 0.5 %."""
     scene = sidescan({"bed": plane(40.0)}, sensor={"pings": 40, "speckle": True, "noise": True, "noise_level_db": 40.0})
@@ -139,6 +168,7 @@ def test_kernels_compile_once_whatever_the_numbers():
             return {entry["hash"] for entry in dr.kernel_history() if entry["type"] == dr.KernelType.JIT}
 
     first = run(40.0, 1490.0, 700, 20_000, 100.0)
+    assert first
     assert run(43.0, 1485.0, 900, 26_000, 130.0) <= first
 
 
