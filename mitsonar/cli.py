@@ -4,6 +4,7 @@ Exit codes: 0 done, 2 for what the user can mend, 128 + n where signal n ended i
 interrupted leaves no file, nor half of one.
 """
 import argparse
+import datetime
 import os
 import signal
 import sys
@@ -146,7 +147,7 @@ def _doctor(arguments):
 
 def _render_to(scene_file, parameters, seed, output, preview, threads):
     _check_outputs(output, preview)
-    from . import load_file, plots, render
+    from . import load_file, render
     from .io import exr
 
     _set_up(threads)
@@ -155,7 +156,9 @@ def _render_to(scene_file, parameters, seed, output, preview, threads):
         dataset = render(scene, seed=seed, progress=progress)
     exr.write(dataset, output)
     _announce(output)
-    if preview:
+    if preview is not None:
+        from . import plots
+
         plots.preview(dataset, preview)
         _announce(preview)
 
@@ -225,24 +228,25 @@ class _Progress:
         now = time.monotonic()
         if now - self.start < QUIET_SECONDS:
             return
-        if sys.stderr.isatty():
-            if self.bar is None:
-                self.bar, self.task = self._open(total)
-            self.bar.update(self.task, completed=done, rate=f"{done / (now - self.start):.1f} pings/s")
-        elif now - self.last_line > LINE_SECONDS:
-            self.last_line = now
-            rate = done / (now - self.start)
-            print(f"{done} of {total} pings, {rate:.1f} pings/s, {(total - done) / rate:.0f} s left", file=sys.stderr)
+        rate = done / (now - self.start)
+        pace = f"{rate:.1f} pings/s, {datetime.timedelta(seconds=round((total - done) / rate))} left"
+        if not sys.stderr.isatty():
+            if now - self.last_line > LINE_SECONDS:
+                self.last_line = now
+                print(f"{done} of {total} pings, {pace}", file=sys.stderr)
+        elif self.bar is None:
+            self._open(done, total, pace)
+        else:
+            self.bar.update(self.task, completed=done, pace=pace)
 
-    @staticmethod
-    def _open(total):
+    def _open(self, done, total, pace):
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-        bar = Progress(TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
-                       TimeRemainingColumn(), console=Console(stderr=True), transient=True)
-        bar.start()
-        return bar, bar.add_task("pings", total=total, rate="")
+        self.bar = Progress(TextColumn("rendering"), BarColumn(), MofNCompleteColumn(),
+                            TextColumn("pings, {task.fields[pace]}"), console=Console(stderr=True), transient=True)
+        self.task = self.bar.add_task("pings", completed=done, total=total, pace=pace)
+        self.bar.start()
 
 
 def _key_value(text):

@@ -1,0 +1,29 @@
+"""The command line, run within the test in an empty folder."""
+import pytest
+from small_scene import TEXT
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder that is the current one, with the small scene in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.xml").write_text(TEXT, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def refusal(folder, capfd):
+    """Run a command that must be refused, and give what it says: one line, exit code 2, no file more than before."""
+    from mitsonar import cli
+
+    def run(*arguments):
+        before = sorted(folder.rglob("*"))
+        capfd.readouterr()
+        assert cli.main([str(argument) for argument in arguments]) == 2
+        out, err = capfd.readouterr()
+        assert out == ""
+        assert err.startswith("mitsonar: ") and err.count("\n") == 1 and err.endswith("\n")
+        assert "Traceback" not in err and ".cpp" not in err
+        assert sorted(folder.rglob("*")) == before
+        return err
+    return run

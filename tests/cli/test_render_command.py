@@ -1,0 +1,153 @@
+"""What `render` and `plot` do when all is well: files, names on standard output, the bytes, the progress bar."""
+import io
+import re
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from mitsonar import cli
+
+
+@pytest.fixture
+def accepted(folder, capfd):
+    """Run a command that must work without a word on standard error, and give the lines it prints."""
+    def run(*arguments):
+        capfd.readouterr()
+        assert cli.main([str(argument) for argument in arguments]) == 0
+        out, err = capfd.readouterr()
+        assert err == ""
+        return out.splitlines()
+    return run
+
+
+def test_files_and_their_names(folder, accepted):
+    assert accepted("render", "scene.xml", "-o", "o.exr", "--preview", "p.png") == ["o.exr", "p.png"]
+    assert sorted(path.name for path in folder.iterdir()) == ["o.exr", "p.png", "scene.xml"]
+    assert (folder / "p.png").read_bytes().startswith(b"\x89PNG")
+    assert accepted("plot", "o.exr", "--what", "mean") == ["o_mean.png"]
+
+
+def test_parameters_and_seed_reach_the_file(folder, accepted):
+    from mitsonar.io import exr
+
+    accepted("render", "scene.xml", "-o", "o.exr", "-D", "pings=3", "-D", "speckle=FALSE", "--seed", "7")
+    dataset = exr.read("o.exr")
+    assert dataset.sizes == {"ping": 3, "side": 2, "range": 50}
+    assert dataset.attrs["seed"] == 7 and dataset.attrs["speckle"] is False
+    assert dataset.attrs["parameters"] == {"pings": "3", "speckle": "FALSE"} and dataset.attrs["file"] == "scene.xml"
+
+
+def test_same_bytes_from_command_and_call_and_any_number_of_threads(folder, accepted):
+    import drjit as dr
+
+    import mitsonar
+
+    mitsonar.io.exr.write(mitsonar.render(mitsonar.load_file("scene.xml", pings=3), seed=5), "call.exr")
+    before = dr.thread_count()
+    try:
+        for threads in (2, 5):
+            accepted("render", "scene.xml", "-o", f"{threads}.exr", "-D", "pings=3", "--seed", 5, "--threads", threads)
+    finally:
+        dr.set_thread_count(before)
+    assert (folder / "2.exr").read_bytes() == (folder / "5.exr").read_bytes() == (folder / "call.exr").read_bytes()
+
+
+def test_resolved_scene_of_the_file_renders_the_same_image(folder, accepted):
+    from mitsonar.io import exr
+
+    accepted("render", "scene.xml", "-o", "a.exr", "-D", "range=45", "-D", "pings=3")
+    first = exr.read("a.exr")
+    (folder / "resolved.xml").write_text(first.attrs["scene"], encoding="utf-8")
+    accepted("render", "resolved.xml", "-o", "b.exr")
+    second = exr.read("b.exr")
+    assert second.identical(first.assign_attrs(file="resolved.xml", parameters={}))
+
+
+def test_scenes_that_come_with_mitsonar_go_by_name(accepted):
+    assert accepted("render", "sidescan_flat", "-o", "o.exr", "-D", "pings=1", "-D", "rays=2000") == ["o.exr"]
+
+
+def test_a_refused_render_leaves_the_older_file(folder, accepted, capfd):
+    accepted("render", "scene.xml", "-o", "o.exr")
+    before = (folder / "o.exr").read_bytes()
+    assert cli.main(["render", "scene.xml", "-o", "o.exr", "-D", "rays=0"]) == 2
+    assert (folder / "o.exr").read_bytes() == before
+
+
+def test_out_of_memory_is_a_sentence(folder, monkeypatch, capfd):
+    import mitsonar
+
+    def render(*_, **__):
+        raise MemoryError("Unable to allocate 9 TiB")
+
+    monkeypatch.setattr(mitsonar, "render", render)
+    assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 2
+    assert capfd.readouterr().err == ("mitsonar: out of memory: Unable to allocate 9 TiB; take fewer pings, rays or "
+                                      "bins\n")
+
+
+def test_version(capfd):
+    import mitsonar
+
+    for option in ("-v", "--version"):
+        with pytest.raises(SystemExit) as ended:
+            cli.main([option])
+        assert ended.value.code == 0
+        assert capfd.readouterr().out == f"mitsonar {mitsonar.__version__}\n"
+
+
+class Terminal(io.StringIO):
+    def __init__(self, is_one):
+        super().__init__()
+        self.is_one = is_one
+
+    def isatty(self):
+        return self.is_one
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """Give what is shown of a run that reports (seconds, pings done of 100)."""
+    def run(reports, terminal):
+        clock = iter([0.0, *(seconds for seconds, _ in reports)])
+        monkeypatch.setattr(cli, "time", types.SimpleNamespace(monotonic=lambda: next(clock)))
+        monkeypatch.setattr(sys, "stderr", Terminal(terminal))
+        monkeypatch.setenv("TERM", "xterm")
+        monkeypatch.setenv("COLUMNS", "100")
+        with cli._Progress() as progress:
+            for _, done in reports:
+                progress(done, 100)
+        return sys.stderr.getvalue()
+    return run
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_of_a_short_run_is_not_shown(shown, terminal):
+    assert shown([(0.5, 50), (1.9, 100)], terminal) == ""
+
+
+def test_progress_on_a_terminal_shows_rate_and_vanishes(shown):
+    text = shown([(1, 10), (4, 40), (10, 100)], terminal=True)
+    words = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text)
+    assert "40/100 pings, 10.0 pings/s, 0:00:06 left" in words and "100/100 pings, 10.0 pings/s, 0:00:00 left" in words
+    # the cursor is shown again, goes back up and wipes the line
+    assert re.search(r"\x1b\[\?25h.*\x1b\[1A\x1b\[2K$", text, re.S)
+
+
+def test_progress_elsewhere_is_a_line_now_and_then(shown):
+    text = shown([(1, 10), (4, 40), (20, 50), (25, 60), (31, 80)], terminal=False)
+    assert text == ("50 of 100 pings, 2.5 pings/s, 0:00:20 left\n"
+                    "80 of 100 pings, 2.6 pings/s, 0:00:08 left\n")
+
+
+def test_image_is_what_mitsubas_own_render_gives(folder, accepted):
+    import mitsuba as mi
+
+    from mitsonar.io import exr
+
+    accepted("render", "scene.xml", "-o", "o.exr", "--seed", "3")
+    level = exr.read("o.exr")["level"].values
+    image = np.array(mi.render(mi.load_file(str(folder / "scene.xml")), seed=3))
+    assert np.array_equal(image[..., 0], np.concatenate([level[:, 0, ::-1], level[:, 1]], -1))
