@@ -81,7 +81,7 @@ class Survey:
         """How many pings a block holds: bounded by rays and by the memory of the sums."""
         sums = 2 * self.bins * len(self.geometry.labels)
         if sums >= MOST_SUMS:
-            raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, more than "
+            raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "
                              f"{MOST_SUMS}; take fewer bins or let shapes share an id")
         by_rays = RAYS_PER_BLOCK // (2 * sum(grid[0] * grid[1] for grid in self.grids() if grid))
         level = len(np.unique(self.track.position[:, 2])) == 1

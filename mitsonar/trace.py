@@ -85,7 +85,8 @@ class Geometry:
         registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
         # only materials of Mitsuba's own read textures
         self.textured = not all(hasattr(shape.bsdf(), "scattering_strength") for shape in shapes)
-        rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)     # label, first face, is a mesh, has texture coordinates
+        # label, first face, is a mesh, has texture coordinates
+        rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0
         for index, shape in zip(registry, shapes):
             rows[index, 0] = number_of[shape.id() or shape.class_name()]
@@ -219,9 +220,10 @@ class Tracer:
         uv = pi.prim_uv
         if geometry.texcoords is not None:
             mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
-            corners = [mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped)) for i in range(3)]
+            a_uv, b_uv, c_uv = (mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped))
+                                for i in range(3))
             s, t = mi.Float(u), mi.Float(v)
-            uv = dr.select(mapped, corners[0] * (1 - s - t) + corners[1] * s + corners[2] * t, uv)
+            uv = dr.select(mapped, a_uv * (1 - s - t) + b_uv * s + c_uv * t, uv)
         if not geometry.only_meshes:
             flags = mi.RayFlags.UV if geometry.textured else mi.RayFlags.Minimal
             si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), flags, valid & ~mesh)

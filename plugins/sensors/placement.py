@@ -11,14 +11,17 @@ SMOOTHING = 10.0                   # [m] along which a towed sonar follows the s
 
 
 def soundings(geometry, x, y):
-    """Depth [m] of the highest surface below points (x, y) [m]; NaN where there is none."""
+    """Depth [m] of the lowest surface at points (x, y) [m], the seabed but for what is buried; NaN where there is none.
+
+    Looked for from below, so that a ship or the sea surface above does not count.
+    """
     x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-    above = -geometry.depth_range[0] + 1.0
-    ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, above)),
-                   mi.Vector3f(0, 0, -1))
+    below = geometry.depth_range[1] + 1.0
+    ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, -below)),
+                   mi.Vector3f(0, 0, 1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
     distance = np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)
-    return (distance - above).reshape(x.shape)
+    return (below - distance).reshape(x.shape)
 
 
 def _wet(geometry, x, y):

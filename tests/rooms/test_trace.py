@@ -187,5 +187,6 @@ def test_shapes_at_the_surface_are_hit(variant):
     plate = {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale(200.0)}
     angle = np.radians(np.linspace(-20, -88, 2000))
     d = mi.Vector3f(*(upload(mi.Float, v.astype(np.float32)) for v in (np.cos(angle), 0 * angle, -np.sin(angle))))
-    hits = trace(Geometry(mi.load_dict({"type": "scene", "plate": plate})), SoundSpeedProfile(*PROFILES["summer"]), 20.0, d)
+    geometry = Geometry(mi.load_dict({"type": "scene", "plate": plate}))
+    hits = trace(geometry, SoundSpeedProfile(*PROFILES["summer"]), 20.0, d)
     assert hits.valid.numpy().mean() > 0.999
