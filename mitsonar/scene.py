@@ -8,13 +8,13 @@ import numpy as np
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
-VARIANTS = ("cuda_ad_mono", "llvm_ad_mono")
+VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
 TAKEN = ("path", "parallel", "optimize")       # arguments of Mitsuba's own loader
 WANTED = "give the path of a Mitsuba XML file"
 
 
 def prepare():
-    """Set a JIT variant if none is set: CUDA where there is a GPU, else LLVM on all cores.
+    """Set a JIT variant if none is set: LLVM on all cores, or CUDA where there is a GPU but no libLLVM.
 
     Raises
     ------
@@ -26,10 +26,8 @@ def prepare():
     from . import llvm
 
     if mi.variant() is None or mi.variant().startswith("scalar"):
-        cuda = dr.has_backend(dr.JitBackend.CUDA)
-        if not cuda:
-            llvm.check()
-        mi.set_variant(*(VARIANTS if cuda else VARIANTS[1:]))
+        llvm.check()
+        mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
     if dr.thread_count() < 2:
         dr.set_thread_count(2)                 # with one worker Mitsuba's file readers wait for themselves for ever
 
