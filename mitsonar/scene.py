@@ -151,6 +151,6 @@ def _text(name, value):
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if isinstance(value, (list, tuple, np.ndarray)):
-        return ", ".join(_text(name, item) for item in np.ravel(value).tolist())
+        return ", ".join(_text(name, item) for item in value)
     raise TypeError(f"the parameter {name} is {value!r}; give a number, a string, true or false, a path, or a list of "
                     "these")

@@ -70,6 +70,9 @@ class SonarFilm(mi.Film):
         """Keep the rendered levels, a tensor (pings, columns, 1)."""
         self.image = image
 
+    def create_block(self, *_, **__):
+        raise ValueError("a sonar_film records sound; render it with the integrator sonar_path")
+
     def develop(self, raw=False):
         if self.image is None:
             raise ValueError("sonar_film holds no image yet; render the scene first")

@@ -1,0 +1,106 @@
+"""The medium `seawater`: which attribute decides what, and what it refuses.
+
+The formulas are tested in tests/physics; here only their way through the attributes, exactly.
+"""
+import functools
+
+import numpy as np
+import pytest
+
+from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db, sound_speed
+
+FREQUENCY = 400e3
+CASTAWAY = """% Device,CC1234567
+% Cast time (UTC),2012-08-21 10:11:12
+% Start latitude,44.1
+% Start longitude,-68.5
+
+Pressure (Decibar),Depth (Meter),Temperature (Celsius),Conductivity (MicroSiemens per Centimeter),\
+Specific conductance (MicroSiemens per Centimeter),Salinity (Practical Salinity Scale),\
+Sound velocity (Meters per Second),Density (Kilograms per Cubic Meter)
+0.5,0.5,15.0,39000,48000,31.0,1502.0,1022.9
+10.0,9.9,9.0,34000,49000,32.0,1482.0,1024.8
+"""
+
+
+@pytest.fixture
+def water(make):
+    """Make a medium of attributes."""
+    return functools.partial(make, "seawater")
+
+
+def absorption(medium, depth):
+    return medium.absorption_column(FREQUENCY).at(depth)
+
+
+def test_sound_speed_from_temperature_and_salinity(water):
+    profile = water(temperature=4.0, salinity=34.0).profile
+    assert np.array_equal(profile.sound_speed, sound_speed(4.0, 34.0, profile.depth))
+    assert profile.depth[0] == 0 and profile.depth[-1] == 6000
+    assert water().profile == water(temperature=10.0, salinity=35.0).profile
+
+
+def test_sound_speed_given(water):
+    assert water(sound_speed=1480).profile == SoundSpeedProfile([0], [1480])
+    assert water(profile="0:1500, 10:1490").profile == SoundSpeedProfile([0, 10], [1500, 1490])
+
+
+def test_cast_without_temperature(water, tmp_path):
+    path = tmp_path / "cast.csv"
+    path.write_text("depth,speed\n0,1500\n20,1480\n")
+    medium = water(cast=str(path), temperature=4.0, ph=7.7)
+    assert medium.profile == SoundSpeedProfile([0, 20], [1500, 1480])
+    assert absorption(medium, 50) == pytest.approx(absorption_db(FREQUENCY, 4.0, 35.0, 50, 7.7), rel=1e-12)
+
+
+def test_cast_with_temperature_and_salinity_sets_absorption(water, tmp_path):
+    path = tmp_path / "cast.csv"
+    path.write_text(CASTAWAY)
+    medium = water(cast=str(path), temperature=30.0, ph=8.1)
+    depth = medium.profile.depth
+    assert np.array_equal(medium.profile.sound_speed, [1502, 1482])
+    wanted = absorption_db(FREQUENCY, [15, 9], [31, 32], depth, 8.1)
+    assert absorption(medium, depth) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_absorption_given_is_the_same_everywhere(water):
+    assert absorption(water(absorption_db_per_km=30), [0, 10, 5000]) == pytest.approx([0.03] * 3, rel=1e-15)
+    assert absorption(water(absorption_db_per_km=0), 10) == 0
+
+
+def test_noise(water):
+    assert water(wind_speed=9.0, shipping=0.1).noise_level_db(FREQUENCY) == ambient_noise_db(FREQUENCY, 9.0, 0.1)
+    assert water().noise_level_db(FREQUENCY) == ambient_noise_db(FREQUENCY, 5.0, 0.5)
+
+
+@pytest.mark.parametrize("one, other", [("profile", "sound_speed"), ("cast", "sound_speed"), ("profile", "cast")])
+def test_only_one_kind_of_sound_speed(refusal, one, other):
+    values = {"profile": "0:1500, 9:1490", "cast": "c.csv", "sound_speed": 1500.0}
+    said = refusal("seawater", **{name: values[name] for name in (one, other)})
+    assert said == f"seawater: {one} and {other} are given; give one of them."
+
+
+@pytest.mark.parametrize("attributes, words", [
+    ({"temperature": 41.0}, "temperature is 41 deg C; it must lie in -2..40 deg C"),
+    ({"salinity": -1.0}, "salinity is -1 g/kg"),
+    ({"ph": 3.0}, "ph is 3; it must lie in 7..9"),
+    ({"wind_speed": -1.0}, "wind_speed is the float -1.0; expected a number [m/s] at least 0"),
+    ({"shipping": 2.0}, "shipping is the float 2.0; expected a number at least 0 and at most 1"),
+    ({"absorption_db_per_km": -1.0}, "expected a number [dB/km] at least 0"),
+    ({"sound_speed": 3000.0}, "expected a number [m/s] above 300.0 and below 3000.0"),
+    ({"profile": "0:1500, 0:1490"}, "sort the nodes and merge repeated depths"),
+    ({"cast": "no.csv"}, 'cast names the file "no.csv", which is not there'),
+    ({"salt": 1.0}, 'did you mean "salinity"?'),
+])
+def test_refusals(refusal, attributes, words):
+    assert words in refusal("seawater", **attributes)
+
+
+def test_light_passes(water):
+    import mitsuba as mi
+
+    medium = water()
+    place = mi.MediumInteraction3f()
+    for value in (medium.get_majorant(place), *medium.get_scattering_coefficients(place)):
+        assert not np.any(np.array(value))
+    assert str(medium).startswith("Seawater[")
