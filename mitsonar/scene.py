@@ -50,6 +50,8 @@ def load_file(path, /, **parameters):
     ------
     FileNotFoundError
         If there is no such file.
+    PermissionError
+        If it may not be read.
     ValueError
         If the scene or a parameter is wrong; names file, line and attribute.
     TypeError
@@ -64,6 +66,8 @@ def load_file(path, /, **parameters):
         raise FileNotFoundError(f"scene file {path} does not exist; {WANTED}")
     if os.path.isdir(path):
         raise ValueError(f"scene file {path} is a folder; {WANTED}")
+    if not os.access(path, os.R_OK):
+        raise PermissionError(f"scene file {path} may not be read by you; change its permissions")
     values = {name: _text(name, value) for name, value in parameters.items()}
     for name in TAKEN:
         if name in values:

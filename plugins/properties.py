@@ -94,6 +94,8 @@ class Attributes:
         if not os.path.isfile(path):
             folders = ", ".join(dict.fromkeys(str(folder) for folder in mi.file_resolver()))
             raise self.error(f'{name} names the file "{value}", which is not there (looked in {folders}).')
+        if not os.access(path, os.R_OK):
+            raise self.error(f'{name} names the file "{path}", which you may not read; change its permissions.')
         return path
 
     def point(self, name, default=REQUIRED, *, unit="m"):

@@ -3,6 +3,7 @@
 Every line of the tables spoils one thing of a small scene and says what the sentence must hold: what was asked, what
 was found, what to do or what is known. They run within the test's own process; `test_interruptions` starts real ones.
 """
+import os
 import re
 
 import numpy as np
@@ -222,6 +223,22 @@ def test_scenes_that_are_none(folder, refusal, content, words):
     (folder / "scene.xml").write_bytes(content)
     said = refusal(*RENDER)
     assert said.startswith("mitsonar: scene.xml") and words in said
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read every file")
+@pytest.mark.parametrize("name", ["scene.xml", "cast.csv"])
+def test_files_that_may_not_be_read(folder, refusal, name):
+    (folder / "scene.xml").write_text(spoilt(water('<string name="cast" value="cast.csv"/>')), encoding="utf-8")
+    (folder / "cast.csv").write_text("depth,speed\n0,1500\n")
+    (folder / name).chmod(0)
+    said = refusal(*RENDER)
+    assert f"{name}" in said and "read" in said and "change its permissions" in said
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_folder_that_may_not_be_written(folder, refusal):
+    (folder / "locked").mkdir(mode=0o500)
+    assert "no permission to write in" in refusal("render", "scene.xml", "-o", "locked/o.exr")
 
 
 def test_georeferenced_track_needs_an_origin(folder, refusal):
