@@ -106,6 +106,7 @@ def _parser():
     doctor = commands.add_parser("doctor", help="say what was found on this machine and render one ping")
     doctor.set_defaults(run=_doctor)
     commands.add_parser("test", help="run the project's tests (in a checkout)")
+    commands.add_parser("llvm", help="say which libLLVM is used; fetch one where there is none")
     return parser
 
 
