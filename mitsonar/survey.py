@@ -29,7 +29,6 @@ RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 FANS_PER_BLOCK = 128               # a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
-MOST_LOSS = 20.0                   # powers of ten of absorption that the sums follow
 FIRST_SALT, SECOND_SALT = 0x51ED270B, 0x2545F491
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe as shadows see it (-6 dB)
 
@@ -146,12 +145,14 @@ class _Block:
         self.top, self.per_depth = dr.opaque(mi.Float, top), dr.opaque(mi.Float, 1 / max(bottom - top, 1e-6))
         nearest = 0.25 * sonar.sound_speed * survey.bin_length
         self.range2 = np.maximum(survey.slant_range, nearest) ** 2
-        least = float(np.min(survey.absorption.absorption_db))
-        loss = 10 ** -np.minimum(0.2 * least * survey.slant_range, MOST_LOSS)
-        # worth of one unit of echo energy in each bin, relative to 10^(SL/10) [1/m²]
-        self.unit = self.solid_angle * loss / (self.range2 * 2.0 ** UNIT_BITS)
-        self.units = upload(mi.Float, (1 / self.unit).astype(np.float32))
-        dr.eval(self.along, self.units)
+        # worth of one unit of echo energy in each bin, relative to 10^(SL/10) [1/m²]; its absorption stays in decibels
+        # until the last, for float32 ends at -380 dB
+        unit = self.solid_angle / (self.range2 * 2.0 ** UNIT_BITS)
+        loss_db = 2 * float(np.min(survey.absorption.absorption_db)) * survey.slant_range
+        self.unit = unit * 10 ** (-loss_db / 10)
+        per_bin = np.stack([1 / unit, loss_db], 1).astype(np.float32)
+        self.per_bin = upload(mi.Float, per_bin)
+        dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
 
     def __call__(self, ping):
@@ -249,12 +250,13 @@ class _Block:
         bin, inside = self._bin(hits)
         strength, sin_grazing = _strength(hits, inside, self.survey.sonar.frequency)
         source_depth, source_speed = place.medium(ray.ping)
-        loss = self.absorption(source_depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter))
+        units, unit_loss_db = dr.gather(self.lib.Array2f, self.per_bin, bin, inside)
+        loss_db = self.absorption(source_depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter))
         energy = echo_energy(solid_angle=ray.solid_angle, pattern=ray.pattern, strength=strength,
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
-                             speed_ratio=mi.Float(hits.sound_speed) / source_speed, loss=loss)
-        units = mi.Float64(energy) * mi.Float64(dr.gather(mi.Float, self.units, bin, inside))
-        return units, bin, inside & dr.isfinite(energy)
+                             speed_ratio=mi.Float(hits.sound_speed) / source_speed,
+                             loss=dr.exp((unit_loss_db - loss_db) * float(np.log(10) / 10)))
+        return mi.Float64(energy) * mi.Float64(units), bin, inside & dr.isfinite(energy)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,8 @@ from .record import Record
 
 __all__ = ["SourceState", "source_state", "to_hit"]
 
-SERIES_LIMIT = 1e-6
+SERIES_LIMIT = 2e-6
+FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
 LEVEL = 5e-3               # depth difference over distance below which moments are rounding noise
 MAX_TUBE_GAIN = 1e4        # spreading area is kept above distance²/this: energy at a caustic stays finite
 
@@ -210,6 +211,20 @@ def to_hit(table, lib, source, fan, s0, cosine0, x, z, valid, tolerance):
     if walk:
         z_x, t_x, arc_x, v, s_x, c_x, g_x = _walk(table, lib, z0, c0, s0, p0, x, walk)
         dz = z - z_x
+        # beside a critical angle a fan's row bends away from its rays: aim again, dz = V dθ0 / cos θ at fixed distance
+        again = walk & (abs(dz) > FAR_OFF)
+        if again:
+            turn = dr.clip(dz * p0 * c_x / dr.select(abs(v) > 1e-3, v, 1e-3), -1e-2, 1e-2)
+            s_a, cosine_a = s0 + cosine0 * turn, cosine0 - s0 * turn
+            unit = dr.rsqrt(s_a * s_a + cosine_a * cosine_a)
+            s_a, cosine_a = s_a * unit, cosine_a * unit
+            z_a, t_a, arc_a, v_a, s_b, c_a, g_a = _walk(table, lib, z0, c0, s_a, cosine_a / c0, x, again)
+            better = again & (abs(z - z_a) < abs(dz))
+            s0, cosine0 = dr.select(better, s_a, s0), dr.select(better, cosine_a, cosine0)
+            p0 = cosine0 / c0
+            t_x, arc_x, v = dr.select(better, t_a, t_x), dr.select(better, arc_a, arc_x), dr.select(better, v_a, v)
+            s_x, c_x, g_x = dr.select(better, s_b, s_x), dr.select(better, c_a, c_x), dr.select(better, g_a, g_x)
+            dz = dr.select(better, z - z_a, dz)
         dt, dp = _carry(p0, s_x, c_x, g_x, v, s0 / c0, dz)
         time, arc, p = t_x + dt, F(arc_x + s_x * dz), p0 + dp
         area = F(x * abs(v) / dr.maximum(cosine0, 1e-9))

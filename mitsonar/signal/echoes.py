@@ -50,7 +50,7 @@ class Absorption:
         dr.eval(self.table)
 
     def __call__(self, z0, z1, arc_length, ray_parameter):
-        """Power factor 10^(-2 ᾱ L / 10) between depths z0 and z1 [m]; float32 arrays."""
+        """Loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
         a, b = self._at(z0), self._at(z1)
         apart = z1 - z0
         far = abs(apart) > 0.5                              # nearer, float32 differences are worse than α itself
@@ -60,7 +60,7 @@ class Absorption:
         flat = dr.maximum(1 - square * (1 + e), 0.01)       # about to turn: the expansion ends here
         mean += 0.5 * square / flat * (mean_product - mean * e)
         mean = dr.select(far, mean, 0.5 * (a[3] + b[3]))
-        return dr.exp(mean * arc_length * (-0.2 * float(np.log(10))))
+        return 2 * mean * arc_length
 
     def _at(self, z):
         place = dr.clip(z * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
@@ -80,7 +80,7 @@ def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, 
     sin_grazing : sin θ_i, of the incident ray on the facet [-]
     spreading_area : A [m²/sr], outgoing
     speed_ratio : c_h / c_0 [-]
-    loss : two-way absorption factor [-]
+    loss : two-way absorption as a power factor [-], relative to that of the bin's unit
     """
     shining = sin_grazing > 1e-6
     per_patch = dr.select(shining, strength / dr.select(shining, sin_grazing, 1), 0)

@@ -63,8 +63,7 @@ def profiles():
     known = {name: SoundSpeedProfile(*table) for name, table in PROFILES.items()}
     if REFERENCE.is_file():
         for name, table in json.loads(REFERENCE.read_text())["profiles"].items():
-            if name != "random5":          # 5 1/s at random: 1 ray in 10,000 grazes a caustic and errs by 4e-9 s
-                known[name] = SoundSpeedProfile(table["depth"], table["c"])
+            known[name] = SoundSpeedProfile(table["depth"], table["c"])
     return known
 
 
