@@ -77,7 +77,7 @@ class Survey:
         return 0.5 * self.sonar.sound_speed * (self.window[0] + (np.arange(self.bins) + 0.5) * self.bin_length)
 
     def pings_per_block(self):
-        """How many pings a block holds: bounded by rays and by the memory of the sums."""
+        """How many pings a block holds: bounded by rays and by the memory of sums and fans."""
         sums = 2 * self.bins * len(self.geometry.labels)
         if sums >= MOST_SUMS:
             raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "

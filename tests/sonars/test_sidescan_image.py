@@ -3,7 +3,7 @@ import drjit as dr
 import numpy as np
 import pytest
 from scipy.stats import kstest
-from sidescan_scene import lambert, plane, render, sidescan
+from sidescan_scene import lambert, plane, sidescan
 
 import mitsuba as mi
 import mitsonar
