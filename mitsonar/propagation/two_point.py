@@ -10,7 +10,7 @@ With H the depth difference, <·> the mean over depth between the two points, s�
     A    = X |D| |sin θ| |sin θ0| / (c0 cos θ0)                                  ray-tube area per steradian
 
 Relative error of T about 0.03 a4^1.25. Where a4 is above `SERIES_LIMIT`, and for rays that turned, the launched ray is
-walked arc by arc instead (`_walk`), exact in the launch angle, and carried the last millimetres dz to the hit by the
+walked arc by arc instead (`walk`), exact in the launch angle, and carried the last millimetres dz to the hit by the
 eikonal's second-order expansion, a along the ray and δ across it (`_carry`):
 
     T = T_ray + a/c - (g s a² + 2 g cos θ a δ) / (2 c²) + δ² / (2 c R_w),     a = s dz, δ = cos θ dz
@@ -23,7 +23,7 @@ from .device import upload
 from .fans import arc_step, first_layer, wavefront_step
 from .record import Record
 
-__all__ = ["SourceState", "source_state", "to_hit"]
+__all__ = ["SourceState", "source_state", "to_hit", "walk"]
 
 SERIES_LIMIT = 2e-6
 FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
@@ -128,7 +128,7 @@ def _arc_length(curvature, d2):
 
 
 @dr.syntax
-def _walk(table, lib, z0, c0, s0, p, x, active):
+def walk(table, lib, z0, c0, s0, p, x, active):
     """Walk the launched ray to horizontal distance x; returns depth, time, arc length, V, sine, speed and
     gradient there."""
     F = lib.Float64
@@ -207,18 +207,18 @@ def to_hit(table, lib, source, fan, s0, cosine0, x, z, valid, tolerance):
     direct = ((z - z0) * s0 > 0) & (p0 * c < 1) & (abs(miss) < F(10 * tolerance + 0.05 * x))
     # a4 >= 0 but for rounding, which is what is left of it where the depths nearly agree
     close = abs(z - z0) < LEVEL * x
-    walk = valid & ~(direct & (abs(a4) < SERIES_LIMIT) & ~close)
-    if walk:
-        z_x, t_x, arc_x, v, s_x, c_x, g_x = _walk(table, lib, z0, c0, s0, p0, x, walk)
+    bent = valid & ~(direct & (abs(a4) < SERIES_LIMIT) & ~close)
+    if bent:
+        z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, s0, p0, x, bent)
         dz = z - z_x
         # beside a critical angle a fan's row bends away from its rays: aim again, dz = V dθ0 / cos θ at fixed distance
-        again = walk & (abs(dz) > FAR_OFF)
+        again = bent & (abs(dz) > FAR_OFF)
         if again:
             turn = dr.clip(dz * p0 * c_x / dr.select(abs(v) > 1e-3, v, 1e-3), -1e-2, 1e-2)
             s_a, cosine_a = s0 + cosine0 * turn, cosine0 - s0 * turn
             unit = dr.rsqrt(s_a * s_a + cosine_a * cosine_a)
             s_a, cosine_a = s_a * unit, cosine_a * unit
-            z_a, t_a, arc_a, v_a, s_b, c_a, g_a = _walk(table, lib, z0, c0, s_a, cosine_a / c0, x, again)
+            z_a, t_a, arc_a, v_a, s_b, c_a, g_a = walk(table, lib, z0, c0, s_a, cosine_a / c0, x, again)
             better = again & (abs(z - z_a) < abs(dz))
             s0, cosine0 = dr.select(better, s_a, s0), dr.select(better, cosine_a, cosine0)
             p0 = cosine0 / c0

@@ -19,6 +19,7 @@ FLOORS = """
     imaging
     io
     trace
+    connection
     survey
     plugins
     scene rendering

@@ -1,0 +1,194 @@
+"""Points of a scene connected to a source along the exact bent ray, and whether the way is free.
+
+The ray is aimed in three steps. In the mean water between the two depths, t = p / q solves
+
+    X = H t (1 + 3/8 a2(t))                                 H depth difference, a2 as in `propagation.two_point`
+
+by fixed point, which is a ray to a few centimetres. Where the series is too slow, or the ray turns, the launched ray
+is walked arc by arc and turned by dθ0 = dz cos θ / V until it passes the point. `two_point.to_hit` then gives the time
+and all else of the exact eigenray. The way is free if none of the chords of the ray's fan row, the last of them ended
+just before the point, meets anything.
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from .propagation.two_point import LEVEL, SERIES_LIMIT, to_hit, walk
+
+__all__ = ["Connection", "Connector"]
+
+AIMING_STEPS = 4
+WALKS = 8
+CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `to_hit` carries it over
+LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of the surface it is to reach
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connection:
+    """Ways from a source to points, one each.
+
+    Attributes
+    ----------
+    exists : Bool (R,)
+        A direct ray, or one that turns between, was found.
+    free : Bool (R,)
+        Nothing is in its way.
+    horizontal_range : Float64 (R,) [m]
+    travel_time : Float64 (R,) [s]
+    arc_length : Float (R,) [m]
+    spreading_area : Float (R,) [m²/sr]
+    launch_direction, arrival_direction : Vector3f (R,)
+        Unit, along the travel, at the source and at the point.
+    ray_parameter : Float64 (R,) [s/m]
+    sound_speed : Float64 (R,) [m/s]
+        At the point.
+    """
+
+    exists: object
+    free: object
+    horizontal_range: object
+    travel_time: object
+    arc_length: object
+    spreading_area: object
+    launch_direction: object
+    arrival_direction: object
+    ray_parameter: object
+    sound_speed: object
+
+
+class Connector:
+    """Connect points to sources in the water and the scene of a tracer.
+
+    Parameters
+    ----------
+    tracer : trace.Tracer
+    """
+
+    def __init__(self, tracer):
+        self.tracer = tracer
+
+    def __call__(self, sources, origin, source, point, normal, active=True):
+        """Connect one point an entry.
+
+        Parameters
+        ----------
+        sources : trace.Sources
+        origin : Array3f64 (R,) [m]
+            Scene coordinates; the depth must be that of the source.
+        source : UInt32 (R,)
+            Index into `sources`.
+        point : Array3f64 (R,) [m]
+        normal : Vector3f (R,)
+            Of the surface the point lies on, either side; zero for a point in free water.
+        active : Bool (R,)
+
+        Returns
+        -------
+        Connection
+        """
+        lib, table = self.tracer.lib, self.tracer.table
+        dx, dy, z = point.x - origin.x, point.y - origin.y, -point.z
+        x = dr.sqrt(dr.fma(dx, dx, dy * dy))
+        active = lib.Bool(active)
+        sine0, cosine0, found = aim(table, lib, sources.state, source, x, z, active)
+        time, arc, area, p, sine, c = to_hit(table, lib, sources.state, source, sine0, cosine0, x, z, found,
+                                             dr.opaque(lib.Float64, CLOSE_ENOUGH))
+        upright = x < 1e-6
+        scale = mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
+        along = mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale), dr.select(upright, 0, mi.Float(dy) * scale))
+        _, c0, _ = sources.state.gather(lib, source)
+        launch_cosine, cosine = mi.Float(p * c0), mi.Float(p * c)
+        launch_sine = dr.copysign(dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0))), mi.Float(sine0))
+        launch = mi.Vector3f(along.x * launch_cosine, along.y * launch_cosine, -launch_sine)
+        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
+        exists = found & dr.isfinite(time) & dr.isfinite(area)
+        lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
+        end = mi.Point3f(point) + dr.copysign(lift, -dr.dot(normal, arrival)) * normal
+        blocked = _blocked(self.tracer.geometry.scene, sources.fans, mi.Point3f(origin), source,
+                           dr.atan2(launch_sine, launch_cosine), along, end, mi.Float(x), exists)
+        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
+                          spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
+                          sound_speed=c)
+
+
+def aim(table, lib, source, fan, x, z, active):
+    """Sine, positive down, and cosine of the launch angle of the ray to (x, z), Float64, and whether there is one."""
+    F = lib.Float64
+    z0, c0, moments0 = source.gather(lib, fan)
+    c, moments = table.at(z)
+    height = abs(z - z0)
+    close = height < LEVEL * x
+    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
+    n1, n2 = ((moments[i] - moments0[i]) * per_height for i in range(2))
+    n1 = dr.select(close, 0.5 * (dr.rcp(c0 * c0) + dr.rcp(c * c)) * table.scale - 1, n1)
+    s2, m2 = 1 + n1, dr.select(close, 0, dr.maximum(n2 - n1 * n1, 0))
+    start = x / dr.maximum(height, 1e-3)
+    t, a2 = F(start), F(0)
+    for _ in range(AIMING_STEPS):
+        w = (1 + t * t) / s2                                           # 1/q²
+        a2 = m2 * w * w
+        t = start / (1 + 0.375 * dr.minimum(a2, 1))
+    # kept a hair off the horizontal where the mean water knows no way: the ray is walked then
+    p2 = s2 / table.scale * t * t / (1 + t * t)
+    cosine = dr.minimum(dr.sqrt(p2) * c0, 1 - 1e-7)
+    sine = dr.copysign(dr.sqrt(1 - cosine * cosine), z - z0)
+    sine = dr.select(abs(sine) < 1e-12, 1e-12, sine)
+    doubtful = active & (close | (a2 * a2 > SERIES_LIMIT) | (cosine > 1 - 1e-6) | (p2 * c * c >= 1))
+    sine, cosine, failed = _walked(table, lib, z0, c0, sine, cosine, x, z, doubtful)
+    return sine, cosine, active & ~failed
+
+
+@dr.syntax
+def _walked(table, lib, z0, c0, sine, cosine, x, z, active):
+    """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do."""
+    left = lib.UInt32(WALKS)
+    one = dr.opaque(lib.UInt32, 1)
+    failed = lib.Bool(False)
+    while active & (left > 0):
+        z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, sine, cosine / c0, x, active)
+        dz = z - z_x
+        active = active & (abs(dz) > CLOSE_ENOUGH)
+        # near a caustic V is nothing: take the straight ray's lever instead
+        lever = dr.select(abs(v) > 0.05 * x, v, dr.maximum(x, 1e-3))
+        turn = dr.clip(dz * (cosine / c0) * c_x / lever, -0.1, 0.1)
+        turned_sine, turned_cosine = sine + cosine * turn, cosine - sine * turn
+        unit = dr.rsqrt(dr.maximum(turned_sine * turned_sine + turned_cosine * turned_cosine, 1e-12))
+        sine = dr.select(active, turned_sine * unit, sine)
+        cosine = dr.select(active, turned_cosine * unit, cosine)
+        failed |= active & (cosine <= 0)
+        active = active & ~failed
+        left -= one
+    return sine, cosine, failed | active
+
+
+@dr.syntax
+def _blocked(scene, fans, origin, source, launch_angle, heading, end, x, active):
+    """Tell whether something lies on the way to `end`, at horizontal range x."""
+    row, off = fans.row(source, launch_angle)
+    base = row * fans.stride
+    size = dr.gather(mi.UInt32, fans.size, row)
+    v = dr.gather(fans.lib.Array4f, fans.vertex, base)
+    # -------------------------------------------------- loop state
+    r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
+    i = mi.UInt32(1)                                             # its end
+    blocked = mi.Bool(False)
+    active = mi.Bool(active)
+    one = dr.opaque(mi.UInt32, 1)
+    while active:
+        v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, active & (i < size))
+        r1, z1 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])
+        last = (r1 >= x) | (i + 1 >= size)
+        start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
+        stop = mi.Point3f(dr.fma(r1, heading.x, origin.x), dr.fma(r1, heading.y, origin.y), -z1)
+        stop = dr.select(last, end, stop)
+        way = stop - start
+        length = dr.norm(way)
+        # of unit direction: Mitsuba's spheres and cylinders misplace hits of others
+        ray = mi.Ray3f(mi.Ray3f(start, way / dr.maximum(length, 1e-9)), length)
+        met = scene.ray_test(ray, coherent=True, active=active & (length > 1e-6))
+        blocked |= met & active
+        active = active & ~blocked & ~last
+        r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
+        i += one
+    return blocked
