@@ -17,6 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
@@ -248,7 +249,7 @@ class _Block:
     def _echo(self, place, ray, hits):
         """Echo of each ray in units of its bin, the bin, and whether it lies in the window."""
         bin, inside = self._bin(hits)
-        strength, sin_grazing = _strength(hits, inside, self.survey.sonar.frequency)
+        strength, sin_grazing = scattering_strength(hits, inside, self.survey.sonar.frequency)
         source_depth, source_speed = place.medium(ray.ping)
         units, unit_loss_db = dr.gather(self.lib.Array2f, self.per_bin, bin, inside)
         loss_db = self.absorption(source_depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter))
@@ -316,26 +317,3 @@ def _grid(rays):
     """Strata (φ, u) for about this many rays, multiples of 4: u needs few, the beam is narrow."""
     steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
     return max(4, 4 * round(rays / (4 * steps_u))), steps_u
-
-
-def _strength(hits, active, frequency):
-    """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle."""
-    frame = mi.Frame3f(hits.normal)
-    towards = -hits.arrival_direction
-    sin_grazing = dr.dot(hits.normal, towards)
-    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(sin_grazing))
-    si.t = dr.select(active, 1.0, dr.inf)
-    si.p = mi.Point3f(hits.point)
-    si.n, si.sh_frame, si.uv = hits.normal, frame, hits.uv
-    si.shape, si.prim_index = hits.shape, hits.primitive
-    si.wi = frame.to_local(towards)
-    frequency = dr.opaque(mi.Float, frequency)
-
-    def strength(material, si, frequency, active):
-        law = getattr(material, "scattering_strength", None)
-        if law is not None:
-            return law(si, si.wi, si.wi, frequency, active)
-        # a Mitsuba material: its value is f_r cos θ_o, and σ = f_r sin θ_i sin θ_s
-        return material.eval(mi.BSDFContext(), si, si.wi, active)[0] * mi.Frame3f.cos_theta(si.wi)
-
-    return dr.dispatch(hits.shape.bsdf(), strength, si, frequency, active), sin_grazing

@@ -72,6 +72,10 @@ class Geometry:
         Number → id of every shape, in the order of their ids.
     depth_range : (float, float) [m]
         Highest and lowest point of the scene.
+    meshes : list of (int, mitsuba.Shape, int, int)
+        Registry index, shape, first row and number of rows in `faces`.
+    others : list of (int, mitsuba.Shape)
+        Registry index and shape of what is not made of facets.
     """
 
     def __init__(self, scene):
@@ -88,10 +92,12 @@ class Geometry:
         # label, first face, is a mesh, has texture coordinates
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0
+        self.meshes, self.others = [], []
         for index, shape in zip(registry, shapes):
             rows[index, 0] = number_of[shape.id() or shape.class_name()]
             parameters = mi.traverse(shape)
             if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
+                self.others.append((int(index), shape))
                 continue
             vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
             face = parameters["faces"].numpy().reshape(-1, 3)
@@ -100,6 +106,7 @@ class Geometry:
                              else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
             faces.append(face + np.uint32(first_vertex))
+            self.meshes.append((int(index), shape, first_face, len(face)))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
         self.rows = upload(mi.UInt32, rows)

@@ -131,6 +131,34 @@ class Track:
         up = [sp, -cp * sr, -cp * cr]
         return np.moveaxis(np.array([east, north, up]), -1, 0)
 
+    def motion(self):
+        """Differentiate the track.
+
+        Returns
+        -------
+        velocity : array (P, 3) [m/s]
+            Scene frame.
+        turn_rate : array (P, 3) [rad/s]
+            ω of the body, scene frame: what is fixed to it at d moves with ω x d.
+
+        Raises
+        ------
+        ValueError
+            If there is only one ping.
+
+        Notes
+        -----
+        Second-order differences; ω is the skew part of dR/dt Rᵀ.
+        """
+        if self.pings < 2:
+            raise ValueError("track: one ping has no motion; give at least two, or say the velocity.")
+        order = {"axis": 0, "edge_order": 2 if self.pings > 2 else 1}
+        velocity = np.gradient(self.position, self.time, **order)
+        rotation = self.rotation()
+        spin = np.gradient(rotation, self.time, **order) @ np.swapaxes(rotation, 1, 2)
+        spin = 0.5 * (spin - np.swapaxes(spin, 1, 2))
+        return velocity, np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], -1)
+
     def at(self, times):
         """Interpolate the track: position, roll and pitch linearly, heading the short way round.
 

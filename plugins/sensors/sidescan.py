@@ -9,15 +9,7 @@ The sonar (defaults from ``preset``: towed_100khz, towed_400khz or auv_900khz):
 - ``depression_deg``: of the faces' normals below horizontal
 - ``sound_speed`` [m/s]: at the head, what the sonar makes slant range of; default: the profile there
 
-The run:
-
-- ``pings`` [400], ``ping_rate_hz`` (default: as fast as the range allows, c / 2 range), ``speed_knots`` [4]
-- ``track``: CSV file with time, x, y, z, roll, pitch, heading; resampled at the ping rate, at most ``pings`` of it if
-  that is written. ``georeferenced`` [false]: x, y are eastings and northings, as the bathymetry's file has them.
-  ``altitude`` [m]: fly its x, y this far above the seabed instead of at its z; 0, the default, keeps z.
-- or ``start`` (point, z up) and ``heading_deg``: a straight, level track
-- or neither: straight over the middle of the surveyed area, ``altitude`` [m, 20] above the seabed, along its longer
-  axis unless ``heading_deg`` is written.
+The run: ``pings``, ``track``, ``start``, ... as `platform` says.
 
 What is heard:
 
@@ -38,18 +30,16 @@ What is heard:
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.io import tracks
 from mitsonar.plugins.properties import Attributes
-from mitsonar.sonar import Aperture, Sidescan, Track, length_for_beam_width, presets
-from mitsonar.units import hertz_from_khz, metres_per_second_from_knots
+from mitsonar.sonar import Aperture, Sidescan, length_for_beam_width, presets
+from mitsonar.units import hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST
 
-from . import placement
+from .platform import Platform
 
 WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
 NARROWEST_DEG = 0.01, 0.1          # what the integrals over the beam resolve
 LEVELS_DB = {"minimum": -200, "maximum": 300}     # what energies in float32 can hold
-ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
 
 
 class SidescanSensor(mi.Sensor):
@@ -70,31 +60,14 @@ class SidescanSensor(mi.Sensor):
             for name, width, narrowest in zip(WIDTHS, self.transmit_widths, NARROWEST_DEG))
         self.depression_angle = attributes.angle("depression_deg", default["depression_deg"], minimum=-90, maximum=90)
         self.sound_speed = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
-        self.pings = attributes.integer("pings", 400, minimum=1, maximum=10_000_000)
-        self.ping_rate = attributes.number("ping_rate_hz", None, above=0, unit="Hz")
-        self.speed = float(metres_per_second_from_knots(attributes.number("speed_knots", 4.0, minimum=0, unit="knots")))
-        self.start = attributes.point("start", None)
-        self.heading = attributes.angle("heading_deg", None)
-        self.altitude = attributes.number("altitude", 0.0, minimum=0, unit="m")
-        path = attributes.file("track", None)
-        self.georeferenced = attributes.boolean("georeferenced", False)
+        self.platform = Platform(attributes)
         self.speckle = attributes.boolean("speckle", True)
         self.noise = attributes.boolean("noise", True)
         self.given_noise_level_db = attributes.number("noise_level_db", None, **LEVELS_DB)
-        self._bounded = bool(attributes.given("pings"))
-        written = attributes.given("start", "heading_deg", "speed_knots")
-        if path is not None and written:
-            raise attributes.error(f"{', '.join(written)} and a recorded track are both given; leave one of them out.")
-        if self.start is not None and self.altitude > 0:
-            raise attributes.error("start and altitude are both given; start says the depth already, leave one out.")
         self.water = attributes.object(mi.Medium, None)
         if not hasattr(self.water, "profile"):
             raise attributes.error('it must hold the water it works in: <medium type="seawater"/>.')
         attributes.finish()
-        try:
-            self.recorded = None if path is None else tracks.read(path)
-        except ValueError as error:
-            raise attributes.error(str(error)) from None
         self.provenance = None            # file, resolved text and parameters, told by `mitsonar.load_file`
         super().__init__(props)
         if not hasattr(self.film(), "window"):
@@ -131,46 +104,10 @@ class SidescanSensor(mi.Sensor):
         ValueError
             If the track leaves the seabed, the water, or the recorded span.
         """
-        interval = self._interval()
-        if self.recorded is not None:
-            track = self._resampled(interval, origin)
-            if self.altitude:
-                track = placement.lifted(geometry, track, self.altitude)
-        elif self.start is not None:
-            track = Track.straight(start=self.start, heading=self.heading or 0.0, speed=self.speed, interval=interval,
-                                   pings=self.pings)
-        else:
-            track = placement.lines_up(geometry, heading=self.heading, altitude=self.altitude or ALTITUDE,
-                                       pings=self.pings, interval=interval, speed=self.speed)
-        below = placement.check(geometry, track)
-        return track, self.sonar(float(np.mean(-track.position[:, 2]))), below
-
-    def _interval(self):
-        """Time between pings [s]; the last echo of one must be in before the next."""
         # the slowest water makes the longest wait
-        speed = self.sound_speed or float(np.min(self.water.profile.sound_speed))
-        shortest = self.film().window(speed)[0][1]
-        if self.ping_rate is None:
-            return shortest
-        if 1 / self.ping_rate < shortest * (1 - 1e-9):
-            raise ValueError(f"ping_rate_hz is {self.ping_rate}, but echoes from the range of the film take "
-                             f"{shortest:.4f} s; use at most {1 / shortest:.3f} Hz or a shorter range")
-        return 1 / self.ping_rate
-
-    def _resampled(self, interval, origin):
-        recorded = self.recorded
-        if self.georeferenced:
-            if origin is None:
-                raise ValueError("georeferenced is true, but no bathymetry of the scene has a geographic origin; "
-                                 "set it false, or use a bathymetry with a coordinate system")
-            position = recorded.position - np.array([*origin, 0.0])
-            recorded = Track(time=recorded.time, position=position, roll=recorded.roll, pitch=recorded.pitch,
-                             heading=recorded.heading)
-        if recorded.pings == 1:
-            return recorded
-        lasting = int((recorded.time[-1] - recorded.time[0]) / interval + 1e-9) + 1
-        pings = min(self.pings, lasting) if self._bounded else lasting
-        return recorded.at(recorded.time[0] + interval * np.arange(pings))
+        slowest = self.sound_speed or float(np.min(self.water.profile.sound_speed))
+        track, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin)
+        return track, self.sonar(float(np.mean(-track.position[:, 2]))), below
 
     def noise_level_db(self):
         """Noise spectrum level [dB re 1 µPa²/Hz] in the water."""

@@ -19,7 +19,7 @@ FLOORS = """
     imaging
     io
     trace
-    connection
+    connection materials scatterers
     survey
     plugins
     scene rendering

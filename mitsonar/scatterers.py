@@ -1,0 +1,193 @@
+"""The scatterers of a scene: cells of its facets (`scattering.cells`) that a ping may hear, list by list.
+
+A rectangle counts as two facets; of what has no facets (a sphere) no cell can be told, and it is refused. Point
+targets are scatterers of their own, with a target strength in place of an area and no chance in their phase.
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .propagation.device import arrays_of, upload
+from .scattering.cells import cell_of, divisions, gaussian, hashed, place, shape_key
+
+__all__ = ["Cells", "Scatterers"]
+
+PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
+MOST_CUTS = 32768                  # s and n² are 32-bit
+QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cells:
+    """Some scatterers, on the device.
+
+    Attributes
+    ----------
+    point : Array3f64 (R,) [m]
+    normal : Vector3f (R,)
+        Of the facet, unit, to the side its vertices run round counter-clockwise.
+    area : Float (R,) [m²]
+    amplitude : (Float, Float) (R,)
+        Real and imaginary part of g.
+    shape : ShapePtr (R,)
+    primitive : UInt32 (R,)
+    uv : Point2f (R,)
+        Barycentric.
+    """
+
+    point: object
+    normal: object
+    area: object
+    amplitude: tuple
+    shape: object
+    primitive: object
+    uv: object
+
+
+class Scatterers:
+    """Facets of a scene and how they are cut.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    cell_size : float [m]
+        Longest side of a cell.
+
+    Attributes
+    ----------
+    centre : (F, 3) [m]
+    radius : (F,) [m]
+        Of a ball about the centre that holds the facet.
+    cuts : (F,) uint32
+        n: facet f has n² cells.
+    targets : list of (point (3,) [m], target_strength_db [dB re 1 m²])
+
+    Raises
+    ------
+    ValueError
+        If a shape has no facets, or facets are too large to be cut that fine.
+    """
+
+    def __init__(self, geometry, cell_size):
+        self.lib = arrays_of(mi.Float)
+        self.geometry = geometry
+        self.targets = [(np.asarray(shape.position, float), float(shape.target_strength_db))
+                        for _, shape, *_ in geometry.meshes if hasattr(shape, "target_strength_db")]
+        vertices = geometry.vertices.numpy().reshape(-1, 4)
+        faces = geometry.faces.numpy().reshape(-1, 4).copy()
+        quads, quad_faces, rows = _rectangles(geometry, len(vertices), len(faces))
+        if len(quads):
+            vertices, faces = np.concatenate([vertices, quads]), np.concatenate([faces, quad_faces])
+        corner = vertices[faces[:, :3], :3].astype(float)                                        # (F, 3, 3)
+        side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(1)
+        self.cuts = divisions(side, cell_size)
+        if self.cuts.max(initial=1) > MOST_CUTS:
+            raise ValueError(f"cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
+                             "rows; take larger cells or a mesh of smaller facets")
+        faces[:, 3] = self.cuts
+        self.centre = corner.mean(1)
+        self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
+        # of every facet: registry index of its shape, its number there, the key its cells are hashed with
+        facts = np.zeros((len(faces), 4), np.uint32)
+        self.scattering = np.zeros(len(faces), bool)
+        known = [(index, shape, first, count) for index, shape, first, count in geometry.meshes] + rows
+        self.rows = np.zeros((max(index for index, *_ in known) + 1, 2), np.uint32)
+        for index, shape, first, count in known:
+            some = slice(first, first + count)
+            facts[some] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
+                                    np.zeros(count)], 1)
+            self.scattering[some] = not hasattr(shape, "target_strength_db")
+            self.rows[index] = first, (index, shape) in geometry.others
+        self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
+        self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
+        dr.eval(self._vertices, self._faces, self._facts, self._rows)
+
+    def in_reach(self, origin, nearest, farthest):
+        """Facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
+        distance = np.linalg.norm(self.centre - origin, axis=1)
+        return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
+                              & (distance + self.radius > nearest)).astype(np.uint32)
+
+    def count(self, facets):
+        """Number of cells of some facets."""
+        return int((self.cuts[facets].astype(np.int64) ** 2).sum())
+
+    def listed(self, facets, most):
+        """Yield the cells of facets (K,) as (facet, s), UInt32 arrays of at most `most` each."""
+        counts = self.cuts[facets].astype(np.int64) ** 2
+        ends = np.cumsum(counts)
+        for start in range(0, int(ends[-1]) if len(ends) else 0, most):
+            stop = min(start + most, int(ends[-1]))
+            first, last = np.searchsorted(ends, [start, stop - 1], side="right")
+            some = slice(first, last + 1)
+            taken = np.minimum(ends[some], stop) - np.maximum(ends[some] - counts[some], start)
+            begin = np.maximum(start - (ends[some] - counts[some]), 0)
+            facet = np.repeat(facets[some], taken)
+            s = np.arange(stop - start) - np.repeat(np.cumsum(taken) - taken - begin, taken)
+            yield upload(mi.UInt32, facet), upload(mi.UInt32, s.astype(np.uint32))
+
+    def of(self, hits):
+        """Facet and s of the cell that each of some `trace.Hits` lies in, UInt32 (R,)."""
+        registry = dr.reinterpret_array(mi.UInt32, hits.shape)
+        row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
+        first, is_quad = row[0], row[1] != 0
+        facet = first + dr.select(is_quad, 0, hits.primitive)
+        a, b, c = self._corners(facet, hits.valid)[:3]
+        u, v = _barycentric(hits.point, a, b, c)
+        # a rectangle is (a, b, c) and (a, c, d); beyond the side a c, u is negative
+        facet = dr.select(is_quad & (u < 0), facet + 1, facet)
+        a, b, c, n = self._corners(facet, hits.valid)
+        u, v = _barycentric(hits.point, a, b, c)
+        u, v = dr.clip(u, 0, 1), dr.clip(v, 0, 1)
+        return facet, cell_of(self.lib, u, v, n)
+
+    def _corners(self, facet, active=True):
+        lib = self.lib
+        row = dr.gather(lib.Array4u, self._faces, facet, active)
+        corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
+        return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), row[3])
+
+    def at(self, facet, s):
+        """Give the scatterers of cells s (R,) of facets (R,)."""
+        lib = self.lib
+        a, b, c, n = self._corners(facet)
+        facts = dr.gather(lib.Array4u, self._facts, facet)
+        first = hashed(lib, facts[2], facts[1], s, mi.UInt32(PLACE_SALT))
+        second = hashed(lib, first)
+        third = hashed(lib, facts[2], facts[1], s, mi.UInt32(AMPLITUDE_SALT))
+        fourth = hashed(lib, third)
+        unit = 2.0 ** -32
+        u, v = place(lib, s, n, (lib.Float64(first) + 0.5) * unit, (lib.Float64(second) + 0.5) * unit)
+        point = a + (b - a) * u + (c - a) * v
+        across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
+        twice = dr.norm(across)
+        cuts = mi.Float(n)
+        return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
+                     amplitude=gaussian(lib, third, fourth), primitive=facts[1],
+                     shape=dr.reinterpret_array(mi.ShapePtr, facts[0]), uv=mi.Point2f(mi.Float(u), mi.Float(v)))
+
+
+def _rectangles(geometry, first_vertex, first_face):
+    """Vertices (V, 4) and faces (F, 4) of the scene's rectangles, and their rows as `Geometry.meshes` has them."""
+    vertices, faces, rows = [np.zeros((0, 4), np.float32)], [np.zeros((0, 4), np.uint32)], []
+    for index, shape in geometry.others:
+        if shape.class_name() != "Rectangle":
+            raise ValueError(f"the shape \"{shape.id()}\" is a {shape.class_name().lower()}, which has no facets to "
+                             "carry fixed scatterers; put a mesh (ply, obj) in its place")
+        to_world = np.array(mi.traverse(shape)["to_world"].matrix, float).reshape(4, 4)
+        corner = QUAD @ to_world[:3, :3].T + to_world[:3, 3]
+        vertices.append(np.concatenate([corner, np.zeros((4, 1))], 1).astype(np.float32))
+        faces.append(first_vertex + np.array([[0, 1, 2, 0], [0, 2, 3, 0]], np.uint32))
+        rows.append((index, shape, first_face, 2))
+        first_vertex, first_face = first_vertex + 4, first_face + 2
+    return np.concatenate(vertices), np.concatenate(faces), rows
+
+
+def _barycentric(point, a, b, c):
+    """(u, v) of points in the planes of triangles (a, b, c), Float64."""
+    e, f, w = b - a, c - a, point - a
+    ee, ef, ff, we, wf = dr.dot(e, e), dr.dot(e, f), dr.dot(f, f), dr.dot(w, e), dr.dot(w, f)
+    scale = dr.rcp(dr.maximum(ee * ff - ef * ef, 1e-30))
+    return (ff * we - ef * wf) * scale, (ee * wf - ef * we) * scale
