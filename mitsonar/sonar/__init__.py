@@ -1,7 +1,13 @@
 """Sonars: faces and their beams, pulses, tracks, and the directions a ping's rays are drawn in."""
+from .arrays import (Array, cylindrical_array, element_array, line_array, mills_cross, planar_array,
+                     spherical_array)
+from .axes import body_direction
+from .beam_patterns import beam_pattern, directivity_index_db
 from .directivity import Aperture, length_for_beam_width
 from .presets import presets
 from .sidescan import Sidescan
 from .track import Track
 
-__all__ = ["Aperture", "Sidescan", "Track", "length_for_beam_width", "presets"]
+__all__ = ["Aperture", "Array", "Sidescan", "Track", "beam_pattern", "body_direction", "cylindrical_array",
+           "directivity_index_db", "element_array", "length_for_beam_width", "line_array", "mills_cross",
+           "planar_array", "presets", "spherical_array"]

@@ -1,0 +1,360 @@
+"""An array of transducer elements: where each is, where its face looks, how it is weighted and delayed.
+
+    s(t) = Σ_e w_e s_e(t - τ_e)                       receiving; transmitting, element e sends w_e s(t - τ_e)
+
+w_e -> ``weight``, τ_e -> ``delay`` [s], of the element at r_e -> ``position`` [m]. Towards a distant point in the
+direction û, or a point R, an array is steered by
+
+    τ_e = r_e·û / c          τ_e = (|R| - |R - r_e|) / c
+
+c -> ``sound_speed``: an element nearer to the point waits longer, and the array's centre does not wait, so ranges stay.
+Everything is in the body frame (x forward, y starboard, z down), about the array's centre, where the track leads.
+"""
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .axes import axis_vector
+from .element_patterns import BAFFLES, PATTERNS, element_pressure
+from .shading import window_weights
+
+__all__ = ["Array", "Face"]
+
+SQUARE = 1e-6                      # cosine up to which along counts as perpendicular to the normal
+EVEN = 1e-5                        # of the pitch, that elements of a uniform line may be off their places
+
+
+class Face(NamedTuple):
+    """Elements that look the same way: their indices (K,), and the normal (3,) and along (3,) that they share."""
+
+    indices: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Array:
+    """Hold E elements; made by `line_array` and its like, changed into others by the methods.
+
+    Attributes
+    ----------
+    position : array (E, 3) [m]
+        Body frame, about the array's centre.
+    normal : array (E, 3) [-]
+        Where each face looks; made unit vectors.
+    along : array (E, 3) [-]
+        Direction of each face's length, perpendicular to the normal; made unit vectors.
+    length, height : float [m]
+        Of every element's face, along ``along`` and across; a circle's length is its diameter, its height 0.
+    pattern : str
+        ``omni``, ``rectangular`` or ``circular``.
+    baffle : str
+        ``none``, ``hard``, ``soft`` or ``cardioid``.
+    weight : array (E,) or float [-]
+        Of each element; 0 is one that has failed.
+    delay : array (E,) or float [s]
+        Of each element's signal.
+    layout : tuple of int
+        Elements along each axis of a regular array, the last axis running fastest; empty where there is no such order.
+
+    Raises
+    ------
+    ValueError
+        If there are no elements, shapes disagree, a number is not finite, a normal or along is zero or the two are
+        not perpendicular, the face has sizes that its pattern does not use, or no element has a weight.
+
+    Notes
+    -----
+    Arrays are copied to float64 and read-only.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+    length: float = 0.0
+    height: float = 0.0
+    pattern: str = "omni"
+    baffle: str = "none"
+    weight: np.ndarray = 1.0
+    delay: np.ndarray = 0.0
+    layout: tuple = ()
+
+    def __post_init__(self):
+        elements = self._check_position()
+        for name, wanted in (("normal", (elements, 3)), ("along", (elements, 3)), ("weight", (elements,)),
+                             ("delay", (elements,))):
+            value = as_numbers(name, getattr(self, name))
+            try:
+                value = np.broadcast_to(value, wanted)
+            except ValueError:
+                raise ValueError(f"array: {name} has shape {value.shape}, but {elements} elements need "
+                                 f"{wanted}.") from None
+            _refuse(~np.isfinite(value.reshape(elements, -1)).all(axis=1), name, value, "give finite numbers")
+            if name in ("normal", "along"):
+                size = np.linalg.norm(value, axis=1, keepdims=True)
+                _refuse(size[:, 0] == 0, name, value, "give a direction")
+                value = value / size
+            self._set(name, value)
+        tilt = np.abs(np.sum(self.normal * self.along, axis=1))
+        _refuse(tilt > SQUARE, "along", self.along, "it must be perpendicular to the element's normal")
+        if not self.working.any():
+            raise ValueError("array: no element has a weight; give at least one a weight other than 0.")
+        if self.layout and np.prod(self.layout) != elements:
+            raise ValueError(f"array: layout {self.layout} does not hold {elements} elements.")
+        self._check_face()
+
+    def _check_position(self):
+        position = as_numbers("position", self.position)
+        if position.ndim != 2 or position.shape[1] != 3:
+            raise ValueError(f"array: position has shape {position.shape}; give three coordinates [m] for each "
+                             "element.")
+        if len(position) == 0:
+            raise ValueError("array: it has no elements; give at least one position.")
+        _refuse(~np.isfinite(position).all(axis=1), "position", position, "give finite numbers")
+        self._set("position", position)
+        return len(position)
+
+    def _check_face(self):
+        for name, known in (("pattern", PATTERNS), ("baffle", BAFFLES)):
+            if getattr(self, name) not in known:
+                raise ValueError(f'array: {name} is "{getattr(self, name)}"; give one of {", ".join(known)}.')
+        for name in ("length", "height"):
+            size = getattr(self, name)
+            if not (np.isfinite(size) and size >= 0):
+                raise ValueError(f"array: element {name} is {size} m; give a finite size of at least 0.")
+        if self.pattern == "omni" and (self.length or self.height):
+            raise ValueError(f"array: elements are omni, but their length is {self.length} m and their height "
+                             f"{self.height} m; leave the sizes out or make the pattern rectangular or circular.")
+        if self.pattern == "circular" and self.height:
+            raise ValueError(f"array: elements are circular, but their height is {self.height} m; the length is the "
+                             "diameter, leave the height out.")
+
+    def _set(self, name, value):
+        value = np.array(value)
+        value.flags.writeable = False
+        object.__setattr__(self, name, value)
+
+    # ---- what it is
+
+    @property
+    def elements(self):
+        """Number of elements, failed ones included."""
+        return len(self.position)
+
+    @property
+    def working(self):
+        """Which elements have a weight, bool (E,)."""
+        return self.weight != 0
+
+    @property
+    def radius(self):
+        """Largest distance of an element from the array's centre [m]."""
+        return float(np.max(np.linalg.norm(self.position, axis=1)))
+
+    def pitch(self):
+        """Spacing of a uniform line [m].
+
+        Raises
+        ------
+        ValueError
+            If there is only one element, two coincide, or they do not stand in order on a straight line at one
+            spacing.
+        """
+        if self.elements < 2:
+            raise ValueError("array: a pitch was asked for, but there is only one element; use at least two.")
+        order = np.lexsort(self.position.T)
+        same = np.flatnonzero(~np.diff(self.position[order], axis=0).any(axis=1))[:1]
+        if same.size:
+            first, second = sorted(order[same[0]:same[0] + 2])
+            raise ValueError(f"array: elements {first} and {second} are both at {self.position[first]}, so there is no "
+                             "pitch; move one of them.")
+        step = (self.position[-1] - self.position[0]) / (self.elements - 1)
+        pitch = float(np.linalg.norm(step))
+        off = np.linalg.norm(self.position - self.position[0] - np.arange(self.elements)[:, None] * step, axis=1)
+        worst = int(np.argmax(off))
+        if off[worst] > EVEN * pitch:
+            raise ValueError(f"array: the elements do not stand at one pitch on a line (element {worst} is "
+                             f"{off[worst]:.3g} m off its place at a pitch of {pitch:.3g} m); use a line_array, or a "
+                             "beamformer for any positions.")
+        return pitch
+
+    def faces(self):
+        """Group elements that look the same way.
+
+        Returns
+        -------
+        list of Face
+            Every element is in one of them.
+        """
+        # Rounded, so that elements turned by the same angle in different ways still share a face.
+        looks = np.hstack([self.normal, self.along]).round(12) + 0.0
+        _, first, face = np.unique(looks, axis=0, return_index=True, return_inverse=True)
+        return [Face(np.flatnonzero(face.ravel() == k), self.normal[e], self.along[e]) for k, e in enumerate(first)]
+
+    def element_pressure(self, direction, wavelength, normal, along):
+        """Pressure pattern of an element whose face has a normal and an along, as `element_patterns.element_pressure`.
+
+        Parameters
+        ----------
+        direction : array (..., 3) or three Dr.Jit arrays [-]
+            Unit vectors, body frame.
+        wavelength : float [m]
+        normal, along : array (..., 3) or three numbers or Dr.Jit arrays [-]
+
+        Returns
+        -------
+        array (...) or Dr.Jit array [-]
+        """
+        return element_pressure(direction, wavelength, normal, along, length=self.length, height=self.height,
+                                pattern=self.pattern, baffle=self.baffle)
+
+    # ---- others made of it
+
+    def shaded(self, *windows):
+        """Multiply the weights by windows.
+
+        Parameters
+        ----------
+        *windows : str or tuple
+            One for every axis of the array, or one for each: along the array's axis first, then across its rows.
+            Names and numbers as in `shading.window_weights`.
+
+        Returns
+        -------
+        Array
+
+        Raises
+        ------
+        ValueError
+            If a window is unknown, or the elements stand in no regular order.
+        """
+        if not self.layout:
+            raise ValueError("array: its elements stand in no regular order, so a window has no meaning; give each "
+                             "element its weight instead.")
+        if len(windows) not in (1, len(self.layout)):
+            raise ValueError(f"array: got {len(windows)} windows for {len(self.layout)} axes; give one, or one for "
+                             "each axis.")
+        windows = windows if len(windows) > 1 else windows * len(self.layout)
+        weight = np.ones(())
+        for window, elements in zip(windows, reversed(self.layout), strict=True):
+            weight = np.multiply.outer(window_weights(window, elements), weight)
+        return replace(self, weight=self.weight * weight.ravel())
+
+    def steered(self, direction, sound_speed):
+        """Add the delays that steer the array towards a distant point.
+
+        Parameters
+        ----------
+        direction : str or array (3,) [-]
+            Body frame; a name of `axes.AXES`, or a vector of any length (see `axes.body_direction`).
+        sound_speed : float [m/s]
+            At the array.
+
+        Returns
+        -------
+        Array
+        """
+        towards = axis_vector("steering direction", direction)
+        return replace(self, delay=self.delay + self.position @ towards / _speed(sound_speed))
+
+    def focused(self, point, sound_speed):
+        """Add the delays that focus the array on a point.
+
+        Parameters
+        ----------
+        point : array (3,) [m]
+            Body frame, from the array's centre.
+        sound_speed : float [m/s]
+            At the array.
+
+        Returns
+        -------
+        Array
+        """
+        point = _vector("point to focus on", point)
+        nearer = np.linalg.norm(point) - np.linalg.norm(point - self.position, axis=1)
+        return replace(self, delay=self.delay + nearer / _speed(sound_speed))
+
+    def failing(self, indices):
+        """Take elements out of work: their weight becomes 0.
+
+        Parameters
+        ----------
+        indices : int or array of int (K,)
+            From 0.
+
+        Returns
+        -------
+        Array
+
+        Raises
+        ------
+        ValueError
+            If there is no such element, or none is left at work.
+        """
+        indices = np.atleast_1d(indices)
+        if indices.size and not np.issubdtype(indices.dtype, np.integer):
+            raise ValueError(f"array: failed elements are {indices.tolist()}; give whole numbers from 0.")
+        outside = indices[(indices < 0) | (indices >= self.elements)]
+        if outside.size:
+            raise ValueError(f"array: element {outside[0]} is to fail, but there are {self.elements}; give numbers "
+                             f"from 0 to {self.elements - 1}.")
+        weight = self.weight.copy()
+        weight[indices.astype(int)] = 0.0
+        return replace(self, weight=weight)
+
+    def jittered(self, rms, seed=0):
+        """Move every element by chance, as mounting does.
+
+        Parameters
+        ----------
+        rms : float [m]
+            Of the Gaussian error of each coordinate.
+        seed : int
+            Same seed, same errors.
+
+        Returns
+        -------
+        Array
+        """
+        if not (np.isfinite(rms) and rms >= 0):
+            raise ValueError(f"array: the rms of position errors is {rms} m; give a finite length of at least 0.")
+        error = np.random.Generator(np.random.Philox(seed)).standard_normal(self.position.shape)
+        return replace(self, position=self.position + rms * error)
+
+    def moved(self, offset):
+        """Move the array by an offset (3,) [m] in the body frame, away from where the track leads."""
+        return replace(self, position=self.position + _vector("offset", offset))
+
+    def centred(self):
+        """Move the array so that the mean of its positions is its centre."""
+        return self.moved(-self.position.mean(axis=0))
+
+
+def as_numbers(name, value):
+    """A new float64 array of what is given, or a ValueError that names it."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"array: {name} must be numbers, got {value!r}.") from None
+
+
+def _vector(name, value):
+    vector = as_numbers(name, value)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"array: {name} is {value}; give three finite numbers (forward, starboard, down) [m].")
+    return vector
+
+
+def _speed(sound_speed):
+    if not (np.isfinite(sound_speed) and sound_speed > 0):
+        raise ValueError(f"array: sound_speed is {sound_speed} m/s; give a finite number above 0.")
+    return sound_speed
+
+
+def _refuse(bad, name, values, remedy):
+    """Raise for the first element marked bad."""
+    first = np.flatnonzero(bad)[:1]
+    if first.size:
+        raise ValueError(f"array: {name} of element {first[0]} is {values[first[0]]}; {remedy}.")

@@ -1,0 +1,101 @@
+"""Far-field beam patterns of arrays and what they gain against noise from everywhere.
+
+    b(û) = Σ_e w_e b_e(û) exp(2πi (r_e·û - c τ_e)/λ) / Σ_e |w_e|          DI = 10 log10 4π |b(û0)|² / ∫ |b|² dΩ
+
+û -> ``direction``, λ -> ``wavelength``, c -> ``sound_speed``, û0 -> where the signal comes from; w_e, τ_e, r_e and the
+element's pattern b_e from the `Array` (e.g. Van Trees, Optimum Array Processing, 2002, ch. 2).
+"""
+import numpy as np
+
+from ..units import db_from_power
+
+__all__ = ["beam_pattern", "directivity_index_db"]
+
+MARGIN = 24                        # nodes of the quadrature beyond those that the widest array needs
+LARGEST = 3_000_000                # directions of the quadrature that fit a reasonable time
+
+
+def beam_pattern(array, direction, wavelength, sound_speed=None):
+    """Compute the pressure pattern of an array with its weights and delays.
+
+    Parameters
+    ----------
+    array : Array
+    direction : array (..., 3) [-]
+        Unit vectors, body frame.
+    wavelength : float [m]
+    sound_speed : float [m/s]
+        Needed where the array has delays.
+
+    Returns
+    -------
+    complex array (...) [-]
+        1 where all elements add up on the axes of their faces.
+
+    Raises
+    ------
+    ValueError
+        If the array has delays and no sound speed is given.
+
+    Examples
+    --------
+    >>> from mitsonar.sonar import line_array
+    >>> float(abs(beam_pattern(line_array(2, 0.5), [0.0, 0.5, 0.75 ** 0.5], 1.0)).round(6))
+    0.707107
+    """
+    if sound_speed is None and array.delay.any():
+        raise ValueError("beam pattern: the array has delays, so its phases depend on the sound speed; give "
+                         "sound_speed [m/s].")
+    direction = np.asarray(direction, dtype=np.float64)
+    waves = np.zeros(array.elements) if sound_speed is None else array.delay * (sound_speed / wavelength)
+    total = np.zeros(direction.shape[:-1], dtype=complex)
+    for indices, normal, along in array.faces():
+        cycles = direction @ array.position[indices].T / wavelength - waves[indices]
+        factor = np.exp(2j * np.pi * cycles) @ array.weight[indices]
+        total += factor * array.element_pressure(direction, wavelength, normal, along)
+    return total / np.sum(np.abs(array.weight))
+
+
+def directivity_index_db(array, direction, wavelength, sound_speed=None):
+    """Compute the gain of an array over one omnidirectional element, against isotropic noise.
+
+    Parameters
+    ----------
+    array : Array
+    direction : array (3,) [-]
+        Unit vector towards the signal, body frame.
+    wavelength : float [m]
+    sound_speed : float [m/s]
+        Needed where the array has delays.
+
+    Returns
+    -------
+    float [dB]
+
+    Raises
+    ------
+    ValueError
+        If the array is too large for a quadrature over all directions, or has delays and no sound speed is given.
+
+    Notes
+    -----
+    Gauss-Legendre quadrature over each half space of the first element's face, equal steps around: exact for what the
+    array's size resolves. Where faces look different ways and have hard baffles, the edges of their half spaces cost
+    about 0.01 dB.
+    """
+    radius = array.centred().radius + np.hypot(array.length, array.height) / 2
+    rings = int(2 * np.pi * radius / wavelength) + MARGIN
+    if 4 * rings ** 2 > LARGEST:
+        raise ValueError(f"directivity index: an array of radius {radius:.3g} m at a wavelength of "
+                         f"{wavelength:.3g} m needs {4 * rings ** 2} directions, more than {LARGEST}; take 10 log10 of "
+                         "4 pi area / wavelength^2 for one so large.")
+    node, share = np.polynomial.legendre.leggauss(rings)
+    angle = 2 * np.pi * np.arange(2 * rings) / (2 * rings)
+    normal, along = array.normal[0], array.along[0]
+    ring = np.cos(angle)[:, None] * along + np.sin(angle)[:, None] * np.cross(normal, along)
+    power = 0.0
+    for cosine, part in zip(np.r_[node - 1, node + 1] / 2, np.r_[share, share] / 2, strict=True):
+        towards = cosine * normal + np.sqrt(1 - cosine ** 2) * ring
+        power += part * np.mean(np.abs(beam_pattern(array, towards, wavelength, sound_speed)) ** 2)
+    signal = np.abs(beam_pattern(array, direction, wavelength, sound_speed)) ** 2
+    return float(db_from_power(2 * signal / power))        # over all cosines, -1 to 1, an even |b|² = 1 makes 2
