@@ -1,0 +1,222 @@
+"""Delay-and-sum: every element is read when the echo from the focus reaches it, then all are added.
+
+A beam along the unit vector u is focused anew for every sample of time t, at the point r u, r = c t / 2, from which an
+echo sent and received in the array's centre would come at t; elements stand at their true places, so there is no far
+field to wait for. Beyond a few array lengths this is the plane-wave beam (Johnson & Dudgeon 1993, ch. 4), close by it
+is its dynamic focus. An echo of amplitude a in the look direction comes out as a, with the phase it would have at the
+centre; noise that is independent from element to element goes down by Σw²/(Σw)².
+
+The water is homogeneous here, at ``sound_speed``, and the array stands still from transmission to reception.
+"""
+import drjit as dr
+import numpy as np
+
+from mitsonar.propagation.device import upload
+
+from .alignment import ElementSignals, device_arrays
+from .recording import beam_signals, look_directions, point_signals, read_recording, weights_of
+
+__all__ = ["aligned", "backproject", "delay_and_sum", "focus"]
+
+BLOCK = 1 << 23                    # values computed at once
+FAR = 2.0 ** 30                    # samples; what lies further off is outside of any record
+
+
+def delay_and_sum(signals, directions, *, window=None, interpolation="band_limited", like=None):
+    """Form beams along directions, focused at every range.
+
+    Parameters
+    ----------
+    signals : xarray.DataArray, complex (ping, tx, rx, sample)
+        With coordinates and attributes as `read_recording` says. Several transmitters, recorded one by one, are added
+        coherently, each with its own way to the focus; without coordinates a single one stands at the origin.
+    directions : (B, 3)
+        In the frame of the element positions, see `directions`.
+    window : None, str, tuple or (rx,) array_like
+        Shading: a window of scipy.signal.windows (uniform lines only), or weights, 0 for an element that failed.
+    interpolation : str
+        ``band_limited`` (error -57 dB at 1.5 times the bandwidth) or ``linear`` (-19 dB).
+    like : Dr.Jit array or type, optional
+        Where to compute; by default on a GPU if there is one, else on the CPU.
+
+    Returns
+    -------
+    xarray.DataArray complex64 (ping, beam, sample)
+        With coordinates time, beam_x, beam_y, beam_z, azimuth and elevation.
+
+    Raises
+    ------
+    ValueError
+        If the signals lack something, or an argument is not as above.
+    """
+    recording = read_recording(signals)
+    vectors = look_directions(directions)
+    lib = device_arrays(like)
+    heard = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
+    pings, transmitters, _, samples = recording.values.shape
+    beams = np.empty((pings, len(vectors), samples), np.complex64)
+    together = max(1, BLOCK // samples)
+    for ping in range(pings):
+        heard.load(ping, np.zeros(3))
+        for begin in range(0, len(vectors), together):
+            pixel, grid = _grid(lib, recording, vectors[begin:begin + together])
+            total = (dr.zeros(lib.Float, grid), dr.zeros(lib.Float, grid))
+            for tx in range(transmitters):
+                total = heard.add(tx, *pixel, *_way_out(heard, recording.transmitters[ping, tx], *pixel[:2]), total)
+            beams[ping, begin:begin + together] = _complex(total).reshape(-1, samples)
+    return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
+
+
+def aligned(recording, vector, ping, *, interpolation, like=None):
+    """Element signals brought into line for one look direction, their sum being `delay_and_sum`.
+
+    Parameters
+    ----------
+    recording : Recording
+        With one transmitter.
+    vector : (3,)
+    ping : int
+    interpolation : str
+    like : Dr.Jit array or type, optional
+
+    Returns
+    -------
+    complex64 (rx, sample)
+    """
+    lib = device_arrays(like)
+    _, _, elements, samples = recording.values.shape
+    heard = ElementSignals(lib, recording, interpolation, np.ones(elements))
+    heard.load(ping, np.zeros(3))
+    (point, distance, sample), _ = _grid(lib, recording, np.tile(vector, (elements, 1)))
+    element = dr.arange(lib.UInt32, elements * samples) // dr.opaque(lib.UInt32, samples)
+    way_out = _way_out(heard, recording.transmitters[ping, 0], point, distance)
+    return _complex(heard.heard(element, element, point, distance, sample, *way_out)).reshape(elements, samples)
+
+
+def focus(signals, points, *, window=None, interpolation="band_limited", like=None):
+    """Focus every ping at points.
+
+    Parameters
+    ----------
+    signals : xarray.DataArray, complex (ping, tx, rx, sample)
+        As for `delay_and_sum`; positions may differ from ping to ping.
+    points : (P, 3) [m]
+        In the frame of the element positions.
+    window, interpolation, like
+        As for `delay_and_sum`.
+
+    Returns
+    -------
+    xarray.DataArray complex64 (ping, point)
+        The echo's amplitude with the phase of its way undone: a point scatterer at a focus gives its own amplitude a.
+        Coordinates x, y, z of the points. Sampled beyond the record it is 0.
+
+    Raises
+    ------
+    ValueError
+        If the signals lack something, or an argument is not as above.
+    """
+    recording, points = read_recording(signals), _points(points)
+    values = np.stack([image for image in _images(recording, points, window, interpolation, like)])
+    return point_signals(recording, values.astype(np.complex64), points, "focus")
+
+
+def backproject(signals, points, *, window=None, interpolation="band_limited", like=None):
+    """Focus all pings together at points: a synthetic aperture.
+
+    Parameters
+    ----------
+    signals, points, window, interpolation, like
+        As for `focus`; positions over (ping, rx) and (ping, tx), in a frame that stands still.
+
+    Returns
+    -------
+    xarray.DataArray complex64 (point,)
+        Mean over the pings of what `focus` gives, in memory that does not grow with them.
+
+    Raises
+    ------
+    ValueError
+        If the signals lack something, or an argument is not as above.
+    """
+    recording, points = read_recording(signals), _points(points)
+    total = np.zeros(len(points), np.complex128)
+    for image in _images(recording, points, window, interpolation, like):
+        total += image
+    values = (total / recording.values.shape[0]).astype(np.complex64)
+    whole = point_signals(recording, values[None], points, "backproject")
+    return whole.drop_vars([name for name, value in whole.coords.items() if "ping" in value.dims]).isel(ping=0)
+
+
+def _points(points):
+    points = np.atleast_2d(np.asarray(points, float))
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise ValueError(f"points to focus at have shape {points.shape}; give (points, 3) in metres")
+    if not np.isfinite(points).all():
+        raise ValueError(f"point {int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])} to focus at is not finite")
+    return points
+
+
+def _images(recording, points, window, interpolation, like):
+    """Yield the focused values complex (P,) of ping after ping."""
+    lib = device_arrays(like)
+    heard = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
+    transmitters = recording.values.shape[1]
+    columns = [[upload(lib.Float64, column) for column in points[begin:begin + BLOCK].T]
+               for begin in range(0, len(points), BLOCK)]
+    for ping in range(recording.values.shape[0]):
+        centre = recording.receivers[ping].mean(axis=0)      # near it float32 differences are small and exact
+        heard.load(ping, centre)
+        image = []
+        for column in columns:
+            size = len(column[0])
+            total = (dr.zeros(lib.Float, size), dr.zeros(lib.Float, size))
+            for tx in range(transmitters):
+                total = heard.add(tx, *_ways(lib, recording, column, centre, recording.transmitters[ping, tx]), total)
+            image.append(_complex(total))
+        yield np.concatenate(image) / transmitters
+
+
+def _ways(lib, recording, column, centre, transmitter):
+    """Points from the centre, their distance, and where (sample, fraction, phase) their echo lies there, by float64."""
+    def from_place(place):
+        apart = [axis - dr.opaque(lib.Float64, float(p)) for axis, p in zip(column, place, strict=True)]
+        return apart, dr.sqrt(sum(axis * axis for axis in apart))
+
+    point, distance = from_place(centre)
+    way = distance + from_place(transmitter)[1]
+    turns = way * dr.opaque(lib.Float64, recording.frequency / recording.sound_speed)
+    place = way * dr.opaque(lib.Float64, recording.sampling_rate / recording.sound_speed)
+    place = dr.clip(place - dr.opaque(lib.Float64, recording.start * recording.sampling_rate), -FAR, FAR)
+    whole = dr.floor(place)
+    return ([lib.Float(axis) for axis in point], lib.Float(distance), lib.Int32(whole), lib.Float(place - whole),
+            lib.Float(turns - dr.floor(turns)))
+
+
+def _grid(lib, recording, vectors):
+    """Focal points of all samples of beams, as (point, distance, sample), and how many there are."""
+    samples = recording.values.shape[-1]
+    number = len(vectors) * samples
+    index = dr.arange(lib.UInt32, number)
+    beam = index // dr.opaque(lib.UInt32, samples)
+    sample = index - beam * dr.opaque(lib.UInt32, samples)
+    range_ = upload(lib.Float, np.maximum(0.5 * recording.sound_speed * recording.time, 0).astype(np.float32))
+    distance = dr.gather(lib.Float, range_, sample)
+    point = [distance * dr.gather(lib.Float, upload(lib.Float, column.astype(np.float32)), beam)
+             for column in vectors.T]
+    sample = lib.Int32(sample)
+    dr.eval(point, distance, sample)
+    return (point, distance, sample), number
+
+
+def _way_out(heard, transmitter, point, distance):
+    """Further samples and cycles of the way from a transmitter (3,) [m] instead of from the centre."""
+    lib = heard.lib
+    place = [dr.opaque(lib.Float, float(v)) for v in (*transmitter, transmitter @ transmitter)]
+    further = heard.detour(point, distance, place)
+    return further * heard.samples_per_metre, further * heard.cycles_per_metre
+
+
+def _complex(pair):
+    re, im = (part.numpy() for part in pair)
+    return re + 1j * im

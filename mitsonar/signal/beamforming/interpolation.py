@@ -1,0 +1,114 @@
+"""Reading a sampled signal between its samples: short kernels behind a correcting filter.
+
+    z(x) ≈ Σ_k g_k φ(x - k),   g = z filtered by  d(f) = φ̂(f) / Σ_m φ̂(f + m)²
+
+x -> place in samples, f in cycles per sample. d is what makes the error least in the mean square at every frequency;
+what remains is the images of φ, at frequency f
+
+    ε²(f) = Σ_{m≠0} φ̂(f + m)² / Σ_m φ̂(f + m)²
+
+Measured over the band |f| < 1/3 (sampling at 1.5 times the bandwidth): ``linear`` -19 dB rms, ``band_limited``, four
+taps of a Kaiser-Bessel kernel, -57 dB rms. Towards |f| = 1/2 every short kernel fails: sample faster than the band.
+The idea is the gridding of Jackson et al. (1991, IEEE Trans. Med. Imaging 10, 473), run backwards.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy import fft
+from scipy.special import i0
+
+__all__ = ["INTERPOLATIONS", "KaiserBessel", "Linear", "corrected", "interpolation_named"]
+
+TAIL = 16                          # samples kept of what the correcting filter rings into before and after the record
+MARGIN = TAIL + 4                  # samples stored before and after the record, the outermost zero
+IMAGES = 8
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The straight line between two samples."""
+
+    first = 0                      # the first tap's sample, relative to the whole part of the place
+
+    def taps(self, fraction):
+        """Weights of the samples at 0 and 1, of the fractional part of the place in [0, 1)."""
+        return [1 - fraction, fraction]
+
+    def spectrum(self, frequency):
+        """φ̂ at a frequency in cycles per sample."""
+        return np.sinc(frequency) ** 2
+
+
+class KaiserBessel:
+    """Four taps of I0(β sqrt(1 - (x/2)²)): polynomials in x, an even and an odd part shared by mirrored taps."""
+
+    first = -1
+    beta = np.pi * np.sqrt(4 ** 2 / 1.5 ** 2 - 0.8)         # Beatty et al. (2005), eq. 5, at 1.5 times oversampling
+    degree = 7
+
+    def __init__(self):
+        nodes = 0.5 * np.cos(np.pi * (np.arange(64) + 0.5) / 64)
+        self.pairs = []
+        for centre in (1.5, 0.5):                            # distance of the outer, the inner tap at half a sample
+            fitted = Polynomial.fit(nodes, self._kernel(centre + nodes), self.degree, domain=[-1, 1]).coef
+            self.pairs.append((fitted[0::2], fitted[1::2]))
+
+    def _kernel(self, x):
+        return i0(self.beta * np.sqrt(np.maximum(1 - (x / 2) ** 2, 0))) / i0(self.beta)
+
+    def taps(self, fraction):
+        """Weights of the samples at -1, 0, 1, 2, of the fractional part of the place in [0, 1)."""
+        v = fraction - 0.5
+        square = v * v
+        (outer, outer_odd), (inner, inner_odd) = ((_horner(even, square), v * _horner(odd, square))
+                                                  for even, odd in self.pairs)
+        return [outer + outer_odd, inner + inner_odd, inner - inner_odd, outer - outer_odd]
+
+    def spectrum(self, frequency):
+        """φ̂ at a frequency in cycles per sample."""
+        root = np.sqrt((self.beta ** 2 - (4 * np.pi * np.asarray(frequency)) ** 2).astype(complex))
+        return 4 / i0(self.beta) * np.real(np.sinc(1j * root / np.pi))
+
+
+def _horner(coefficients, x):
+    total = float(coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        total = total * x + float(coefficient)
+    return total
+
+
+INTERPOLATIONS = {"linear": Linear(), "band_limited": KaiserBessel()}
+
+
+def interpolation_named(name):
+    """Give the kernel of a name in `INTERPOLATIONS`."""
+    if name not in INTERPOLATIONS:
+        raise ValueError(f"there is no interpolation {name!r}; choose one of {', '.join(INTERPOLATIONS)}")
+    return INTERPOLATIONS[name]
+
+
+def corrected(kernel, values):
+    """Filter signals for a kernel.
+
+    Parameters
+    ----------
+    kernel : one of `INTERPOLATIONS`
+    values : complex64 (..., N)
+
+    Returns
+    -------
+    complex64 (..., N + 2 MARGIN)
+        Sample i stands at MARGIN + i; the ends are zero, so that what lies outside the record reads as silence.
+    """
+    count = values.shape[-1]
+    size = fft.next_fast_len(count + 2 * TAIL)
+    frequency = fft.fftfreq(size)
+    images = kernel.spectrum(frequency[:, None] + np.arange(-IMAGES, IMAGES + 1))
+    gain = (images[:, IMAGES] / (images ** 2).sum(axis=1)).astype(np.float32)
+    place = np.zeros((*values.shape[:-1], size), np.complex64)
+    place[..., TAIL:TAIL + count] = values
+    filtered = fft.ifft(fft.fft(place, axis=-1) * gain, axis=-1)
+    whole = np.zeros((*values.shape[:-1], count + 2 * MARGIN), np.complex64)
+    whole[..., MARGIN - TAIL:MARGIN + count + TAIL] = filtered[..., :count + 2 * TAIL]
+    return whole
