@@ -1,0 +1,50 @@
+"""Matched filter: pulses compressed to their delay.
+
+    m(t) = ∫ y(t + u) s_r*(u) du / ∫ s_b(u) s_r*(u) du,        s_r(u) = s_b(u) w(u)
+
+s_b -> ``pulse``, w -> ``window`` of the replica: 1 gives the most signal to noise, a taper lowers the side lobes of a
+sweep. An echo of amplitude a and delay τ peaks at τ with the value a. Without a window noise of spectral level N0
+leaves with the power N0 / E, E the pulse's energy (Turin 1960, IRE Trans. Inf. Theory 6, 311).
+"""
+import numpy as np
+from scipy import fft
+
+from .reception import band_filter, check_record, padded_length
+
+__all__ = ["matched_filter"]
+
+
+def matched_filter(signals, pulse, sampling_rate, window=None, doppler=1.0):
+    """Compress the pulses in baseband signals.
+
+    Parameters
+    ----------
+    signals : complex (..., S)
+        On the carrier of the pulse.
+    pulse : Pulse
+    sampling_rate : float [Hz]
+    window : None, str or tuple
+        Of ``scipy.signal.get_window``, over the replica's duration.
+    doppler : float [-]
+        Two-way factor of the replica.
+
+    Returns
+    -------
+    complex (..., S)
+        On the same time axis; complex64 stays complex64.
+
+    Raises
+    ------
+    ValueError
+        If the sampling rate is below the pulse's band, the pulse outlasts the record, or the window is unknown.
+    """
+    signals = np.asarray(signals)
+    samples = signals.shape[-1]
+    check_record(pulse, sampling_rate, samples, doppler)
+    length = padded_length(samples, pulse.duration / doppler, sampling_rate)
+    sent = pulse.spectrum(sampling_rate, length, doppler)
+    replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length, doppler))
+    keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
+    gain = np.mean(sent * replica * keep).real        # of an echo that came through the receiver's filter
+    spectrum = fft.fft(signals, length)
+    return fft.ifft(spectrum * (replica / gain).astype(spectrum.dtype), overwrite_x=True)[..., :samples]

@@ -1,0 +1,142 @@
+"""Noise of the sea and of the receivers, drawn for every element of an array.
+
+    C_ij = 10^(NL/10) f_s sinc(2 |r_i - r_j| / λ) + δ_ij 10^(SN/10) f_s           [µPa²],   sinc(x) = sin(πx)/(πx)
+    n = L g,   L L^T = C                                                          g circular Gaussian, variance 1
+    N = w^H C w / |Σ |w||²                                                        after a beamformer
+
+NL -> ``ambient_db`` of noise from all directions alike (Cook et al. 1955, J. Acoust. Soc. Am. 27, 1072), SN ->
+``self_noise_db`` of each receiver's own [dB re 1 µPa²/Hz]; f_s -> ``sampling_rate`` of the complex baseband, over which
+the noise is white. Levels are those an element reports; one with a beam hears its directivity index less. Numbers come
+from Philox, keyed by seed and ping: a ping's noise does not depend on which others were drawn.
+"""
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsonar.units import db_from_power, power_from_db
+
+__all__ = ["ElementNoise", "isotropic_coherence"]
+
+BLOCK = 4096                       # samples drawn and mixed at a time
+LEAST_OWN_NOISE = 1e-9             # of the ambient power: keeps C of crowded arrays positive definite
+STREAM = 0x6E6F697365              # word of Philox's counter: no other use of the seed shares these numbers
+
+
+def isotropic_coherence(position, wavelength):
+    """Give the coherence of noise from all directions between elements.
+
+    Parameters
+    ----------
+    position : (E, 3) [m]
+    wavelength : float [m]
+
+    Returns
+    -------
+    (E, E) [-]
+        sin(kd)/(kd), d the elements' distance.
+    """
+    position = np.asarray(position, float)
+    apart = np.linalg.norm(position[:, None] - position[None], axis=-1)
+    return np.sinc(2 * apart / wavelength)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ElementNoise:
+    """Noise at the elements of an array.
+
+    Attributes
+    ----------
+    position : (E, 3) [m]
+    wavelength : float [m]
+        At the carrier; coherence is taken from it over the whole band.
+    sampling_rate : float [Hz]
+    ambient_db : float or None [dB re 1 µPa²/Hz]
+        None for none.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each receiver, independent of the others'.
+    """
+
+    position: np.ndarray
+    wavelength: float
+    sampling_rate: float
+    ambient_db: float | None = None
+    self_noise_db: float | None = None
+
+    def __post_init__(self):
+        position = np.array(self.position, float)
+        if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0 or not np.all(np.isfinite(position)):
+            raise ValueError(f"element noise: positions have shape {position.shape}; give finite (elements, 3) metres, "
+                             "one element at least.")
+        for name, unit in (("wavelength", "m"), ("sampling_rate", "Hz")):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"element noise: {name} is {value} {unit}; give a finite number above 0.")
+        for name in ("ambient_db", "self_noise_db"):
+            value = getattr(self, name)
+            if value is not None and not np.isfinite(value):
+                raise ValueError(f"element noise: {name} is {value} dB; give a finite level, or None for no noise.")
+        position.flags.writeable = False
+        object.__setattr__(self, "position", position)
+
+    @cached_property
+    def covariance(self):
+        """C, (E, E) [µPa²]."""
+        ambient, own = (0.0 if level is None else float(power_from_db(level)) * self.sampling_rate
+                        for level in (self.ambient_db, self.self_noise_db))
+        own = max(own, LEAST_OWN_NOISE * ambient)
+        return ambient * isotropic_coherence(self.position, self.wavelength) + own * np.eye(len(self.position))
+
+    @property
+    def level_db(self):
+        """Level at one element over the band of the sampling rate [dB re 1 µPa]; -inf without noise."""
+        return float(db_from_power(self.covariance[0, 0]))
+
+    def beam_level_db(self, weight):
+        """Give the level after a beamformer.
+
+        Parameters
+        ----------
+        weight : complex (..., E) [-]
+            Applied to the elements' signals and scaled to gain 1 for the wave they are steered at, to which all
+            weighted elements add in phase.
+
+        Returns
+        -------
+        array (...) [dB re 1 µPa]
+            Lower than `level_db` by the array's directivity index.
+        """
+        weight = np.asarray(weight)
+        power = np.einsum("...i,ij,...j->...", weight, self.covariance, weight.conj()).real
+        return db_from_power(power / np.sum(np.abs(weight), -1) ** 2)
+
+    def drawn(self, samples, seed, ping):
+        """Draw the noise of one ping.
+
+        Parameters
+        ----------
+        samples : int
+        seed, ping : int
+            Equal ones give equal noise; a longer record begins with the shorter one.
+
+        Returns
+        -------
+        complex64 (E, samples) [µPa]
+            Mean square per element: `level_db`.
+        """
+        elements = len(self.position)
+        noise = np.zeros((elements, samples), np.complex64)
+        if not self.covariance[0, 0] > 0:
+            return noise
+        mask = (1 << 64) - 1
+        philox = np.random.Philox(key=[int(seed) & mask, int(ping) & mask], counter=[0, 0, STREAM, 0])
+        random = np.random.Generator(philox)
+        for first in range(0, samples, BLOCK):
+            # whole blocks, so that what a sample holds does not depend on where the record ends
+            mixed = (self._mixing @ random.standard_normal((elements, 2 * BLOCK))).view(complex)
+            noise[:, first:first + BLOCK] = mixed[:, :samples - first]
+        return noise
+
+    @cached_property
+    def _mixing(self):
+        return np.linalg.cholesky(0.5 * self.covariance)

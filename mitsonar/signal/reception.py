@@ -1,0 +1,224 @@
+"""From impulse responses to element signals: pulse, Doppler, transmit beam, absorption across the band.
+
+    y(t) = Σ_j a_j s_b((t - τ_j) η) e^{i2πf0 (η - 1)(t - τ_j)} e^{-i2πf0 τ_j}      =>      Y(f) = H(f) S_η(f) F(f)
+    h'(t) = Σ_e w_e h_e(t - d_e) e^{-i2πf0 d_e}                                         one transmission of an array
+    h''(t): every echo filtered by 10^{-(α(f0 + f) - α(f0)) c t / 20}                  t the echo's own two-way time
+
+h -> ``response``, whose echoes a_j e^{-i2πf0 τ_j} δ(t - τ_j) carry the phase of the carrier and the absorption at f0;
+s_b -> ``pulse``, η -> ``doppler``, w, d -> ``weight``, ``delay`` of transmit elements, α -> ``absorption_db``. F is the
+receiver's filter: 1 up to 0.4 of the sampling rate, falling as cos² to 0 at 0.5, so that echoes ring for a few samples
+only. All convolutions are padded: nothing wraps round the ends of a record.
+"""
+import numpy as np
+from scipy import fft
+
+from mitsonar.units import amplitude_from_db
+
+__all__ = ["absorbed", "band_filter", "check_record", "delayed", "received", "received_classes", "transmitted"]
+
+GUARD = 64                         # samples an echo may ring beyond its ends
+FLAT = 0.4                         # of the sampling rate
+INTERPOLATION_ERROR = 1e-4         # of the absorption's amplitude between two filters
+
+
+def band_filter(frequency, sampling_rate):
+    """Give the receiver's filter F, (N,) [-], at frequencies (N,) [Hz] from the carrier."""
+    skirt = np.clip((np.abs(frequency) / sampling_rate - FLAT) / (0.5 - FLAT), 0, 1)
+    return np.cos(0.5 * np.pi * skirt) ** 2
+
+
+def check_record(pulse, sampling_rate, samples, doppler=1.0):
+    """Refuse records a pulse does not fit into.
+
+    Raises
+    ------
+    ValueError
+        If the sampling rate is below what the pulse's band needs, or the pulse outlasts the record.
+    """
+    farthest = max(-pulse.band[0], pulse.band[1])
+    needed = 2 * (farthest * doppler + pulse.frequency * abs(doppler - 1.0))
+    if sampling_rate < needed * (1 - 1e-9):
+        moved = "" if doppler == 1.0 else f" times the Doppler factor {doppler:.6g}"
+        raise ValueError(f"sampling rate is {sampling_rate:g} Hz, below the band of {2 * farthest:g} Hz of the pulse"
+                         f"{moved}; give {needed:g} Hz or more, best about {pulse.suggested_sampling_rate:g} Hz.")
+    if pulse.duration / doppler > samples / sampling_rate:
+        raise ValueError(f"pulse lasts {pulse.duration / doppler:g} s, longer than the record of {samples} samples = "
+                         f"{samples / sampling_rate:g} s; shorten the pulse or lengthen the record.")
+
+
+def received(response, pulse, sampling_rate, doppler=1.0):
+    """Give the signals elements receive.
+
+    Parameters
+    ----------
+    response : complex (..., S)
+        Impulse responses in baseband of the pulse's carrier, one sample of height 1 for an echo of amplitude 1.
+    pulse : Pulse
+    sampling_rate : float [Hz]
+    doppler : float [-]
+        Two-way factor of all echoes of the response.
+
+    Returns
+    -------
+    complex (..., S)
+        On the same time axis, for a source level of 0 dB: multiply by ``amplitude_from_db`` of yours. complex64 stays
+        complex64.
+
+    Raises
+    ------
+    ValueError
+        See `check_record`.
+    """
+    return received_classes(np.asarray(response)[None], pulse, sampling_rate, (doppler,))
+
+
+def received_classes(responses, pulse, sampling_rate, doppler):
+    """Give the sum of signals with several Doppler factors; see `received`.
+
+    Parameters
+    ----------
+    responses : complex (K, ..., S)
+        One response for each class of echoes.
+    pulse : Pulse
+    sampling_rate : float [Hz]
+    doppler : (K,) [-]
+        See `doppler.doppler_classes`.
+
+    Returns
+    -------
+    complex (..., S)
+    """
+    responses = np.asarray(responses)
+    if len(responses) != len(doppler):
+        raise ValueError(f"received: {len(responses)} responses for {len(doppler)} Doppler factors; give one of each.")
+    samples = responses.shape[-1]
+    for factor in doppler:
+        check_record(pulse, sampling_rate, samples, factor)
+    length = padded_length(samples, pulse.duration / min(doppler), sampling_rate)
+    keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
+    total = 0
+    for response, factor in zip(responses, doppler):
+        transfer = keep * pulse.spectrum(sampling_rate, length, factor)
+        spectrum = fft.fft(response, length)
+        total = total + spectrum * transfer.astype(spectrum.dtype)
+    return fft.ifft(total, overwrite_x=True)[..., :samples]
+
+
+def padded_length(samples, longest, sampling_rate):
+    """Give the length of an FFT that holds a record of `samples` and a filter of `longest` [s], without wrapping."""
+    return fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
+
+
+def delayed(signals, delay, sampling_rate, frequency):
+    """Delay baseband signals by any fraction of a sample, carrier included.
+
+    Parameters
+    ----------
+    signals : complex (..., S)
+    delay : (...) [s]
+        Broadcast against the signals; positive is later.
+    sampling_rate : float [Hz]
+    frequency : float [Hz]
+        Carrier; 0 shifts the envelope alone.
+
+    Returns
+    -------
+    complex (..., S)
+        What leaves the record is lost, what enters is 0. Exact for signals inside the band.
+    """
+    signals, delay = np.asarray(signals), np.asarray(delay, float)
+    samples = signals.shape[-1]
+    spectrum, shift = _shifted(signals, delay, sampling_rate, frequency)
+    return fft.ifft(spectrum * shift, overwrite_x=True)[..., :samples]
+
+
+def transmitted(response, weight, delay, sampling_rate, frequency):
+    """Combine the responses of all transmit elements to that of one transmission, steered or focused.
+
+    Parameters
+    ----------
+    response : complex (..., T, R, S)
+        Of T transmit and R receive elements.
+    weight : (T,) [-]
+        0 for an element that is dead or left out.
+    delay : (T,) [s]
+        Of each element's drive; positive fires later.
+    sampling_rate, frequency : float [Hz]
+
+    Returns
+    -------
+    complex (..., R, S)
+    """
+    response, weight = np.asarray(response), np.asarray(weight)
+    if weight.shape != response.shape[-3:-2] or np.shape(delay) != weight.shape:
+        raise ValueError(f"transmission: {weight.shape} weights and {np.shape(delay)} delays for "
+                         f"{response.shape[-3]} transmit elements; give one of each for every element.")
+    samples = response.shape[-1]
+    spectrum, shift = _shifted(response, np.asarray(delay, float)[:, None], sampling_rate, frequency)
+    spectrum *= shift * weight[:, None, None].astype(shift.dtype)
+    return fft.ifft(spectrum.sum(-3), overwrite_x=True)[..., :samples]
+
+
+def _shifted(signals, delay, sampling_rate, frequency):
+    """Padded spectrum of the signals, and the phases that delay it."""
+    longest = float(np.max(np.abs(delay), initial=0))
+    length = padded_length(signals.shape[-1], longest, sampling_rate)
+    spectrum = fft.fft(signals, length)
+    cycles = delay[..., None] * (frequency + fft.fftfreq(length, 1 / sampling_rate))
+    return spectrum, np.exp(-2j * np.pi * cycles).astype(spectrum.dtype)
+
+
+def absorbed(response, sampling_rate, frequency, absorption_db, sound_speed, start=0.0):
+    """Let absorption differ across the band, for echoes that hold the loss at the carrier already.
+
+    Parameters
+    ----------
+    response : complex (..., S)
+        Before the pulse: each echo's own time decides.
+    sampling_rate : float [Hz]
+    frequency : float [Hz]
+        Carrier.
+    absorption_db : callable
+        Frequency (N,) [Hz] to absorption (N,) [dB/m]; of a column of water, its mean over the depths passed through.
+    sound_speed : float [m/s]
+        Mean along the path, whose length is sound_speed times the two-way time.
+    start : float [s]
+        Time of the first sample.
+
+    Returns
+    -------
+    complex (..., S)
+
+    Notes
+    -----
+    The record is cut by triangular windows that add to one; each goes through the filter of its middle. So the loss is
+    interpolated linearly between filters, and there are as many as keep that error under 1e-4 of the amplitude.
+    Outside the flat band of the receiver's filter the loss returns to that of the carrier. Dispersion is left out.
+    """
+    response = np.asarray(response)
+    response = response.astype(np.result_type(response, np.complex64), copy=False)
+    real, samples = response.real.dtype, response.shape[-1]
+    probe = np.linspace(-0.5, 0.5, 65) * sampling_rate
+    rate = np.abs(_excess_rate(probe, sampling_rate, frequency, absorption_db, sound_speed)).max()
+    # linear interpolation of exp(-κt) over steps Δ is wrong by (κΔ)²/8 at most, relative to it
+    steps = max(1, int(np.ceil(rate * samples / sampling_rate / np.sqrt(8 * INTERPOLATION_ERROR))))
+    step = -(-samples // steps)
+    triangle = (1 - np.abs(np.arange(2 * step) / step - 1)).astype(real)
+    length = fft.next_fast_len(2 * step + 2 * GUARD)
+    rates = _excess_rate(fft.fftfreq(length, 1 / sampling_rate), sampling_rate, frequency, absorption_db, sound_speed)
+    edges = [(0, 0)] * (response.ndim - 1)
+    source = np.pad(response, [*edges, (step, 2 * step)])               # begins `step` before the record
+    sums = np.zeros((*response.shape[:-1], samples + 3 * step + 2 * GUARD), response.dtype)      # GUARD earlier still
+    for first in range(0, samples + step, step):                        # window rises from first - step, peaks at first
+        cut = source[..., first:first + 2 * step] * triangle
+        loss = np.exp(-rates * (start + first / sampling_rate)).astype(real)
+        spectrum = fft.fft(np.pad(cut, [*edges, (GUARD, length - 2 * step - GUARD)])) * loss
+        sums[..., first:first + 2 * (step + GUARD)] += fft.ifft(spectrum)[..., :2 * (step + GUARD)]
+    return sums[..., step + GUARD:step + GUARD + samples]
+
+
+def _excess_rate(offset, sampling_rate, frequency, absorption_db, sound_speed):
+    """Loss beyond that at the carrier, [Np/s] of two-way time, at offsets [Hz] from it."""
+    alpha = np.asarray(absorption_db(np.maximum(frequency + offset, 0.0)), float)
+    excess = (alpha - float(absorption_db(np.array([frequency]))[0])) * band_filter(offset, sampling_rate)
+    return np.log(amplitude_from_db(excess)) * sound_speed
