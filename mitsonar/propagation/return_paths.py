@@ -1,0 +1,133 @@
+"""Legs of traced hits on the device: from an exact ray to what the vector approximation needs of it.
+
+With H the depth difference, m_n the central moments of 1/c² between hit and origin, q² = <1/c²> - p², a_n = m_n / q^2n
+(as in `two_point`):
+
+    Y = (H / q)  (1 +  3/8 a2 -   5/16 a3 +   35/128 a4)
+    E = (H / q³) (1 + 15/8 a2 -  35/16 a3 +  315/128 a4)
+    G = (H / q⁵) (1 + 35/8 a2 - 105/16 a3 + 1155/128 a4)
+
+where the ray is direct and the series converges, else Y = X/p, |D| from the spreading area and E = (|D| - Y) / p², G
+unknown. A turned ray's |D| hides a sign: its leg is right to first order only, which `turned` reports.
+"""
+import drjit as dr
+
+from .record import Record
+from .two_point import LEVEL, SERIES_LIMIT
+from .vector_approximation import centre_return, hit_fields, matched_leg, paper_centre_return
+
+__all__ = ["ReturnPaths", "return_paths"]
+
+
+class ReturnPaths(Record):
+    """Ways back to the array's centre.
+
+    Attributes
+    ----------
+    return_time : Float64 (H,) [s]
+        From the hit to the centre, where that is at reception.
+    hit_fields : list of Float (H,)
+        For the `DIFFERENCES` of the method.
+    direction : triple of Float (H,)
+        Of travel at the centre, unit vectors in scene coordinates.
+    turned : Bool (H,)
+        The ray turned between the ends, or runs so level at the origin that it cannot be told: of second order nothing
+        is known.
+    uncertainty : Float (H,) [s/m³]
+        Expected error of the difference for an element d metres off the line of sight: this times |d|³; infinite
+        where `turned`.
+    """
+
+    return_time: object
+    hit_fields: object
+    direction: object
+    turned: object
+    uncertainty: object
+
+
+def return_paths(table, source, fan, displacement, travel_time, ray_parameter, spreading_area, launch_sine, *,
+                 velocity, turn_rate, method="vector"):
+    """Carry the echoes of traced hits back to the centre of the moving, turning array.
+
+    Parameters
+    ----------
+    table : LayerTable
+    source : SourceState
+    fan : UInt32 (H,)
+        Source of each hit.
+    displacement : Array3f64 (H,) [m]
+        From the origin to the hit, scene coordinates.
+    travel_time, ray_parameter : Float64 (H,) [s], [s/m]
+    spreading_area : Float (H,) [m²/sr]
+    launch_sine : Float (H,)
+        Sine of the launch angle, positive down; of it the sign matters.
+    velocity, turn_rate : triples of opaque Float64 [m/s], [rad/s]
+        Of the platform, scene coordinates.
+    method : {"vector", "paper"}
+
+    Returns
+    -------
+    ReturnPaths
+    """
+    lib = table.lib
+    F, wide = lib.Float, lib.Float64
+    z0, c0, moments0 = source.gather(lib, fan)
+    up = dr.select(launch_sine >= 0, wide(1), wide(-1))          # a ray launched down comes up again
+    x = dr.sqrt(dr.fma(displacement.x, displacement.x, displacement.y * displacement.y))
+    y, e, g, turned = _integrals(table, z0, c0, moments0, z0 - displacement.z, x, ray_parameter,
+                                 wide(spreading_area), up)
+    exact = matched_leg(y, e, g, ray_parameter, c0)
+    if method == "vector":
+        upright = x < 1e-9
+        scale = dr.rcp(dr.select(upright, 1, x))
+        bearing = dr.select(upright, 1, displacement.x * scale), dr.select(upright, 0, displacement.y * scale)
+        time, leg, direction, rise = centre_return(exact, travel_time, bearing, up, velocity,
+                                                   _slice_to(table, z0, moments0))
+    else:
+        time, leg, direction, rise = paper_centre_return(
+            travel_time, (-displacement.x, -displacement.y, -displacement.z), velocity, lambda h: table.at(z0 - h)[0])
+    fields = hit_fields(leg, direction, rise, travel_time + time, velocity, turn_rate, c0)
+    return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
+                       direction=tuple(F(component) for component in direction), turned=turned,
+                       uncertainty=F(dr.select(turned, dr.inf, abs(exact.third))))
+
+
+def _integrals(table, z0, c0, moments0, z, x, p, area, up):
+    """Y, E, G of each leg in SI, and whether the ray turned."""
+    c, moments = table.at(z)
+    height = abs(z - z0)
+    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
+    n1, n2, n3, n4 = ((moments[i] - moments0[i]) * per_height for i in range(4))
+    m2 = dr.maximum(n2 - n1 * n1, 0)
+    m3 = n3 - n1 * (3 * n2 - 2 * n1 * n1)
+    m4 = n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1))
+    q2 = 1 + n1 - p * p * table.scale                            # in units of r0
+    w = dr.rcp(dr.maximum(q2, 1e-12))
+    a2, a3, a4 = m2 * w * w, m3 * w * w * w, m4 * (w * w) * (w * w)
+    q = dr.sqrt(w * table.scale)                                 # 1/q in SI
+    y = height * q * (1 + 3 / 8 * a2 - 5 / 16 * a3 + 35 / 128 * a4)
+    e = height * q * q * q * (1 + 15 / 8 * a2 - 35 / 16 * a3 + 315 / 128 * a4)
+    g = height * q * q * q * q * q * (1 + 35 / 8 * a2 - 105 / 16 * a3 + 1155 / 128 * a4)
+    series = ((z - z0) * up > 0) & (q2 > 0) & (abs(a4) < SERIES_LIMIT) & (height >= LEVEL * x)
+    # beyond the series the ray is far from upright: no division by zero, no cancellation
+    per_p = x / dr.maximum(p, 1e-9)
+    sines = dr.sqrt(dr.maximum((1 - p * p * c0 * c0) * (1 - p * p * c * c), 1e-12))
+    slope = area * c0 * c0 / dr.maximum(per_p * sines, 1e-9)
+    y = dr.select(series, y, per_p)
+    e = dr.select(series, e, (slope - per_p) / dr.maximum(p * p, 1e-18))
+    g = dr.select(series, g, e * e / dr.maximum(y, 1e-9))
+    return y, e, g, ~series & (((z - z0) * up <= 0) | (height < LEVEL * x))
+
+
+def _slice_to(table, z0, moments0):
+    """Give the look-up that `centre_return` asks for."""
+    def mean_and_variance(rise):
+        c, moments = table.at(z0 - rise)
+        thin = abs(rise) < 1e-9
+        thickness = dr.select(thin, 1, -rise)
+        first, second = ((moments[i] - moments0[i]) / thickness for i in range(2))
+        first = dr.select(thin, table.scale / (c * c) - 1, first)
+        variance = dr.select(thin, 0, dr.maximum(second - first * first, 0))
+        return (1 + first) * table.reference, variance * table.reference * table.reference
+
+    return mean_and_variance
