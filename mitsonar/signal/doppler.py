@@ -1,6 +1,6 @@
 """Doppler of an echo, and the few factors that stand for all echoes of a ping.
 
-    η = (c + v_back) / (c - v_out)                        frequency and rate of time of the echo, per unit of the pulse's
+    η = (c + v_back) / (c - v_out)                        rate of time of the echo, per unit of the pulse's
     ε ≤ f_max T |η - η_k| / (2 η_k)                       error of phase [cycles] at the ends of the pulse
 
 v -> closing speed along the outgoing leg at transmission, and along the return leg at reception [m/s]; η_k the factor

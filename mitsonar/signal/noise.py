@@ -129,8 +129,8 @@ class ElementNoise:
         if not self.covariance[0, 0] > 0:
             return noise
         mask = (1 << 64) - 1
-        philox = np.random.Philox(key=[int(seed) & mask, int(ping) & mask], counter=[0, 0, STREAM, 0])
-        random = np.random.Generator(philox)
+        key = np.array([int(seed) & mask, int(ping) & mask], np.uint64)
+        random = np.random.Generator(np.random.Philox(key=key, counter=[0, 0, STREAM, 0]))
         for first in range(0, samples, BLOCK):
             # whole blocks, so that what a sample holds does not depend on where the record ends
             mixed = (self._mixing @ random.standard_normal((elements, 2 * BLOCK))).view(complex)

@@ -282,8 +282,8 @@ def sampled(frequency, samples, sampling_rate):
     """
     samples = np.asarray(samples, complex)
     if samples.ndim != 1 or len(samples) < 2 or not np.all(np.isfinite(samples)):
-        raise ValueError(f"sampled pulse: got samples of shape {samples.shape}; give two or more finite complex numbers "
-                         "in one dimension.")
+        raise ValueError(f"sampled pulse: got samples of shape {samples.shape}; give two or more finite complex "
+                         "numbers in one dimension.")
     if not (np.isfinite(sampling_rate) and sampling_rate > 0):
         raise ValueError(f"sampled pulse: sampling_rate is {sampling_rate} Hz; give a finite number above 0.")
     fine = resample_poly(samples, FINER, 1, window=("kaiser", 9.0), padtype="line")
