@@ -1,8 +1,9 @@
 """Matched filter on pulses received from impulses at known delays, and on noise.
 
 Closed forms: peak a e^{-i2πf0 τ} at τ; LFM 0.8859/B wide at -3 dB with side lobes of -13.3 dB; noise N0/E;
-range-Doppler coupling δR = (c/2) f_d T/B. Bias: an LFM spectrum has ripples, so width and side lobe are those of BT (references of an
-independent computation at BT = 200 and 30); peaks are read by band-limited interpolation and a parabola, 1e-3 of 1/B.
+range-Doppler coupling δR = (c/2) f_d T/B. Bias: an LFM spectrum has ripples, so width and side lobe are those of BT
+(references of an independent computation at BT = 200 and 30); peaks are read by band-limited interpolation and a
+parabola, 1e-3 of 1/B.
 """
 import numpy as np
 import pytest
