@@ -13,12 +13,12 @@ import numpy as np
 
 from mitsonar.propagation.device import upload
 
-from .alignment import ElementSignals, device_arrays
+from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
 from .recording import beam_signals, look_directions, point_signals, read_recording, weights_of
 
 __all__ = ["aligned", "backproject", "delay_and_sum", "focus"]
 
-BLOCK = 1 << 23                    # values computed at once
+BLOCK = 1 << 22                    # values computed at once
 FAR = 2.0 ** 30                    # samples; what lies further off is outside of any record
 
 
@@ -59,11 +59,10 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
     for ping in range(pings):
         heard.load(ping, np.zeros(3))
         for begin in range(0, len(vectors), together):
-            pixel, grid = _grid(lib, recording, vectors[begin:begin + together])
-            total = (dr.zeros(lib.Float, grid), dr.zeros(lib.Float, grid))
-            for tx in range(transmitters):
-                total = heard.add(tx, *pixel, *_way_out(heard, recording.transmitters[ping, tx], *pixel[:2]), total)
-            beams[ping, begin:begin + together] = _complex(total).reshape(-1, samples)
+            block = vectors[begin:begin + together]
+            foci = [[_beam_foci(heard, block[group], transmitter) for group in dealt(len(block))]
+                    for transmitter in recording.transmitters[ping]]
+            beams[ping, begin:begin + together] = heard.summed(foci).reshape(-1, samples)[:len(block)]
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
 
 
@@ -87,10 +86,9 @@ def aligned(recording, vector, ping, *, interpolation, like=None):
     _, _, elements, samples = recording.values.shape
     heard = ElementSignals(lib, recording, interpolation, np.ones(elements))
     heard.load(ping, np.zeros(3))
-    (point, distance, sample), _ = _grid(lib, recording, np.tile(vector, (elements, 1)))
-    element = dr.arange(lib.UInt32, elements * samples) // dr.opaque(lib.UInt32, samples)
-    way_out = _way_out(heard, recording.transmitters[ping, 0], point, distance)
-    return _complex(heard.heard(element, element, point, distance, sample, *way_out)).reshape(elements, samples)
+    foci = _beam_foci(heard, np.tile(vector, (elements, 1)), recording.transmitters[ping, 0])
+    number = dr.arange(lib.UInt32, elements * samples) // dr.opaque(lib.UInt32, samples)
+    return to_complex(*heard.heard(number, heard.element(number), foci)).reshape(elements, samples)
 
 
 def focus(signals, points, *, window=None, interpolation="band_limited", like=None):
@@ -162,61 +160,52 @@ def _images(recording, points, window, interpolation, like):
     lib = device_arrays(like)
     heard = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
     transmitters = recording.values.shape[1]
-    columns = [[upload(lib.Float64, column) for column in points[begin:begin + BLOCK].T]
-               for begin in range(0, len(points), BLOCK)]
     for ping in range(recording.values.shape[0]):
         centre = recording.receivers[ping].mean(axis=0)      # near it float32 differences are small and exact
         heard.load(ping, centre)
         image = []
-        for column in columns:
-            size = len(column[0])
-            total = (dr.zeros(lib.Float, size), dr.zeros(lib.Float, size))
-            for tx in range(transmitters):
-                total = heard.add(tx, *_ways(lib, recording, column, centre, recording.transmitters[ping, tx]), total)
-            image.append(_complex(total))
+        for begin in range(0, len(points), BLOCK):
+            block = points[begin:begin + BLOCK]
+            foci = [[_point_foci(heard, block[group], centre, transmitter) for group in dealt(len(block))]
+                    for transmitter in recording.transmitters[ping]]
+            image.append(heard.summed(foci)[:len(block)])
         yield np.concatenate(image) / transmitters
 
 
-def _ways(lib, recording, column, centre, transmitter):
-    """Points from the centre, their distance, and where (sample, fraction, phase) their echo lies there, by float64."""
-    def from_place(place):
+def _point_foci(heard, points, centre, transmitter):
+    """Points (P, 3) seen from the centre of the elements, the echo's place and phase there by float64."""
+    lib, recording = heard.lib, heard.recording
+    column = [upload(lib.Float64, axis) for axis in points.T]
+
+    def seen_from(place):
         apart = [axis - dr.opaque(lib.Float64, float(p)) for axis, p in zip(column, place, strict=True)]
         return apart, dr.sqrt(sum(axis * axis for axis in apart))
 
-    point, distance = from_place(centre)
-    way = distance + from_place(transmitter)[1]
+    point, distance = seen_from(centre)
+    way = distance + seen_from(transmitter)[1]
     turns = way * dr.opaque(lib.Float64, recording.frequency / recording.sound_speed)
     place = way * dr.opaque(lib.Float64, recording.sampling_rate / recording.sound_speed)
     place = dr.clip(place - dr.opaque(lib.Float64, recording.start * recording.sampling_rate), -FAR, FAR)
     whole = dr.floor(place)
-    return ([lib.Float(axis) for axis in point], lib.Float(distance), lib.Int32(whole), lib.Float(place - whole),
-            lib.Float(turns - dr.floor(turns)))
+    foci = Focus([lib.Float(axis) for axis in point], lib.Float(distance), lib.Int32(whole), lib.Float(place - whole),
+                 lib.Float(turns - dr.floor(turns)))
+    dr.eval(foci)
+    return foci
 
 
-def _grid(lib, recording, vectors):
-    """Focal points of all samples of beams, as (point, distance, sample), and how many there are."""
+def _beam_foci(heard, vectors, transmitter):
+    """Where beams (B, 3) are focused at their samples, beam by beam; phases count from an echo by way of the origin."""
+    lib, recording = heard.lib, heard.recording
     samples = recording.values.shape[-1]
-    number = len(vectors) * samples
-    index = dr.arange(lib.UInt32, number)
+    index = dr.arange(lib.UInt32, len(vectors) * samples)
     beam = index // dr.opaque(lib.UInt32, samples)
     sample = index - beam * dr.opaque(lib.UInt32, samples)
-    range_ = upload(lib.Float, np.maximum(0.5 * recording.sound_speed * recording.time, 0).astype(np.float32))
-    distance = dr.gather(lib.Float, range_, sample)
-    point = [distance * dr.gather(lib.Float, upload(lib.Float, column.astype(np.float32)), beam)
-             for column in vectors.T]
-    sample = lib.Int32(sample)
-    dr.eval(point, distance, sample)
-    return (point, distance, sample), number
-
-
-def _way_out(heard, transmitter, point, distance):
-    """Further samples and cycles of the way from a transmitter (3,) [m] instead of from the centre."""
-    lib = heard.lib
+    ranges = np.maximum(0.5 * recording.sound_speed * recording.time, 0)
+    distance = dr.gather(lib.Float, upload(lib.Float, ranges.astype(np.float32)), sample)
+    point = [distance * dr.gather(lib.Float, upload(lib.Float, axis.astype(np.float32)), beam) for axis in vectors.T]
     place = [dr.opaque(lib.Float, float(v)) for v in (*transmitter, transmitter @ transmitter)]
     further = heard.detour(point, distance, place)
-    return further * heard.samples_per_metre, further * heard.cycles_per_metre
-
-
-def _complex(pair):
-    re, im = (part.numpy() for part in pair)
-    return re + 1j * im
+    foci = Focus(point, distance, lib.Int32(sample), further * heard.samples_per_metre,
+                 further * heard.cycles_per_metre)
+    dr.eval(foci)
+    return foci
