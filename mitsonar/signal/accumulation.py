@@ -1,0 +1,374 @@
+"""Echoes into the impulse responses of an array's elements, on the device: the hot loop of the simulator.
+
+    z[e, n] += a exp(-2πi (φ + f₀ δ_e)) k(n - m - μ - f_s δ_e)                       [per hit and element]
+
+a -> ``amplitude``, φ -> ``phase`` [cycles], m + μ -> ``sample`` + ``fraction``: the echo at the array's centre, split
+in float64 by `centre`. δ_e -> ``difference`` [s], how much later element e hears it, is a small number and needs no
+more than float32: with f₀ = 500 kHz at 100 m the phase is right to 0.02 degrees, where float32 delays would be wrong by
+5. k is a kernel of `impulses`.
+
+Taps lie in packets of four complex numbers. A packet is added in one go but must start at a multiple of four, so every
+response is kept as four planes, shifted against each other by one sample, which `ImpulseResponses.read` folds.
+
+Who adds where is fixed: a group of 16384 lanes owns up to four rows of the sums and streams hits past them. A work
+block of Dr.Jit's LLVM backend is 16384 lanes whenever a launch has more than two blocks per thread; idle groups see to
+that. So no two threads ever meet, no atomic operation is needed, and the order of additions, hence every bit of the
+result, depends on the hits alone. Where elements are too few to make 32 groups, rows are kept several times over, each
+for its share of the hits. On a GPU the sums are atomic, and their last bits vary from run to run.
+"""
+from functools import lru_cache
+
+import drjit as dr
+import numpy as np
+
+from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.signal.impulses import Nearest, Peterson, make_kernel
+
+__all__ = ["ImpulseResponses", "centre"]
+
+LANES = 1 << 14                    # of a group: Dr.Jit's largest work block
+GROUPS = 32                        # aimed at, for machines of many cores
+COPIES_BYTES = 1 << 28             # rows are not kept several times over beyond this
+LARGEST = 1 << 32                  # numbers in an array of Dr.Jit
+ROWS = 4                           # of a group, where elements suffice
+ROUNDS = 16                        # hits of a lane at least: fewer do not pay for its start
+NEIGHBOURS = 64                    # lanes that read neighbouring hits, a multiple of every vector's width
+NOWHERE = -(1 << 30)               # sample of a hit that brings nothing
+POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell: higher ones leave the error as it is
+
+
+def centre(delay, *, start, frequency, sampling_rate):
+    """Split delays into carrier phase and place in the record.
+
+    Parameters
+    ----------
+    delay : Float64 (H,) [s]
+        Of the echoes at the array's centre; NaN where there is none.
+    start : float [s]
+        Time of sample 0.
+    frequency, sampling_rate : float [Hz]
+
+    Returns
+    -------
+    phase : Float (H,) [cycles]
+        Fraction of f₀ t, in [0, 1).
+    sample : Int32 (H,)
+    fraction : Float (H,)
+        Of a sample, in [0, 1).
+    """
+    lib = arrays_of(delay)
+    start, frequency, sampling_rate = (dr.opaque(lib.Float64, value) for value in (start, frequency, sampling_rate))
+    cycles = delay * frequency
+    place = (delay - start) * sampling_rate
+    sensible = abs(place) < -NOWHERE                        # false for NaN
+    place = dr.select(sensible, place, 0)
+    whole = dr.floor(place)
+    return (lib.Float(dr.select(sensible, cycles - dr.floor(cycles), 0)),
+            dr.select(sensible, lib.Int32(whole), NOWHERE), lib.Float(place - whole))
+
+
+class ImpulseResponses:
+    """Sums of echoes at every element, kept on the device.
+
+    Parameters
+    ----------
+    like : Dr.Jit array or type
+        Of the backend to use, `mi.Float` say.
+    elements, samples : int
+        Rows and columns of the result.
+    sampling_rate, frequency : float [Hz]
+        Of the record; of the carrier.
+    kernel : {"band_limited", "peterson", "nearest"}
+    taps : int, optional
+        Length of the ``peterson`` kernel [samples], a multiple of 4.
+
+    Raises
+    ------
+    ValueError
+        If the kernel is not known, or the sums exceed what 32-bit indices reach.
+
+    Notes
+    -----
+    32 bytes a sample and element (8 for ``nearest``), more where fewer than 128 elements are kept in several copies, at
+    most 256 MiB for these. Neither the numbers nor the count of hits, elements or samples make a new kernel.
+    """
+
+    def __init__(self, like, *, elements, samples, sampling_rate, frequency, kernel="band_limited", taps=None):
+        if elements < 1 or samples < 1:
+            raise ValueError(f"impulse responses of {elements} elements and {samples} samples were asked for; both "
+                             f"must be 1 or more")
+        self.lib = lib = arrays_of(like)
+        self.kernel = make_kernel(kernel, taps=taps)
+        self.elements, self.samples = int(elements), int(samples)
+        self.planes, self.packet = (1, 2) if isinstance(self.kernel, Nearest) else (4, 8)
+        self.span = self.samples + 2 * self.kernel.margin  # samples kept
+        self.plane = -(-self.span // self.planes)          # packets of a plane
+        self.row = self.planes * self.plane
+        self.on_cpu = dr.backend_v(lib.Float) == dr.JitBackend.LLVM
+        one = self.row * self.elements
+        if one * self.packet >= LARGEST:
+            raise ValueError(f"responses of {elements} elements and {samples} samples take "
+                             f"{4 * one * self.packet / 2**30:.0f} GiB, and {4 * LARGEST >> 30} is the limit; "
+                             f"accumulate fewer elements at a time or a shorter record")
+        self.copies = self._copies(self.elements) if self.on_cpu else 1
+        self.copies = max(1, min(self.copies, COPIES_BYTES // (4 * self.packet * one)))
+        self.frequency, self.sampling_rate = (dr.opaque(lib.Float, value) for value in (frequency, sampling_rate))
+        self.numbers = {name: dr.opaque(lib.UInt32, value) for name, value in dict(
+            row=self.row, plane=self.plane, span=self.span, elements=self.elements).items()}
+        # one packet for each group takes what falls outside the record
+        self.spare = max(2 * GROUPS, self.elements)
+        self.clear()
+
+    def clear(self):
+        """Set all sums to zero."""
+        packets = self.spare + self.copies * self.elements * self.row
+        self.sums = dr.zeros(self.lib.Float, packets * self.packet)
+
+    def add(self, *, amplitude, phase, sample, fraction, hit_fields, element_fields, difference, gain=None, rows=None):
+        """Add the echoes of hits at elements.
+
+        Parameters
+        ----------
+        amplitude : (Float, Float) (H,) [-]
+            Real and imaginary part.
+        phase : Float (H,) [cycles]
+        sample : Int32 (H,)
+            Hits far outside the record bring nothing, whatever their other fields hold; -2**30 says so of any.
+        fraction : Float (H,)
+        hit_fields : sequence of Float (H,) or (1,)
+            What `difference` and `gain` need of a hit.
+        element_fields : sequence of Float or NumPy arrays (E,)
+            What they need of an element.
+        difference : callable
+            ``difference(hit_fields, element_fields)`` gives δ [s], the delay at the element less that at the centre.
+        gain : callable, optional
+            ``gain(hit_fields, element_fields)`` gives a real factor: the element's directivity, say.
+        rows : sequence of int (E,), optional
+            Elements of the result that `element_fields` belong to, each once; without it, all in order.
+
+        Notes
+        -----
+        Both callables are traced into the kernel with lists of Float. A Python number in them that changes from call
+        to call makes a new kernel each time; `drjit.opaque` prevents that. No gradients. Hits in order of time are
+        summed about 1.2 times faster than in random order.
+        """
+        lib = self.lib
+        rows = np.arange(self.elements) if rows is None else np.ravel(rows)
+        fields = [field if dr.is_jit_v(field) else upload(lib.Float, np.asarray(field, np.float32))
+                  for field in element_fields]
+        self._check(rows, fields)
+        hits = [dr.detach(lib.Float(field)) for field in (*amplitude, phase, fraction, *hit_fields)]
+        sample = dr.detach(lib.Int32(sample))
+        count = max(dr.width(field) for field in (*hits, sample))
+        wrong = sorted({dr.width(field) for field in (*hits, sample)} - {1, count})
+        if wrong:
+            raise ValueError(f"fields of {count} hits have {wrong[0]} values; give each as many values as hits, or one")
+        if not len(rows) or not count:
+            return
+        dr.make_opaque(hits, sample, fields)
+        with dr.suspend_grad():
+            self._launch(count, hits, sample, fields, upload(lib.UInt32, rows.astype(np.uint32)), difference, gain)
+
+    def read(self):
+        """Give the responses (elements, samples) as complex64, their spectrum corrected; the sums stay."""
+        folded = self._fold().numpy().view(np.complex64).reshape(self.elements, self.span)
+        margin = self.kernel.margin
+        return np.ascontiguousarray(self.kernel.finish(folded)[:, margin:margin + self.samples])
+
+    # -- who adds where ------------------------------------------------------------------------------------------
+
+    def _rows(self, elements):
+        """Rows of a group."""
+        return 1 if isinstance(self.kernel, Peterson) or elements < 3 else ROWS
+
+    def _copies(self, elements):
+        """Private copies of the rows that make about GROUPS groups."""
+        return -(-GROUPS // -(-elements // self._rows(elements)))
+
+    def _check(self, rows, fields):
+        if len(rows) and not (len(np.unique(rows)) == len(rows) and 0 <= rows.min() and rows.max() < self.elements):
+            raise ValueError(f"rows are {rows.min()} to {rows.max()}, {len(np.unique(rows))} different of {len(rows)}; "
+                             f"give each of the elements 0 to {self.elements - 1} at most once")
+        for field in fields:
+            if dr.width(field) != len(rows):
+                raise ValueError(f"element fields have {dr.width(field)} values for {len(rows)} elements; give one "
+                                 f"value an element")
+
+    def _launch(self, count, hits, sample, fields, rows, difference, gain):
+        lib, elements = self.lib, dr.width(rows)
+        U = lib.UInt32
+        together = self._rows(elements)
+        quads = -(-elements // together)
+        copies = min(self.copies, self._copies(elements)) if self.on_cpu else 1
+        share = -(-count // copies)
+        rounds = max(-(-share // LANES), ROUNDS)
+        used = quads * copies
+        groups = max(used, 2 * dr.thread_count() + 1) if self.on_cpu else used
+        number = {name: dr.opaque(U, value) for name, value in dict(
+            quads=quads, share=share, stretch=rounds * NEIGHBOURS, count=count, used=used, last=elements - 1,
+            spare=self.spare, step=NEIGHBOURS).items()}
+
+        lane = dr.arange(U, groups * LANES)
+        group = lane // LANES
+        lane -= group * LANES
+        copy = group // number["quads"]
+        first = (group - copy * number["quads"]) * together
+        # a bundle of lanes takes a stretch of hits, lane by lane
+        bundle = lane // NEIGHBOURS
+        begin = copy * number["share"] + bundle * number["stretch"]
+        end = dr.minimum(dr.minimum(begin + number["stretch"], (copy + 1) * number["share"]), number["count"])
+        end = dr.select(group < number["used"], end, 0)
+        begin += lane - bundle * NEIGHBOURS
+
+        def packets(hit, active, owned):
+            read = [_gather(lib.Float, field, hit, active) for field in hits]
+            place = _gather(lib.Int32, sample, hit, active)
+            return [packet for row, exists, here in owned
+                    for packet in self._packets(read, place, here, row, group, active & exists, difference, gain)]
+
+        def scatter(packets):
+            mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
+            kind = lib.Array2f if self.packet == 2 else lib.ArrayXf
+            for index, *values in packets:
+                dr.scatter_add(self.sums, kind(*values) if self.packet == 2 else kind(values), index, mode=mode)
+
+        def stream(hit):
+            """All hits of a lane; idle lanes never come here."""
+            owned = []
+            for k in range(together):
+                element = first + k
+                exists = element <= number["last"]
+                element = dr.minimum(element, number["last"])
+                row = copy * self.numbers["elements"] + dr.gather(U, rows, element)
+                owned.append((number["spare"] + row * self.numbers["row"], exists,
+                              [dr.gather(lib.Float, field, element) for field in fields]))
+            # What was computed in one turn is added in the next, so that arithmetic and additions overlap.
+            ready = packets(hit, lib.Bool(True), owned)
+
+            def turn(hit, ready):
+                fresh = packets(hit, lib.Bool(True), owned)
+                scatter(ready)
+                return hit + number["step"], fresh
+
+            hit, ready = dr.while_loop((hit + number["step"], ready), lambda hit, ready: hit < end, turn,
+                                       mode="symbolic", label="hits")
+            scatter(ready)
+            return hit,
+
+        dr.while_loop((begin,), lambda hit: hit < end, stream, mode="symbolic", label="echoes")
+        dr.eval(self.sums)
+
+    # -- one hit at one element ----------------------------------------------------------------------------------
+
+    def _packets(self, hit, sample, element, row, group, active, difference, gain):
+        """Packets of one echo: their index and values."""
+        lib = self.lib
+        real, imaginary, phase, fraction, *fields = hit
+        delta = difference(fields, element)
+        cosine, sine = _turn(lib, dr.fma(self.frequency, delta, phase))
+        if gain is not None:
+            factor = gain(fields, element)
+            cosine, sine = cosine * factor, sine * factor
+        real, imaginary = dr.fma(real, cosine, imaginary * sine), dr.fma(imaginary, cosine, -(real * sine))
+        place = dr.fma(self.sampling_rate, delta, fraction)
+        half = self.kernel.taps // 2
+        whole = dr.floor(place + 0.5) if self.planes == 1 else dr.floor(place)
+        # the first tap, counted from the start of the margin; what lies before it wraps round to a large number
+        tap = lib.UInt32(sample + lib.Int32(whole) + (self.kernel.margin + (0 if self.planes == 1 else 1 - half)))
+        active &= (tap <= self.numbers["span"] - self.kernel.taps) & (abs(place) < LANES)
+        packet = row + tap if self.planes == 1 else row + (tap & 3) * self.numbers["plane"] + (tap >> 2)
+        packet = dr.select(active, packet, group)
+        weights = self._weights(place - whole)
+        step = self.packet // 2
+        for k in range(0, len(weights), step):
+            values = [part * weight for weight in weights[k:k + step] for part in (real, imaginary)]
+            yield dr.select(active, packet + k // step, group) if k else packet, *values
+
+    def _weights(self, x):
+        """The kernel's taps for an echo x in [0, 1) after the middle one."""
+        lib, taps = self.lib, self.kernel.taps
+        if taps == 1:
+            return [lib.Float(1)]
+        if isinstance(self.kernel, Peterson):
+            return _hann_sinc(lib, x, taps)
+        x = x - 0.5
+        pairs = [_even_and_odd(lib, x, coefficients) for coefficients in _bell(self.kernel)]
+        return [even + odd for even, odd in pairs] + [even - odd for even, odd in reversed(pairs)]
+
+    def _fold(self):
+        """Planes and copies added up: interleaved complex rows, (elements x span)."""
+        lib = self.lib
+        U, n = lib.UInt32, self.numbers
+        copies, spare = dr.opaque(U, self.copies), dr.opaque(U, self.spare * self.packet // 2)
+        index = dr.arange(U, self.elements * self.span)
+        element = index // n["span"]
+        column = index - element * n["span"]
+        values_in_row = n["row"] * (self.packet // 2)
+        plane = n["plane"] * (self.packet // 2)
+        begin = spare + element * values_in_row
+
+        def add(copy, total):
+            row = begin + copy * (n["elements"] * values_in_row)
+            for shift in range(self.planes):
+                there = column >= shift
+                total = total + dr.gather(lib.Array2f, self.sums, row + shift * plane + (column - shift), there)
+            return copy + 1, total
+
+        _, total = dr.while_loop((U(0), dr.zeros(lib.Array2f, dr.width(index))), lambda copy, total: copy < copies, add,
+                                 mode="symbolic", label="fold")
+        return dr.ravel(total)
+
+
+def _gather(kind, field, index, active):
+    return field if dr.width(field) == 1 else dr.gather(kind, field, index, active)
+
+
+def _turn(lib, cycles):
+    """Cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
+    x = (cycles - dr.round(cycles)) * np.pi
+    x2 = x * x
+    x4 = x2 * x2
+    sine = x * dr.fma(x4, dr.fma(x4, lib.Float(1 / 362880), dr.fma(x2, lib.Float(-1 / 5040), lib.Float(1 / 120))),
+                      dr.fma(x2, lib.Float(-1 / 6), lib.Float(1)))
+    cosine = dr.fma(x4, dr.fma(x4, dr.fma(x2, lib.Float(-1 / 3628800), lib.Float(1 / 40320)),
+                               dr.fma(x2, lib.Float(-1 / 720), lib.Float(1 / 24))),
+                    dr.fma(x2, lib.Float(-0.5), lib.Float(1)))
+    twice = sine + sine
+    return dr.fma(-twice, sine, 1), twice * cosine
+
+
+@lru_cache
+def _bell(kernel):
+    """Polynomials, even and odd part, of the bell's first two taps for an echo x = -1/2..1/2 off their middle."""
+    x = 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
+    fits = (np.polynomial.Polynomial.fit(x, kernel.impulse(tap - (kernel.taps - 1) / 2 - x), POLYNOMIAL, domain=[-1, 1])
+            for tap in range(kernel.taps // 2))
+    return [(fit.coef[0::2], fit.coef[1::2]) for fit in fits]
+
+
+def _even_and_odd(lib, x, coefficients):
+    x2, parts = x * x, []
+    for series in coefficients:
+        total = lib.Float(float(series[-1]))
+        for coefficient in series[-2::-1]:
+            total = dr.fma(total, x2, lib.Float(float(coefficient)))
+        parts.append(total)
+    return parts[0], parts[1] * x
+
+
+def _hann_sinc(lib, x, taps):
+    """Taps of the Peterson kernel for an echo x after tap taps/2 - 1."""
+    turn = x * (1 / taps)
+    cosine, sine = _turn(lib, turn)
+    wave = _turn(lib, x * 0.5)[1] * (1 / np.pi)            # sin(πx)/π
+    weights = []
+    for tap in range(taps):
+        whole = tap - (taps // 2 - 1)
+        angle = 2 * np.pi * whole / taps
+        window = 0.5 + 0.5 * dr.fma(cosine, lib.Float(np.cos(angle)), sine * float(np.sin(angle)))
+        away = whole - x
+        near = abs(away) < 1e-4
+        # sin(π (whole - x)) = -(-1)^whole sin(πx)
+        sinc = dr.select(near, 1, (wave if whole % 2 else -wave) / dr.select(near, 1, away))
+        weights.append(window * sinc)
+    return weights

@@ -1,0 +1,240 @@
+"""Impulse responses of complex baseband: what one echo looks like in the record, and how near it is to the truth.
+
+    z[e, n] = Σ_h a_h exp(-2πi f₀ τ_he) k(n - f_s (τ_he - t₀))                        [element e, sample n]
+
+a -> ``amplitude``, τ -> ``delay`` [s], f₀ -> ``frequency`` [Hz], f_s -> ``sampling_rate`` [Hz], t₀ -> ``start`` [s]; k
+is one of KERNELS, an impulse of unit area whose argument counts samples. An exact response has the spectrum
+
+    Z(e, f) = Σ_h a_h exp(-2πi (f₀ + f) (τ_he - t₀)) exp(-2πi f₀ t₀)
+
+``nearest`` puts the whole echo into the nearest sample: its carrier's phase is right, its place half a sample off.
+``peterson`` is a Hann-windowed sinc, sinc and window both centred on the exact delay (Peterson 1986, JASA 80, 1527).
+``band_limited`` spreads the echo over four samples by a Kaiser-Bessel bell and divides the record's spectrum by the
+bell's, as non-uniform FFTs do (Beatty, Nishimura & Pauly 2005, IEEE TMI 24, 799). It is flat to a third of the sampling
+rate on either side and rolls off to nothing at the half: a lone echo's peak is about 5/6. Errors within the flat band,
+rms over many echoes, are -9, -61 (16 taps) and -57 dB.
+"""
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import scipy.fft
+from scipy.special import i0
+
+__all__ = ["KERNELS", "BandLimited", "Nearest", "Peterson", "element_responses", "in_band_error_db", "make_kernel",
+           "response_spectrum"]
+
+FLAT = 1 / 3                       # [cycles per sample], edge of the flat band
+GUARD = 64                         # [samples] of zeros on either side of a record while its spectrum is divided
+MARGIN = 16                        # [samples] kept before and after a record, so that echoes at its edges stay whole
+CHUNK = 1 << 21                    # numbers held at once by the reference sums
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """All of an echo in the nearest sample."""
+
+    taps = 1
+    margin = MARGIN
+
+    def impulse(self, x):
+        """k at x samples from the echo."""
+        x = np.asarray(x, float)
+        return np.where((x > -0.5) & (x <= 0.5), 1.0, 0.0)
+
+    def spectrum(self, frequency):
+        """Fourier transform of k at `frequency` [cycles per sample]."""
+        return np.sinc(frequency)
+
+    def finish(self, records):
+        """Give records (..., samples) their final spectrum: nothing to do for this kernel."""
+        return records
+
+
+@dataclass(frozen=True)
+class Peterson:
+    """Hann-windowed sinc around the exact delay.
+
+    Attributes
+    ----------
+    taps : int
+        Length of the window [samples], a multiple of 4.
+    """
+
+    taps: int = 16
+
+    def __post_init__(self):
+        if self.taps != int(self.taps) or self.taps % 4 or not 8 <= self.taps <= 80:
+            raise ValueError(f"peterson kernel of {self.taps} taps; give a multiple of 4 from 8 to 80")
+
+    @property
+    def margin(self):
+        """Samples kept before and after a record."""
+        return max(MARGIN, self.taps)
+
+    def impulse(self, x):
+        """k at x samples from the echo."""
+        x = np.asarray(x, float)
+        window = 0.5 * (1 + np.cos(2 * np.pi * x / self.taps))
+        return np.where(np.abs(x) < self.taps / 2, window * np.sinc(x), 0.0)
+
+    def spectrum(self, frequency):
+        """Fourier transform of k at `frequency` [cycles per sample]."""
+        return _transform(self, frequency)
+
+    def finish(self, records):
+        """Give records (..., samples) their final spectrum: nothing to do for this kernel."""
+        return records
+
+
+@dataclass(frozen=True)
+class BandLimited:
+    """Kaiser-Bessel bell over four samples, its spectrum divided out afterwards."""
+
+    taps = 4
+    margin = MARGIN
+
+    @cached_property
+    def shape(self):
+        """Beatty's β for a band of two thirds of the sampling rate."""
+        ratio = 0.5 / FLAT
+        return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
+
+    def impulse(self, x):
+        """k at x samples from the echo, before `finish`."""
+        inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
+        return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
+
+    def spectrum(self, frequency):
+        """Fourier transform of k at `frequency` [cycles per sample], before `finish`.
+
+        Notes
+        -----
+        (w / I₀(β)) sinh(√(β² - (πwf)²)) / √(β² - (πwf)²), w taps.
+        """
+        root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
+        near = np.abs(root) < 1e-6
+        return np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root)).real * self.taps / i0(self.shape)
+
+    def response(self, frequency):
+        """Spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine down to 0 at the half."""
+        beyond = (np.abs(frequency) - FLAT) / (0.5 - FLAT)
+        return 0.5 * (1 + np.cos(np.pi * np.clip(beyond, 0, 1)))
+
+    def finish(self, records):
+        """Divide the spectrum of records (..., samples) by the bell's, up to the roll-off; keeps their precision."""
+        samples = records.shape[-1]
+        length = scipy.fft.next_fast_len(samples + 2 * GUARD)
+        spectrum = scipy.fft.fft(records, length, axis=-1, workers=-1)
+        spectrum *= _division(length).astype(records.real.dtype)
+        return scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True, workers=-1)[..., :samples]
+
+
+KERNELS = {"nearest": Nearest, "peterson": Peterson, "band_limited": BandLimited}
+
+
+def make_kernel(name, *, taps=None):
+    """The kernel called `name`; `taps` only where its length is free (``peterson``)."""
+    if name not in KERNELS:
+        raise ValueError(f"there is no kernel {name!r}; known are {', '.join(KERNELS)}")
+    if taps is None:
+        return KERNELS[name]()
+    if name != "peterson":
+        raise ValueError(f"taps={taps} was asked of the kernel {name!r}, whose length is fixed; only peterson takes it")
+    return Peterson(taps)
+
+
+def element_responses(*, delay, amplitude, frequency, sampling_rate, samples, start=0.0, kernel="band_limited"):
+    """Sum echoes one by one in float64: the reference of `accumulation`.
+
+    Parameters
+    ----------
+    delay : (H, E) [s]
+        Of every hit at every element.
+    amplitude : complex (H,) or (H, E) [-]
+    frequency, sampling_rate : float [Hz]
+    samples : int
+    start : float [s]
+        Time of sample 0.
+    kernel : str or kernel
+
+    Returns
+    -------
+    complex128 (E, samples)
+    """
+    kernel = make_kernel(kernel) if isinstance(kernel, str) else kernel
+    delay = np.asarray(delay, float)
+    phasor = _columns(amplitude, delay) * np.exp(-2j * np.pi * np.mod(frequency * delay, 1.0))
+    margin = kernel.margin
+    records = np.zeros((delay.shape[1], samples + 2 * margin), complex)
+    for record, tau, echo in zip(records, delay.T, phasor.T):
+        place = (tau - start) * sampling_rate
+        first = np.floor(place - 0.5 * kernel.taps).astype(np.int64) + 1
+        for tap in range(kernel.taps):
+            index = first + (tap + margin)
+            inside = (first >= -margin) & (first + kernel.taps <= samples + margin)
+            np.add.at(record, index[inside], (echo * kernel.impulse(first + tap - place))[inside])
+    return kernel.finish(records)[:, margin:margin + samples]
+
+
+def response_spectrum(*, delay, amplitude, frequency, offset, start=0.0):
+    """Exact spectrum Z of the responses, see the module.
+
+    Parameters
+    ----------
+    delay : (H, E) [s]
+    amplitude : complex (H,) or (H, E) [-]
+    frequency : float [Hz]
+        Carrier.
+    offset : (F,) [Hz]
+        Frequencies relative to it.
+    start : float [s]
+
+    Returns
+    -------
+    complex128 (E, F)
+    """
+    delay, offset = np.asarray(delay, float), np.asarray(offset, float)
+    phasor = _columns(amplitude, delay) * np.exp(-2j * np.pi * np.mod(frequency * delay, 1.0))
+    step = max(1, CHUNK // len(offset))
+    total = np.zeros((delay.shape[1], len(offset)), complex)
+    for begin in range(0, len(delay), step):
+        part = slice(begin, begin + step)
+        for row, tau, echo in zip(total, delay[part].T, phasor[part].T):
+            row += echo @ np.exp(-2j * np.pi * np.outer(tau - start, offset))
+    return total
+
+
+def in_band_error_db(responses, *, sampling_rate, offset, exact):
+    """Error of responses (E, samples) within a band [dB]: rms of the difference of the spectra over rms of `exact`.
+
+    Parameters
+    ----------
+    responses : complex (E, samples)
+    sampling_rate : float [Hz]
+    offset : (F,) [Hz]
+        Where the band is looked at.
+    exact : complex (E, F)
+        From `response_spectrum`.
+    """
+    time = np.arange(responses.shape[-1]) / sampling_rate
+    found = np.asarray(responses, complex) @ np.exp(-2j * np.pi * np.outer(time, offset))
+    return 20 * np.log10(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+
+
+def _columns(amplitude, delay):
+    amplitude = np.asarray(amplitude, complex)
+    return np.broadcast_to(amplitude[:, None] if amplitude.ndim == 1 else amplitude, delay.shape)
+
+
+def _transform(kernel, frequency):
+    nodes, weights = np.polynomial.legendre.leggauss(8 * kernel.taps)
+    half = 0.5 * kernel.taps
+    values = kernel.impulse(half * nodes) * weights * half
+    return np.cos(2 * np.pi * np.multiply.outer(np.asarray(frequency, float), half * nodes)) @ values
+
+
+@lru_cache(maxsize=8)
+def _division(length):
+    kernel, frequency = BandLimited(), scipy.fft.fftfreq(length)
+    return kernel.response(frequency) / kernel.spectrum(frequency)
