@@ -8,15 +8,14 @@ since 1970; ``x`` east and ``y`` north [m]; ``z`` up [m] or, in its place, ``dep
 degrees, optional (0), named with or without the suffix ``_deg``. Columns stand in any order, others are ignored, and so
 are empty lines and those starting with #. Commas, semicolons or tabs divide them.
 """
-import csv
 import datetime
 import re
-from pathlib import Path
 
 import numpy as np
 
 from .. import units
 from ..sonar.track import Track
+from . import tables
 
 ANGLES = ("roll", "pitch", "heading")
 STEEPEST_DEG = {"roll": 180, "pitch": 90}
@@ -46,7 +45,7 @@ def read(path):
     """
     numbers, columns = _columns(path)
     time = _times(path, numbers, columns["time"])
-    values = {name: _floats(path, numbers, name, column) for name, column in columns.items() if name != "time"}
+    values = {name: tables.floats(path, numbers, name, column) for name, column in columns.items() if name != "time"}
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
         line = late[0] + 1
@@ -69,25 +68,7 @@ def read(path):
 
 def _columns(path):
     """Give the line numbers of the records and the needed columns as lists of text."""
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"cannot read the track {path}: there is no such file; check the name.")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (UnicodeDecodeError, IsADirectoryError):
-        raise ValueError(f"cannot read the track {path}: it is not a text file; give a CSV file.") from None
-    kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if len(kept) < 2:
-        raise ValueError(f"cannot read the track {path}: it has {'a header but no' if kept else 'no header and no'} "
-                         "records; give a header line and a line per ping.")
-    divider = max(",;\t", key=kept[0][1].count)
-    try:
-        header, *records = csv.reader([line for _, line in kept], delimiter=divider, skipinitialspace=True, strict=True)
-        if len(records) != len(kept) - 1:
-            raise csv.Error("a field runs over several lines")
-    except csv.Error as error:
-        raise ValueError(f"cannot read the track {path}: {error}; close the quotation marks.") from None
-    names = [name.strip().lower() for name in header]
+    names, numbers, records = tables.records(path, "track")
     names = [name[:-4] if name.removesuffix("_deg") in ANGLES and name.endswith("_deg") else name for name in names]
     wanted = ["time", "x", "y", "depth" if "depth" in names and "z" not in names else "z"]
     for name in (*wanted, *ANGLES, "depth"):
@@ -98,39 +79,14 @@ def _columns(path):
                              "time, x, y and z (or depth).")
     if "z" in names and "depth" in names:
         raise ValueError(f"cannot read the track {path}: it has both z and depth; keep one of the two.")
-    numbers = [number for number, _ in kept[1:]]
-    for number, record in zip(numbers, records, strict=True):
-        if len(record) < len(names):
-            raise ValueError(f"{path}, line {number}: {len(record)} fields, but the header names {len(names)}; "
-                             "complete the line or remove it.")
     wanted += [name for name in ANGLES if name in names]
     return numbers, {name: [record[names.index(name)].strip() for record in records] for name in wanted}
-
-
-def _floats(path, numbers, name, column):
-    """Give a column as finite numbers: all at once if they are sound, else one by one to find the first that is not."""
-    try:
-        values = np.array(column, dtype=np.float64)
-    except ValueError:
-        values = np.array([_number(text) for text in column])
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise ValueError(f"{path}, line {numbers[bad[0]]}: {name} is {column[bad[0]] or 'empty'!r}, which is not a "
-                         "finite number; repair the line or remove it.")
-    return values
-
-
-def _number(text):
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def _times(path, numbers, column):
     """Give seconds; what the first record holds, seconds or ISO 8601, all must hold."""
     if not INSTANT.fullmatch(column[0]):
-        return _floats(path, numbers, "time", column)
+        return tables.floats(path, numbers, "time", column)
     seconds = np.empty(len(column))
     for k, (number, text) in enumerate(zip(numbers, column, strict=True)):
         try:

@@ -32,8 +32,9 @@ def element_array(position, *, normal="down", along="forward", **more):
         Body frame, about the array's centre; not moved.
     normal : str or array (3,) or (E, 3) [-]
         Where the elements look: a name of `axes.AXES`, one vector for all, or one each.
-    along : str or array (3,) [-]
-        Which way the length of the faces lies; made perpendicular to the normals.
+    along : str or array (3,) or (E, 3) [-]
+        Which way the length of the faces lies; made perpendicular to the normals. Where it is parallel to one, forward
+        takes its place, or starboard.
     **more
         length, height, pattern, baffle, weight and delay, as in `Array`.
 
@@ -48,15 +49,18 @@ def element_array(position, *, normal="down", along="forward", **more):
     """
     position = np.atleast_2d(as_numbers("position", position))
     position = position if position.size else np.empty((0, 3))
-    if np.ndim(normal) < 2:
-        normal = np.tile(axis_vector("array: normal", normal), (len(position), 1))
-    normal = as_numbers("normal", normal)
-    if normal.shape != position.shape:
-        raise ValueError(f"array: normals have shape {normal.shape}, positions {position.shape}; give one normal for "
-                         "all elements or one for each.")
-    with np.errstate(invalid="ignore"):      # zero normals are refused by the record, which names the element
-        unit = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    return Array(position=position, normal=normal, along=across(unit, axis_vector("array: along", along)), **more)
+    normal, along = (_each(name, value, len(position)) for name, value in (("normal", normal), ("along", along)))
+    return Array(position=position, normal=normal, along=across(normal, along), **more)
+
+
+def _each(name, directions, elements):
+    """Unit vectors (elements, 3) of one direction or of one for each element."""
+    if np.ndim(directions) < 2:
+        return np.tile(axis_vector(f"array: {name}", directions), (elements, 1))
+    if len(directions) != elements:
+        raise ValueError(f"array: {name} is given for {len(directions)} elements of {elements}; give one for all or "
+                         "one for each.")
+    return np.array([axis_vector(f"array: {name} of element {e}", vector) for e, vector in enumerate(directions)])
 
 
 def line_array(elements, pitch, *, axis="starboard", normal=None, **face):
