@@ -23,6 +23,8 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "load_file": "mitsonar.scene",
     "render": "mitsonar.rendering",
+    "impulse_response": "mitsonar.elements",
+    "element_signals": "mitsonar.elements",
     "BackendError": "mitsonar.llvm",
     "doctor": "mitsonar.doctor",
     "imaging": "mitsonar.imaging",

@@ -68,7 +68,7 @@ class Connector:
     def __init__(self, tracer):
         self.tracer = tracer
 
-    def __call__(self, sources, origin, source, point, normal, active=True):
+    def __call__(self, sources, origin, source, point, normal, active=True, *, occlusion=True, short=0.0):
         """Connect one point an entry.
 
         Parameters
@@ -82,6 +82,10 @@ class Connector:
         normal : Vector3f (R,)
             Of the surface the point lies on, either side; zero for a point in free water.
         active : Bool (R,)
+        occlusion : bool
+            Look for what lies in the way; else every way is free.
+        short : float [m]
+            The last of the way that is not looked at, for a target that stands in front of itself.
 
         Returns
         -------
@@ -104,9 +108,11 @@ class Connector:
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         exists = found & dr.isfinite(time) & dr.isfinite(area)
         lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
-        end = mi.Point3f(point) + dr.copysign(lift, -dr.dot(normal, arrival)) * normal
-        blocked = _blocked(self.tracer.geometry.scene, sources.fans, mi.Point3f(origin), source,
-                           dr.atan2(launch_sine, launch_cosine), along, end, mi.Float(x), exists)
+        end = mi.Point3f(point) + dr.copysign(lift, -dr.dot(normal, arrival)) * normal - short * arrival
+        blocked = mi.Bool(False)
+        if occlusion:
+            blocked = _blocked(self.tracer.geometry.scene, sources.fans, mi.Point3f(origin), source,
+                               dr.atan2(launch_sine, launch_cosine), along, end, mi.Float(x), exists)
         return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
                           spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
                           sound_speed=c)

@@ -9,7 +9,7 @@ from . import __version__
 from .plugins.errors import as_exception
 from .scene import load_file, prepare
 
-__all__ = ["render"]
+__all__ = ["checked_seed", "opened", "provenance", "render"]
 
 SEEDS = 1 << 32                    # what Mitsuba takes, and what tells rays apart
 
@@ -45,7 +45,25 @@ def render(scene, seed=0, *, sensor=0, progress=None):
     TypeError
         If `scene` is neither a file's name nor a scene of the present variant, or `seed` or `sensor` no whole number.
     """
-    seed, sensor = _seed(seed), operator.index(sensor)
+    seed = checked_seed(seed)
+    scene, sensor, integrator = opened(scene, sensor)
+    try:
+        image = integrator.dataset(scene, sensor, seed, progress)
+    except RuntimeError as error:
+        raise as_exception(error) from error
+    image.attrs.update(provenance(scene, sensor))
+    return image
+
+
+def opened(scene, sensor=0):
+    """Give a scene (loaded if it is a path), the sensor of that number, and an integrator that renders sound.
+
+    Raises
+    ------
+    ValueError, TypeError, FileNotFoundError
+        As `render`.
+    """
+    sensor = operator.index(sensor)
     if not (mi.variant() and isinstance(scene, mi.Scene)):
         if not isinstance(scene, (str, os.PathLike)):
             raise TypeError(f"a scene of the variant {mi.variant()} or the path of a file was wanted, got a "
@@ -59,22 +77,19 @@ def render(scene, seed=0, *, sensor=0, progress=None):
         raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
     if not hasattr(integrator, "dataset"):
         raise ValueError("the scene's integrator cannot render sound; write <integrator type=\"sonar_path\"/>")
-    try:
-        image = integrator.dataset(scene, sensors[sensor], seed, progress)
-    except RuntimeError as error:
-        raise as_exception(error) from error
-    image.attrs.update(_provenance(scene, sensors[sensor]))
-    return image
+    return scene, sensors[sensor], integrator
 
 
-def _seed(seed):
+def checked_seed(seed):
+    """Give a seed as a number, or refuse it."""
     number = operator.index(seed)
     if not 0 <= number < SEEDS:
         raise ValueError(f"seed is {number}; give a whole number from 0 to {SEEDS - 1}")
     return number
 
 
-def _provenance(scene, sensor):
+def provenance(scene, sensor):
+    """Where a result comes from: scene, parameters, versions, origin."""
     bed = next((shape for shape in scene.shapes() if getattr(shape, "local_origin", None) is not None), None)
     known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}

@@ -13,8 +13,8 @@ if __name__ != "mitsonar.plugins":
 
 __all__ = ["install"]
 
-MODULES = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "sensors.sidescan", "integrators.sonar_path",
-           "shapes.seabed", "shapes.bathymetry")
+MODULES = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "sensors.sidescan", "sensors.array_sonar",
+           "integrators.sonar_path", "shapes.seabed", "shapes.bathymetry", "shapes.point_target")
 
 _installed = False
 

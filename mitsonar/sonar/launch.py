@@ -16,7 +16,7 @@ rays go, never what they weigh, so the estimate stays unbiased.
 import drjit as dr
 import numpy as np
 
-__all__ = ["CELLS", "along_quantiles", "draw", "first_quantiles", "refine_quantiles"]
+__all__ = ["CELLS", "along_quantiles", "draw", "first_quantiles", "quantiles", "refine_quantiles"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
@@ -118,12 +118,12 @@ def refine_quantiles(first, need):
     return quantiles(first, share / np.maximum(np.diff(first, axis=1), 1e-12))
 
 
-def draw(table, row, xi):
+def draw(table, row, xi, cells=CELLS):
     """Look a stratified sample up in a quantile table.
 
     Parameters
     ----------
-    table : Float (D (CELLS + 1),)
+    table : Float (D (cells + 1),)
     row : UInt32 (R,)
     xi : Float (R,)
         In [0, 1).
@@ -134,11 +134,11 @@ def draw(table, row, xi):
     width : Float (R,)
         1 / density.
     cell : UInt32 (R,)
-        Index into a (D, CELLS) table.
+        Index into a (D, cells) table.
     """
-    place = xi * CELLS
-    index = dr.minimum(type(row)(place), CELLS - 1)
-    base = row * (CELLS + 1) + index
+    place = xi * cells
+    index = dr.minimum(type(row)(place), cells - 1)
+    base = row * (cells + 1) + index
     low = dr.gather(type(xi), table, base)
     high = dr.gather(type(xi), table, base + 1)
-    return dr.fma(place - type(xi)(index), high - low, low), (high - low) * CELLS, row * CELLS + index
+    return dr.fma(place - type(xi)(index), high - low, low), (high - low) * cells, row * cells + index

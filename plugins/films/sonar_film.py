@@ -1,7 +1,8 @@
 """Sonar film (`sonar_film`): the window of time a ping is recorded in, and its bins.
 
 - ``range`` [m, 100], ``range_min`` [m, 0]: slant range window, at the sonar's own sound speed.
-- ``bins`` [800] or ``sample_rate_khz``: number of equal time bins, or how many a millisecond.
+- ``bins`` [800] or ``sample_rate_khz``: number of equal time bins, or how many a millisecond. The signals of an array
+  are complex samples; without either they come at 1.5 times the bandwidth of the pulse.
 
 .. code-block:: xml
 
@@ -29,6 +30,7 @@ class SonarFilm(mi.Film):
         if sample_rate_khz is not None and attributes.given("bins"):
             raise attributes.error("bins and sample_rate_khz are both given; give one of them.")
         self._bins = attributes.integer("bins", 800, minimum=1, maximum=MOST_BINS)
+        self._bins_written = bool(attributes.given("bins"))
         self._sample_rate = None if sample_rate_khz is None else float(hertz_from_khz(sample_rate_khz))
         if self.range_min >= self.range:
             raise attributes.error(f"range_min is {self.range_min} m, not below range {self.range} m; lower it.")
@@ -54,6 +56,28 @@ class SonarFilm(mi.Film):
             raise ValueError(f"sonar_film: sample_rate_khz is {self._sample_rate / 1000:g}, which makes {bins:.3g} "
                              f"bins of the range; lower it, a film has at most {MOST_BINS}")
         return (start, start + bins / self._sample_rate), int(bins)
+
+    def sampling(self, sound_speed, usual_rate):
+        """Start of the record [s], sampling rate [Hz] and number of samples, at the sonar's sound speed [m/s].
+
+        Parameters
+        ----------
+        sound_speed : float [m/s]
+        usual_rate : float [Hz]
+            Taken where the scene writes neither bins nor a rate.
+
+        Raises
+        ------
+        ValueError
+            If that makes more samples than a film may have.
+        """
+        (start, end), bins = self.window(sound_speed)
+        rate = self._sample_rate or (bins / (end - start) if self._bins_written else usual_rate)
+        samples = int(np.ceil((end - start) * rate - 1e-6))
+        if samples > MOST_BINS:
+            raise ValueError(f"sonar_film: {rate / 1000:g} kHz over {end - start:.3g} s makes {samples} samples; a film "
+                             f"has at most {MOST_BINS}: lower sample_rate_khz or the range")
+        return start, rate, max(samples, 1)
 
     # ---- what Mitsuba asks of a film; the picture itself is put here by `sonar_path`
     def base_channels_count(self):

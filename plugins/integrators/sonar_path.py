@@ -1,8 +1,17 @@
-"""Sonar rays (`sonar_path`): refracted paths to the first hit and the same way back.
+"""Sonar rays (`sonar_path`): refracted paths to the first hit and back.
 
-- ``rays`` [100000]: per ping, both sides together.
-- ``first_pass`` [0.15]: share of them sent first to find where rays are needed (steep faces, targets, far range);
-  0 draws all rays for a flat bed.
+- ``rays`` [100000]: per ping; of a sidescan both sides together, of arrays per fan and only where rays find cells
+- ``first_pass`` [0.15], of a sidescan: share of the rays sent first to find where they are needed (steep faces,
+  targets, far range); 0 draws all rays for a flat bed
+
+Of sonars with arrays:
+
+- ``lighting``: ``scatterers`` [default]: every cell of the scene within reach is connected to the array along its own
+  bent ray, without any noise of sampling; ``rays``: rays find the cells, for scenes with too many
+- ``cell`` [m]: longest side of a cell, which holds one scatterer; default: half the range resolution, c / 4 B
+- ``fans``: ``centre`` [default]: rays go out from the array's centre, all transmit elements light the same scatterers;
+  ``elements``: a fan from every transmit element; ``interpolated``: ``fan_count`` [3] fans along the transmit array,
+  elements between take both neighbours'
 
 .. code-block:: xml
 
@@ -13,6 +22,8 @@ import os
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.array_survey import ArraySurvey, Fans
+from mitsonar.ensonification import LIGHTING
 from mitsonar.imaging import sidescan
 from mitsonar.plugins.properties import Attributes
 from mitsonar.survey import Survey
@@ -30,6 +41,12 @@ class SonarPath(mi.SamplingIntegrator):
         attributes = Attributes(props)
         self.rays = attributes.integer("rays", 100_000, minimum=1, maximum=1 << 30)
         self.first_pass = attributes.number("first_pass", 0.15, minimum=0, maximum=0.9)
+        self.lighting = attributes.text("lighting", LIGHTING[0], choices=LIGHTING)
+        self.cell_size = attributes.number("cell", None, above=0, unit="m")
+        self.fans = attributes.text("fans", "centre", choices=("centre", "elements", "interpolated"))
+        if self.fans != "interpolated" and attributes.given("fan_count"):
+            raise attributes.error('fan_count is given, but it only counts with fans "interpolated"; leave it out.')
+        self.fan_count = attributes.integer("fan_count", 3, minimum=2, maximum=1000)
         attributes.finish()
         super().__init__(props)
 
@@ -51,6 +68,39 @@ class SonarPath(mi.SamplingIntegrator):
         return Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
                       absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
                       rays=self.rays, first_pass=self.first_pass)
+
+    def array_survey(self, scene, sensor, lead=0.0):
+        """Plan a run of a sensor with arrays over the scene.
+
+        Parameters
+        ----------
+        lead : float [s]
+            How much earlier than the film's window the record starts: echoes that begin before it last into it.
+
+        Returns
+        -------
+        ArraySurvey
+
+        Raises
+        ------
+        ValueError
+            If sensor and scene do not fit together, or the samples are too few for the pulse.
+        """
+        if not hasattr(sensor, "transmit"):
+            raise ValueError("element signals need a sonar with arrays, <sensor type=\"array_sonar\">, got a "
+                             f"{sensor.class_name()}")
+        geometry, pulse = Geometry(scene), sensor.pulse
+        track, velocity, turn_rate, below, speed = sensor.plan(geometry, _origin(scene))
+        start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate)
+        extra = int(np.ceil(lead * rate))
+        fans = {"centre": Fans.from_centre, "elements": Fans.from_elements,
+                "interpolated": lambda transmit: Fans.interpolated(transmit, self.fan_count)}[self.fans]
+        return ArraySurvey(
+            geometry=geometry, profile=sensor.water.profile, frequency=pulse.frequency,
+            absorption=sensor.water.absorption_column(pulse.frequency), transmit=sensor.transmit,
+            receive=sensor.receive, track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below,
+            start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lighting=self.lighting,
+            cell_size=self.cell_size or speed / (4 * pulse.bandwidth), rays=self.rays, fans=fans(sensor.transmit))
 
     def dataset(self, scene, sensor, seed=0, progress=None):
         """Render the sensor's record as an `xarray.Dataset`; see `mitsonar.render`."""

@@ -20,9 +20,10 @@ FLOORS = """
     io
     trace
     connection materials scatterers
+    ensonification array_survey
     survey
     plugins
-    scene rendering
+    scene rendering elements
     plots doctor
     sweep
     bootstrap cli

@@ -1,0 +1,258 @@
+"""Which scatterers a ping lights, and how strongly: two ways, one answer.
+
+    scatterers    every cell within reach is connected to the sonar along its own bent ray, and counts if the way is
+                  free: |e|² = σ dA (c_h / c_0)² 10^(-2 ᾱ L / 10) / A²
+    rays          rays find cells, the energies of the rays in a cell add:
+                  |e|² = Σ_k ΔΩ_k (σ / sin θ_i) (c_h / c_0)² 10^(-2 ᾱ L / 10) / A
+
+e = g |e| is the echo's pressure 1 m from a source of pressure 1 at 1 m, without the patterns of the elements; symbols
+as in `signal.echoes`, g the cell's Gaussian (`scattering.cells`). With enough rays both are the same; the first has
+no noise of sampling and costs what lies within reach, the second costs what is sent.
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .connection import Connector
+from .materials import scattering_strength
+from .propagation.device import arrays_of, upload
+from .signal.echoes import Absorption
+from .sonar.launch import draw, quantiles
+from .trace import Tracer
+
+__all__ = ["LIGHTING", "Echoes", "Ensonification"]
+
+LIGHTING = ("scatterers", "rays")
+CELLS_PER_BLOCK = 1 << 19
+AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn from
+EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
+TARGET_RADIUS = 0.02               # [m] about a point target that is left out of its own shadow
+NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
+FAINTEST = 1e-3                    # beam intensity that directions count with at least, relative to the strongest
+
+
+@dataclass(frozen=True, kw_only=True)
+class Echoes:
+    """Echoes of one block, on the device, as they leave their scatterers.
+
+    Attributes
+    ----------
+    offset : Array3f64 (R,) [m]
+        Scatterer minus source, scene coordinates.
+    travel_time, ray_parameter : Float64 (R,) [s], [s/m]
+    spreading_area : Float (R,) [m²/sr]
+        Of the way out.
+    launch_direction : Vector3f (R,)
+    amplitude : (Float, Float) (R,)
+        Real and imaginary part of e [-].
+    """
+
+    offset: object
+    travel_time: object
+    ray_parameter: object
+    spreading_area: object
+    launch_direction: object
+    amplitude: tuple
+
+    def chosen(self, index):
+        """The echoes with these numbers, UInt32."""
+        def pick(array):
+            return dr.gather(type(array), array, index)
+
+        return Echoes(**{name: tuple(map(pick, value)) if isinstance(value, tuple) else pick(value)
+                         for name, value in vars(self).items()})
+
+
+class Ensonification:
+    """Light the scatterers of a scene from anywhere in its water.
+
+    Parameters
+    ----------
+    scatterers : Scatterers
+    profile : SoundSpeedProfile
+    absorption : AbsorptionColumn
+    frequency : float [Hz]
+    window : (float, float) [s]
+        Two-way times that matter.
+    margin : float [m]
+        How far the elements lie, and move, from the sources.
+    lighting : str
+        One of LIGHTING.
+    rays : int
+        Per source, for "rays".
+    pattern : callable(direction, rotation (3, 3)) -> intensity
+        Two-way intensity of the elements' patterns towards scene directions, NumPy (..., 3) or Dr.Jit: rays are sent
+        where it is strong, and cells that it makes negligible are left out. None: nothing is.
+    """
+
+    def __init__(self, scatterers, profile, absorption, *, frequency, window, margin, lighting, rays, pattern):
+        self.scatterers, self.frequency, self.window = scatterers, frequency, window
+        self.lighting, self.rays, self.pattern = lighting, rays, pattern
+        geometry = scatterers.geometry
+        fastest, slowest = float(np.max(profile.sound_speed)), float(np.min(profile.sound_speed))
+        self.nearest = 0.5 * window[0] * slowest - margin
+        self.farthest = 0.5 * window[1] * fastest + margin
+        self.lib = arrays_of(mi.Float)
+        self.tracer = Tracer(geometry, profile, max_range=self.farthest)
+        self.connector = Connector(self.tracer)
+        self.profile = profile
+        self._absorption = absorption
+        self.loss_db = Absorption(absorption, profile, max(geometry.depth_range[1], 1.0), mi.Float)
+
+    def __call__(self, origin, rotation, depth_below, key):
+        """Light the scatterers from a source.
+
+        Parameters
+        ----------
+        origin : (3,) [m]
+            Scene coordinates.
+        rotation : (3, 3)
+            Body to scene.
+        depth_below : float [m]
+            Seabed below the source: where rays go first.
+        key : int
+            Of the random numbers rays are drawn with.
+
+        Yields
+        ------
+        Echoes
+            Block by block; point targets come last.
+        """
+        sources = self.tracer.sources([-origin[2]])
+        start = self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin))
+        if self.lighting == "scatterers":
+            facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
+            for facet, s in self.scatterers.listed(facets, CELLS_PER_BLOCK):
+                if self.pattern is not None:
+                    facet, s = self._in_beam(start, rotation, facet, s)
+                if dr.width(facet):
+                    yield from self._echoes(sources, start, self.scatterers.at(facet, s), None)
+        else:
+            facet, s, energy = self._found(sources, start, rotation, depth_below, key)
+            for first in range(0, len(facet), CELLS_PER_BLOCK):
+                some = slice(first, first + CELLS_PER_BLOCK)
+                cells = self.scatterers.at(upload(mi.UInt32, facet[some]), upload(mi.UInt32, s[some]))
+                yield from self._echoes(sources, start, cells, upload(mi.Float, energy[some].astype(np.float32)))
+        if self.scatterers.targets:
+            yield from self._targets(sources, start)
+
+    def _in_beam(self, origin, rotation, facet, s):
+        """Those of some cells that the beams do not make negligible."""
+        direction = dr.normalize(mi.Vector3f(self.scatterers.at(facet, s).point - origin))
+        index = dr.compress(self.pattern(direction, rotation) > NEGLIGIBLE)
+        facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
+        dr.eval(facet, s)
+        return facet, s
+
+    def _echoes(self, sources, origin, cells, energy):
+        """Echoes of cells, lit by connecting them, or with the energies (R,) that rays have brought."""
+        way = self.connector(sources, origin, mi.UInt32(0), cells.point, cells.normal, occlusion=energy is None)
+        lit = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
+        if energy is None:
+            hits = _Lit(cells, way)
+            strength, sin_grazing = scattering_strength(hits, lit, self.frequency)
+            energy = strength * cells.area * self._way_back(sources, cells.point, way) / way.spreading_area
+            lit &= sin_grazing > 1e-6
+        root = dr.sqrt(dr.maximum(energy, 0))
+        lit &= (root > 0) & dr.isfinite(root)
+        yield from self._kept(origin, cells.point, way, tuple(root * part for part in cells.amplitude), lit)
+
+    def _targets(self, sources, origin):
+        """Echoes of the point targets."""
+        point, strength_db = zip(*self.scatterers.targets)
+        point = self.lib.Array3f64(*(upload(mi.Float64, column) for column in np.array(point).T))
+        # on no surface: what is drawn in its place must not shade it
+        way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)
+        pressure = upload(mi.Float, (10 ** (np.array(strength_db) / 20)).astype(np.float32))
+        root = pressure * dr.sqrt(self._way_back(sources, point, way) / way.spreading_area)
+        yield from self._kept(origin, point, way, (root, dr.zeros(mi.Float, dr.width(root))), way.free)
+
+    def _way_back(self, sources, point, way):
+        """What energy at the scatterer is worth back at the source: (c_h / c_0)² 10^(-2 ᾱ L / 10) / A."""
+        source_depth, source_speed, _ = sources.state.gather(self.lib, mi.UInt32(0))
+        loss_db = self.loss_db(mi.Float(source_depth), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
+        ratio = mi.Float(way.sound_speed / source_speed)
+        return ratio * ratio * dr.exp(loss_db * float(-np.log(10) / 10)) / way.spreading_area
+
+    def _kept(self, origin, point, way, amplitude, lit):
+        echoes = Echoes(offset=point - origin, travel_time=way.travel_time, ray_parameter=way.ray_parameter,
+                        spreading_area=way.spreading_area, launch_direction=way.launch_direction,
+                        amplitude=amplitude)
+        dr.eval(vars(echoes), lit)
+        index = dr.compress(lit)
+        if dr.width(index):
+            kept = echoes.chosen(index)
+            dr.eval(vars(kept))
+            yield kept
+
+    # ---- rays that find cells
+
+    def _found(self, sources, origin, rotation, depth_below, key):
+        """Cells that rays find: facets, numbers within them, and the energies of their rays."""
+        direction, solid_angle = self._drawn(rotation, depth_below, key)
+        hits = self.tracer(sources, origin, mi.UInt32(0), direction)
+        strength, sin_grazing = scattering_strength(hits, hits.valid, self.frequency)
+        energy = solid_angle * strength / dr.maximum(sin_grazing, 1e-6)
+        energy *= self._way_back(sources, hits.point, hits)
+        facet, s = self.scatterers.of(hits)
+        dr.eval(facet, s, energy, hits.valid, sin_grazing)
+        found = hits.valid.numpy() & (sin_grazing.numpy() > 1e-6) & (energy.numpy() > 0)
+        facet, s, energy = facet.numpy()[found], s.numpy()[found], energy.numpy()[found]
+        found = self.scatterers.scattering[facet]
+        cell, which = np.unique((facet[found].astype(np.uint64) << np.uint64(32)) | s[found], return_inverse=True)
+        return ((cell >> np.uint64(32)).astype(np.uint32), cell.astype(np.uint32),
+                np.bincount(which, weights=energy[found], minlength=len(cell)))
+
+    def _drawn(self, rotation, depth_below, key):
+        """Directions, and the solid angle each stands for, even over time on a flat bed and over the beams."""
+        azimuth, across = np.linspace(-np.pi, np.pi, AZIMUTHS + 1), np.linspace(-np.pi / 2, np.pi / 2, ELEVATIONS + 1)
+        a, e = (0.5 * (edges[1:] + edges[:-1]) for edges in (azimuth, across))
+        a, e = np.meshgrid(a, e, indexing="ij")
+        towards = np.stack([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)], -1)
+        beam = np.ones(a.shape) if self.pattern is None else self.pattern(towards, rotation)
+        beam = np.maximum(beam / beam.max(), FAINTEST)
+        speed = float(np.mean(self.profile.sound_speed))
+        with np.errstate(divide="ignore"):
+            time = np.where(across > 0, 2 * abs(depth_below) / (speed * np.sin(across)), np.inf)
+        even = np.abs(np.diff(np.clip(time, *self.window)))[None] * np.sqrt(beam)
+        everywhere = np.cos(e) * beam
+        density = (1 - EVEN_SHARE) * even / max(even.sum(), 1e-30) + EVEN_SHARE * everywhere / everywhere.sum()
+        rows = density.sum(1)
+        first = quantiles(azimuth, rows[None] / np.diff(azimuth), AZIMUTHS)
+        second = quantiles(across, density / np.diff(across), ELEVATIONS)
+        return _rays(self.rays, first, second, azimuth, key)
+
+
+class _Lit:
+    """Cells as `materials.scattering_strength` looks at hits: normals on the side the ray comes from."""
+
+    def __init__(self, cells, way):
+        self.point, self.uv, self.shape, self.primitive = cells.point, cells.uv, cells.shape, cells.primitive
+        self.arrival_direction = way.arrival_direction
+        self.normal = dr.select(dr.dot(cells.normal, way.arrival_direction) > 0, -cells.normal, cells.normal)
+
+
+def _rays(rays, first, second, azimuth, key):
+    """Stratified draws through the quantile tables of azimuth, and of elevation within each cell of azimuth."""
+    steps = max(4, 4 * round(np.sqrt(rays / 4) / 2))
+    rows = max(4, 4 * round(rays / (4 * steps)))
+    index = dr.arange(mi.UInt32, steps * rows)
+    per_tile_row = dr.opaque(mi.UInt32, rows // 4)
+    # neighbours in 4 x 4 tiles: one packet of rays is one small patch of seabed
+    tile, inner = index // 16, index & 15
+    tile_a = tile // per_tile_row
+    i, j = 4 * tile_a + (inner >> 2), 4 * (tile - tile_a * per_tile_row) + (inner & 3)
+    x, y = mi.sample_tea_32(index, dr.opaque(mi.UInt32, key & 0xFFFFFFFF))
+    below = float(np.nextafter(np.float32(1), np.float32(0)))
+    x = dr.minimum((mi.Float(i) + mi.Float(x >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, steps), below)
+    y = dr.minimum((mi.Float(j) + mi.Float(y >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, rows), below)
+    a, width_a, _ = draw(upload(mi.Float, first.astype(np.float32)), mi.UInt32(0), x, AZIMUTHS)
+    cell = dr.clip((a - float(azimuth[0])) * (AZIMUTHS / (2 * np.pi)), 0, AZIMUTHS - 1)
+    e, width_e, _ = draw(upload(mi.Float, second.astype(np.float32)), mi.UInt32(cell), y, ELEVATIONS)
+    sine, cosine = dr.sincos(e)
+    sine_a, cosine_a = dr.sincos(a)
+    direction = mi.Vector3f(sine_a * cosine, cosine_a * cosine, -sine)
+    return direction, cosine * width_a * width_e / float(steps * rows)
+
