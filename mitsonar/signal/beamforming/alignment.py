@@ -15,7 +15,7 @@ import numpy as np
 
 from mitsonar.propagation.device import arrays_of, upload
 
-from .interpolation import MARGIN, corrected, interpolation_named
+from .interpolation import MARGIN, RATE, corrected, interpolation_named
 
 __all__ = ["ElementSignals", "Focus", "dealt", "device_arrays", "to_complex"]
 
@@ -35,8 +35,8 @@ class Focus(NamedTuple):
 
     point: list                    # three Floats, from the centre [m]
     distance: object               # Float, their length [m]
-    sample: object                 # Int32, whole samples
-    fraction: object               # Float, further samples
+    sample: object                 # Int32, whole stored samples
+    fraction: object               # Float, further stored samples
     phase: object                  # Float [cycles], to be undone
 
 
@@ -60,10 +60,10 @@ class ElementSignals:
         samples, elements = recording.values.shape[-1], recording.values.shape[2]
         self.elements = dr.opaque(lib.UInt32, elements)
         self.one = dr.opaque(lib.UInt32, 1)        # a literal step makes loop iterations wait for one another on x86
-        self.row = dr.opaque(lib.UInt32, samples + 2 * MARGIN)
+        self.row = dr.opaque(lib.UInt32, RATE * samples + 2 * MARGIN)
         self.earliest = dr.opaque(lib.Int32, -1 - self.kernel.first)
-        self.latest = dr.opaque(lib.Int32, samples + 2 * MARGIN - 3)
-        self.samples_per_metre = dr.opaque(lib.Float, recording.sampling_rate / recording.sound_speed)
+        self.latest = dr.opaque(lib.Int32, RATE * samples + 2 * MARGIN - 3)
+        self.samples_per_metre = dr.opaque(lib.Float, RATE * recording.sampling_rate / recording.sound_speed)
         self.cycles_per_metre = dr.opaque(lib.Float, recording.frequency / recording.sound_speed)
 
     def load(self, ping, centre):

@@ -14,6 +14,7 @@ import numpy as np
 from mitsonar.propagation.device import upload
 
 from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
+from .interpolation import RATE
 from .recording import beam_signals, look_directions, point_signals, read_recording, weights_of
 
 __all__ = ["aligned", "backproject", "delay_and_sum", "focus"]
@@ -35,7 +36,7 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
     window : None, str, tuple or (rx,) array_like
         Shading: a window of scipy.signal.windows (uniform lines only), or weights, 0 for an element that failed.
     interpolation : str
-        ``band_limited`` (error -57 dB at 1.5 times the bandwidth) or ``linear`` (-19 dB).
+        ``band_limited`` (error -67 dB) or ``linear`` (-34 dB, a quarter faster).
     like : Dr.Jit array or type, optional
         Where to compute; by default on a GPU if there is one, else on the CPU.
 
@@ -184,8 +185,9 @@ def _point_foci(heard, points, centre, transmitter):
     point, distance = seen_from(centre)
     way = distance + seen_from(transmitter)[1]
     turns = way * dr.opaque(lib.Float64, recording.frequency / recording.sound_speed)
-    place = way * dr.opaque(lib.Float64, recording.sampling_rate / recording.sound_speed)
-    place = dr.clip(place - dr.opaque(lib.Float64, recording.start * recording.sampling_rate), -FAR, FAR)
+    place = way * dr.opaque(lib.Float64, RATE * recording.sampling_rate / recording.sound_speed)
+    place -= dr.opaque(lib.Float64, RATE * recording.start * recording.sampling_rate)
+    place = dr.clip(place, -FAR, FAR)
     whole = dr.floor(place)
     foci = Focus([lib.Float(axis) for axis in point], lib.Float(distance), lib.Int32(whole), lib.Float(place - whole),
                  lib.Float(turns - dr.floor(turns)))
@@ -205,7 +207,7 @@ def _beam_foci(heard, vectors, transmitter):
     point = [distance * dr.gather(lib.Float, upload(lib.Float, axis.astype(np.float32)), beam) for axis in vectors.T]
     place = [dr.opaque(lib.Float, float(v)) for v in (*transmitter, transmitter @ transmitter)]
     further = heard.detour(point, distance, place)
-    foci = Focus(point, distance, lib.Int32(sample), further * heard.samples_per_metre,
+    foci = Focus(point, distance, lib.Int32(RATE * sample), further * heard.samples_per_metre,
                  further * heard.cycles_per_metre)
     dr.eval(foci)
     return foci
