@@ -7,16 +7,24 @@ With H the depth difference, m_n the central moments of 1/c² between hit and or
     E = (H / q³) (1 + 15/8 a2 -  35/16 a3 +  315/128 a4)
     G = (H / q⁵) (1 + 35/8 a2 - 105/16 a3 + 1155/128 a4)
 
-where the ray is direct and the series converges, else Y = X/p, |D| from the spreading area and E = (|D| - Y) / p², G
-unknown. A turned ray's |D| hides a sign: its leg is right to first order only, which `turned` reports.
+where the ray is direct and the series converges. Else, and for G as long as a4 is below `THIRD_LIMIT`,
+
+    Y = X/p,   E = (|D| - Y) / p²,   G = E²/Y (1 + 2/3 (E q²/Y - 1) (1 - 5/4 a3/a2))
+
+with |D| from the spreading area; the form of G holds to second order of the series and, within 15 % of G - E²/Y, far
+beyond. A turned ray's |D| hides a sign: its leg is right to first order only, which `rough` reports.
 """
 import drjit as dr
 
+from .paper_approximation import paper_centre_return
 from .record import Record
+from .straight_vectors import hit_fields
 from .two_point import LEVEL, SERIES_LIMIT
-from .vector_approximation import centre_return, hit_fields, matched_leg, paper_centre_return
+from .vector_approximation import centre_return, expected_error, matched_leg
 
 __all__ = ["ReturnPaths", "return_paths"]
+
+THIRD_LIMIT = 0.1         # of a4: beyond, the series does not tell the third order either
 
 
 class ReturnPaths(Record):
@@ -30,19 +38,34 @@ class ReturnPaths(Record):
         For the `DIFFERENCES` of the method.
     direction : triple of Float (H,)
         Of travel at the centre, unit vectors in scene coordinates.
-    turned : Bool (H,)
-        The ray turned between the ends, or runs so level at the origin that it cannot be told: of second order nothing
-        is known.
-    uncertainty : Float (H,) [s/m³]
-        Expected error of the difference for an element d metres off the line of sight: this times |d|³; infinite
-        where `turned`.
+    rough : Bool (H,)
+        The ray turned between the ends, or runs nearly level: of second order little is known, of third nothing.
     """
 
     return_time: object
     hit_fields: object
     direction: object
-    turned: object
-    uncertainty: object
+    rough: object
+
+    def expected_error(self, element_fields):
+        """Give the largest error to expect of the method "vector" at some elements.
+
+        Parameters
+        ----------
+        element_fields : list of array (E,)
+            As of `vector_element_fields`; the array's outermost elements will do.
+
+        Returns
+        -------
+        Float (H,) [s]
+            Infinite where `rough` and where nothing is promised.
+        """
+        kind = type(self.hit_fields[0])
+        error = dr.select(self.rough, dr.inf, kind(0))
+        for k in range(len(element_fields[0])):
+            element = [dr.opaque(kind, float(field[k])) for field in element_fields]
+            error = dr.maximum(error, expected_error(self.hit_fields, element))
+        return error
 
 
 def return_paths(table, source, fan, displacement, travel_time, ray_parameter, spreading_area, launch_sine, *,
@@ -74,7 +97,7 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
     z0, c0, moments0 = source.gather(lib, fan)
     up = dr.select(launch_sine >= 0, wide(1), wide(-1))          # a ray launched down comes up again
     x = dr.sqrt(dr.fma(displacement.x, displacement.x, displacement.y * displacement.y))
-    y, e, g, turned = _integrals(table, z0, c0, moments0, z0 - displacement.z, x, ray_parameter,
+    y, e, g, rough = _integrals(table, z0, c0, moments0, z0 - displacement.z, x, ray_parameter,
                                  wide(spreading_area), up)
     exact = matched_leg(y, e, g, ray_parameter, c0)
     if method == "vector":
@@ -88,12 +111,11 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
             travel_time, (-displacement.x, -displacement.y, -displacement.z), velocity, lambda h: table.at(z0 - h)[0])
     fields = hit_fields(leg, direction, rise, travel_time + time, velocity, turn_rate, c0)
     return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
-                       direction=tuple(F(component) for component in direction), turned=turned,
-                       uncertainty=F(dr.select(turned, dr.inf, abs(exact.third))))
+                       direction=tuple(F(component) for component in direction), rough=rough)
 
 
 def _integrals(table, z0, c0, moments0, z, x, p, area, up):
-    """Y, E, G of each leg in SI, and whether the ray turned."""
+    """Y, E, G of each leg in SI, and whether it is rough."""
     c, moments = table.at(z)
     height = abs(z - z0)
     per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
@@ -108,15 +130,21 @@ def _integrals(table, z0, c0, moments0, z, x, p, area, up):
     y = height * q * (1 + 3 / 8 * a2 - 5 / 16 * a3 + 35 / 128 * a4)
     e = height * q * q * q * (1 + 15 / 8 * a2 - 35 / 16 * a3 + 315 / 128 * a4)
     g = height * q * q * q * q * q * (1 + 35 / 8 * a2 - 105 / 16 * a3 + 1155 / 128 * a4)
-    series = ((z - z0) * up > 0) & (q2 > 0) & (abs(a4) < SERIES_LIMIT) & (height >= LEVEL * x)
+    direct = ((z - z0) * up > 0) & (q2 > 0) & (height >= LEVEL * x)
+    series = direct & (abs(a4) < SERIES_LIMIT)
     # beyond the series the ray is far from upright: no division by zero, no cancellation
     per_p = x / dr.maximum(p, 1e-9)
     sines = dr.sqrt(dr.maximum((1 - p * p * c0 * c0) * (1 - p * p * c * c), 1e-12))
     slope = area * c0 * c0 / dr.maximum(per_p * sines, 1e-9)
-    y = dr.select(series, y, per_p)
+    y_series, y = y, dr.select(series, y, per_p)
+    rest = e * e / dr.maximum(y, 1e-9)
     e = dr.select(series, e, (slope - per_p) / dr.maximum(p * p, 1e-18))
-    g = dr.select(series, g, e * e / dr.maximum(y, 1e-9))
-    return y, e, g, ~series & (((z - z0) * up <= 0) | (height < LEVEL * x))
+    uneven = dr.maximum(e / (dr.maximum(y, 1e-9) * q * q) - 1, 0)
+    lopsided = dr.clip(1 - 1.25 * a3 / dr.maximum(a2, 1e-12), 0.5, 1.6)
+    rough = ~series & ~(direct & (abs(a4) < THIRD_LIMIT))
+    squared = e * e / dr.maximum(y, 1e-9)
+    third = dr.select(series, g - rest, dr.select(rough, 0, squared * (2 / 3) * uneven * lopsided))
+    return y, e, squared + third, rough
 
 
 def _slice_to(table, z0, moments0):
