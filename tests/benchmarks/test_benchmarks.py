@@ -12,6 +12,7 @@ RUNS = {
     "tracing": (["tracing.py", *SMALL, "--rays", "4096", "--rounds", "2"], "cast: hits alone"),
     "eigenrays": (["eigenrays.py", *SMALL, "--rays", "200"], "gradient -1 1/s"),
     "ping": (["ping.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "mitsonar.render"),
+    "accumulation": (["accumulation.py", "--hits", "2000", "--elements", "1", "6", "--rounds", "1"], "numpy bincount"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 
