@@ -18,7 +18,8 @@ import mitsuba as mi
 import numpy as np
 
 from .ensonification import Ensonification
-from .propagation.device import arrays_of, upload
+from .propagation.device import arrays_of
+from .propagation.exact_returns import exact_return
 from .propagation.return_paths import return_paths
 from .propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS, vector_difference, vector_element_fields
 from .scatterers import Scatterers
@@ -29,6 +30,8 @@ from .sonar.element_patterns import element_pressure
 __all__ = ["ArraySurvey", "Fans"]
 
 SUMS_BYTES = 1 << 30               # of the buffers of one ping
+GUARD = 2e-9                       # [s] error to be expected of the vector approximation from which on it is not used
+MOST_DOUBTFUL = 0.5                # share of such echoes at which the array is too large for it
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are lit anew
 FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
 
@@ -229,6 +232,16 @@ class _Run:
             frequency=survey.frequency, window=(survey.start, end), margin=reach + moved, lighting=survey.lighting,
             rays=survey.rays, pattern=self._pattern())
         self._lit = {}
+        self._doubtful = self._looked_at = 0
+
+    def count(self, doubtful, echoes):
+        """Refuse an array for which most echoes would have to be traced one by one after all."""
+        self._doubtful, self._looked_at = self._doubtful + doubtful, self._looked_at + echoes
+        if self._doubtful > MOST_DOUBTFUL * max(self._looked_at, 1000):
+            radius = max(self.survey.transmit.radius, self.survey.receive.radius)
+            raise ValueError(f"the array reaches {radius:.3g} m from its centre, too far for the vector approximation "
+                             f"here: for {100 * self._doubtful / self._looked_at:.0f} % of the echoes it may be off by "
+                             f"more than {1e9 * GUARD:.0f} ns; take return_path=\"eigenray\", or a smaller array")
 
     def buffer(self, kernel):
         survey = self.survey
@@ -304,53 +317,107 @@ class _Station:
         self.depth = -float(self.origin[2])
         self.sources = run.light.tracer.sources([self.depth])
         self.velocity, self.turn_rate = survey.velocity[ping], survey.turn_rate[ping]
+        self.speed = float(survey.profile.at(self.depth))
+        self.array_radius = max(np.linalg.norm(self._offsets(array), axis=1).max()
+                                for array in (survey.transmit, survey.receive))
 
     def _offsets(self, array):
         return (array.position - self.position) @ self.rotation.T
 
     def doppler(self, echoes):
         """Two-way factor of echoes, Float64; the way back leads as the way out did, to first order."""
-        closing = dr.dot(mi.Vector3f(*(dr.opaque(mi.Float, float(v)) for v in self.velocity)), echoes.launch_direction)
-        return two_way_doppler(mi.Float64(closing), dr.opaque(mi.Float64, float(self.survey.profile.at(self.depth))))
+        closing = dr.dot(mi.Vector3f(*_opaque(mi.Float, self.velocity)), echoes.launch_direction)
+        return two_way_doppler(mi.Float64(closing), dr.opaque(mi.Float64, self.speed))
 
     def add(self, buffer, echoes, element, return_path, *, weight, late):
         """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements."""
-        run, survey, lib = self.run, self.survey, self.run.lib
+        if return_path == "vector" and self.array_radius > 0:
+            doubtful = self._doubtful(echoes)
+            if dr.any(doubtful):
+                every = mi.UInt32(0), late + dr.zeros(mi.Float64, dr.width(doubtful))
+                exact, rest = dr.compress(doubtful), dr.compress(~doubtful)
+                self.run.count(dr.width(exact), dr.width(doubtful))
+                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, every[1], exact))
+                if not dr.width(rest):
+                    return
+                echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, every[1], rest)
+        if return_path == "eigenray":
+            self._add_exactly(buffer, echoes, element, weight, late)
+        else:
+            self._add_approximately(buffer, echoes, element, return_path, weight, late)
+
+    def _add_approximately(self, buffer, echoes, element, return_path, weight, late):
+        """By the one ray to each echo, and differences for the elements."""
+        survey, lib = self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
         # ---- transmit: the still array, by reciprocity
         off = np.any(transmit.position[element] != self.position)
         farther = self._transmit_delay(echoes, element) if off else None
-        gain = dr.opaque(mi.Float, weight) * self._one_way(transmit, element, echoes.launch_direction)
         # ---- return to the centre, where it is then
         back = self._back(echoes, return_path, self.velocity, self.turn_rate)
         total = echoes.travel_time + back.return_time
-        velocity = [dr.opaque(lib.Float64, float(v)) for v in self.velocity]
         if farther is not None:
             # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
+            velocity = _opaque(lib.Float64, self.velocity)
             closing = sum(lib.Float64(n) * v for n, v in zip(back.direction, velocity))
-            speed = dr.opaque(lib.Float64, float(survey.profile.at(self.depth)))
-            total += farther * (1 + closing / (speed - closing))
-        heard = self._heard_from(echoes, back, total)
-        faces = receive.faces()
-        for face in faces if not _omni(receive) else [None]:
-            factor, rows = gain, None
-            if face is not None:
-                rows = None if len(faces) == 1 else face.indices
-                factor = gain * _pressure(receive, heard, run.wavelength, self.rotation @ face.normal,
-                                          self.rotation @ face.along)
-            some = slice(None) if rows is None else rows
-            elements = ELEMENT_FIELDS[return_path](self._offsets(receive)[some], self.depth, survey.profile,
+            total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
+        phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
+                                         sampling_rate=survey.sampling_rate)
+        for factor, rows in self._patterns(echoes, element, weight, total):
+            elements = ELEMENT_FIELDS[return_path](self._offsets(receive)[rows], self.depth, survey.profile,
                                                    self.velocity, self.turn_rate)
-            phase, sample, fraction = centre(total + late, start=survey.start,
-                                             frequency=survey.frequency, sampling_rate=survey.sampling_rate)
             buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
                        fraction=fraction, hit_fields=back.hit_fields, element_fields=elements,
                        difference=DIFFERENCES[return_path], rows=rows)
 
+    def _add_exactly(self, buffer, echoes, element, weight, late):
+        """By an eigenray for every echo and element."""
+        survey, lib = self.survey, self.run.lib
+        table, depth = self.run.light.tracer.table, dr.opaque(lib.Float64, self.depth)
+        transmit, receive = survey.transmit, survey.receive
+        velocity, turn_rate = _opaque(lib.Float64, self.velocity), _opaque(lib.Float64, self.turn_rate)
+        out = echoes.travel_time
+        if np.any(transmit.position[element] != self.position):
+            still = _opaque(lib.Float64, np.zeros(3))
+            offset = _opaque(lib.Float64, self._offsets(transmit)[element])
+            out = exact_return(table, lib, depth, echoes.offset, mi.Float64(0), offset, still, still, out)
+        dr.eval(out)
+        for factor, rows in self._patterns(echoes, element, weight, 2 * out):
+            amplitude = tuple(part * factor for part in echoes.amplitude)
+            dr.eval(amplitude)
+            for row in rows:
+                offset = _opaque(lib.Float64, self._offsets(receive)[row])
+                back = exact_return(table, lib, depth, echoes.offset, out, offset, velocity, turn_rate, out)
+                phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
+                                                 sampling_rate=survey.sampling_rate)
+                buffer.add(amplitude=amplitude, phase=phase, sample=sample, fraction=fraction, hit_fields=[],
+                           element_fields=[np.zeros(1)], difference=lambda hit, element: element[0], rows=[row])
+
+    def _doubtful(self, echoes):
+        """Echoes for which the vector approximation may be off by more than GUARD at some element."""
+        back = self._back(echoes, "vector", self.velocity, self.turn_rate)
+        outermost = np.concatenate([self._offsets(array) for array in (self.survey.transmit, self.survey.receive)])
+        some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
+        fields = vector_element_fields(outermost[some], self.depth, self.survey.profile, self.velocity, self.turn_rate)
+        doubtful = back.expected_error(fields) > dr.opaque(mi.Float, GUARD)
+        dr.eval(doubtful)
+        return doubtful
+
+    def _patterns(self, echoes, element, weight, elapsed):
+        """For each group of receive elements: what both elements' patterns make of the echoes, and its rows."""
+        transmit, receive = self.survey.transmit, self.survey.receive
+        gain = dr.opaque(mi.Float, weight) * self._one_way(transmit, element, echoes.launch_direction)
+        if _omni(receive):
+            yield gain, np.arange(receive.elements)
+            return
+        heard = self._heard_from(echoes, elapsed)
+        for face in receive.faces():
+            yield gain * _pressure(receive, heard, self.run.wavelength, self.rotation @ face.normal,
+                                   self.rotation @ face.along), face.indices
+
     def _back(self, echoes, method, velocity, turn_rate):
         lib = self.run.lib
-        numbers = ([dr.opaque(lib.Float64, float(v)) for v in vector] for vector in (velocity, turn_rate))
-        velocity, turn_rate = numbers
+        velocity, turn_rate = _opaque(lib.Float64, velocity), _opaque(lib.Float64, turn_rate)
         return return_paths(self.run.light.tracer.table, self.sources.state, mi.UInt32(0), echoes.offset,
                             echoes.travel_time, echoes.ray_parameter, echoes.spreading_area,
                             -echoes.launch_direction.z, velocity=velocity, turn_rate=turn_rate, method=method)
@@ -370,13 +437,18 @@ class _Station:
         return _pressure(array, direction, self.run.wavelength, self.rotation @ array.normal[element],
                          self.rotation @ array.along[element])
 
-    def _heard_from(self, echoes, back, elapsed):
+    def _heard_from(self, echoes, elapsed):
         """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
         elapsed = mi.Float(elapsed)
-        moved = mi.Vector3f(*(dr.opaque(mi.Float, float(v)) for v in self.velocity)) * elapsed
+        moved = mi.Vector3f(*_opaque(mi.Float, self.velocity)) * elapsed
         towards = dr.normalize(echoes.launch_direction * dr.norm(mi.Vector3f(echoes.offset)) - moved)
-        turned = mi.Vector3f(*(dr.opaque(mi.Float, float(w)) for w in self.turn_rate)) * elapsed
+        turned = mi.Vector3f(*_opaque(mi.Float, self.turn_rate)) * elapsed
         return towards - dr.cross(turned, towards)
+
+
+def _opaque(kind, vector):
+    """The components of a vector, opaque: they change without a new kernel."""
+    return [dr.opaque(kind, float(component)) for component in vector]
 
 
 def _omni(array):
@@ -385,7 +457,7 @@ def _omni(array):
 
 def _pressure(array, direction, wavelength, normal, along):
     """`element_pressure` of one face on the device, its numbers opaque so that one kernel serves all faces."""
-    normal, along = ([dr.opaque(mi.Float, float(v)) for v in vector] for vector in (normal, along))
-    wavelength, length, height = (dr.opaque(mi.Float, float(v)) for v in (wavelength, array.length, array.height))
+    normal, along = _opaque(mi.Float, normal), _opaque(mi.Float, along)
+    wavelength, length, height = _opaque(mi.Float, (wavelength, array.length, array.height))
     return element_pressure(direction, wavelength, normal, along, length=length, height=height,
                             pattern=array.pattern, baffle=array.baffle)

@@ -1,26 +1,19 @@
 """Points of a scene connected to a source along the exact bent ray, and whether the way is free.
 
-The ray is aimed in three steps. In the mean water between the two depths, t = p / q solves
-
-    X = H t (1 + 3/8 a2(t))                                 H depth difference, a2 as in `propagation.two_point`
-
-by fixed point, which is a ray to a few centimetres. Where the series is too slow, or the ray turns, the launched ray
-is walked arc by arc and turned by dθ0 = dz cos θ / V until it passes the point. `two_point.to_hit` then gives the time
-and all else of the exact eigenray. The way is free if none of the chords of the ray's fan row, the last of them ended
-just before the point, meets anything.
+The ray is aimed (`propagation.aiming`), and `propagation.two_point` gives all there is to know of the exact eigenray.
+The way is free if none of the chords of the ray's fan row, the last of them ended just before the point, meets
+anything.
 """
 from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
-from .propagation.two_point import LEVEL, SERIES_LIMIT, to_hit, walk
+from .propagation.aiming import CLOSE_ENOUGH, aim
+from .propagation.two_point import to_hit
 
 __all__ = ["Connection", "Connector"]
 
-AIMING_STEPS = 4
-WALKS = 8
-CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `to_hit` carries it over
 LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of the surface it is to reach
 
 
@@ -116,56 +109,6 @@ class Connector:
         return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
                           spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
                           sound_speed=c)
-
-
-def aim(table, lib, source, fan, x, z, active):
-    """Sine, positive down, and cosine of the launch angle of the ray to (x, z), Float64, and whether there is one."""
-    F = lib.Float64
-    z0, c0, moments0 = source.gather(lib, fan)
-    c, moments = table.at(z)
-    height = abs(z - z0)
-    close = height < LEVEL * x
-    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
-    n1, n2 = ((moments[i] - moments0[i]) * per_height for i in range(2))
-    n1 = dr.select(close, 0.5 * (dr.rcp(c0 * c0) + dr.rcp(c * c)) * table.scale - 1, n1)
-    s2, m2 = 1 + n1, dr.select(close, 0, dr.maximum(n2 - n1 * n1, 0))
-    start = x / dr.maximum(height, 1e-3)
-    t, a2 = F(start), F(0)
-    for _ in range(AIMING_STEPS):
-        w = (1 + t * t) / s2                                           # 1/q²
-        a2 = m2 * w * w
-        t = start / (1 + 0.375 * dr.minimum(a2, 1))
-    # kept a hair off the horizontal where the mean water knows no way: the ray is walked then
-    p2 = s2 / table.scale * t * t / (1 + t * t)
-    cosine = dr.minimum(dr.sqrt(p2) * c0, 1 - 1e-7)
-    sine = dr.copysign(dr.sqrt(1 - cosine * cosine), z - z0)
-    sine = dr.select(abs(sine) < 1e-12, 1e-12, sine)
-    doubtful = active & (close | (a2 * a2 > SERIES_LIMIT) | (cosine > 1 - 1e-6) | (p2 * c * c >= 1))
-    sine, cosine, failed = _walked(table, lib, z0, c0, sine, cosine, x, z, doubtful)
-    return sine, cosine, active & ~failed
-
-
-@dr.syntax
-def _walked(table, lib, z0, c0, sine, cosine, x, z, active):
-    """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do."""
-    left = lib.UInt32(WALKS)
-    one = dr.opaque(lib.UInt32, 1)
-    failed = lib.Bool(False)
-    while active & (left > 0):
-        z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, sine, cosine / c0, x, active)
-        dz = z - z_x
-        active = active & (abs(dz) > CLOSE_ENOUGH)
-        # near a caustic V is nothing: take the straight ray's lever instead
-        lever = dr.select(abs(v) > 0.05 * x, v, dr.maximum(x, 1e-3))
-        turn = dr.clip(dz * (cosine / c0) * c_x / lever, -0.1, 0.1)
-        turned_sine, turned_cosine = sine + cosine * turn, cosine - sine * turn
-        unit = dr.rsqrt(dr.maximum(turned_sine * turned_sine + turned_cosine * turned_cosine, 1e-12))
-        sine = dr.select(active, turned_sine * unit, sine)
-        cosine = dr.select(active, turned_cosine * unit, cosine)
-        failed |= active & (cosine <= 0)
-        active = active & ~failed
-        left -= one
-    return sine, cosine, failed | active
 
 
 @dr.syntax

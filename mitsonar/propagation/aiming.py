@@ -1,0 +1,87 @@
+"""Aiming: the launch angle of the ray from a source to a given point, good enough for `two_point.to_hit`.
+
+In the mean water between the two depths, t = p / q solves
+
+    X = H t (1 + 3/8 a2(t))                                 H depth difference, a2 as in `two_point`
+
+by fixed point, which is a ray to a few centimetres. Where the series is too slow, or the ray turns, the launched ray is
+walked arc by arc and turned by dθ0 = dz cos θ / V until it passes the point.
+"""
+import drjit as dr
+
+from .two_point import LEVEL, SERIES_LIMIT, walk
+
+__all__ = ["CLOSE_ENOUGH", "aim"]
+
+AIMING_STEPS = 4
+WALKS = 8
+CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `to_hit` carries it over
+
+
+def aim(table, lib, source, fan, x, z, active):
+    """Find the launch angle of the ray from a source to a point.
+
+    Parameters
+    ----------
+    table : LayerTable
+    lib : Dr.Jit namespace
+    source : SourceState
+    fan : UInt32 (R,)
+        Source of each ray.
+    x, z : Float64 (R,) [m]
+        Horizontal distance and depth of the point.
+    active : Bool (R,)
+
+    Returns
+    -------
+    sine, cosine : Float64 (R,)
+        Of the launch angle, the sine positive down; right to `CLOSE_ENOUGH` at the point.
+    found : Bool (R,)
+        False where no such ray is found, in a shadow zone say.
+    """
+    F = lib.Float64
+    z0, c0, moments0 = source.gather(lib, fan)
+    c, moments = table.at(z)
+    height = abs(z - z0)
+    close = height < LEVEL * x
+    per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)
+    n1, n2 = ((moments[i] - moments0[i]) * per_height for i in range(2))
+    n1 = dr.select(close, 0.5 * (dr.rcp(c0 * c0) + dr.rcp(c * c)) * table.scale - 1, n1)
+    s2, m2 = 1 + n1, dr.select(close, 0, dr.maximum(n2 - n1 * n1, 0))
+    start = x / dr.maximum(height, 1e-3)
+    t, a2 = F(start), F(0)
+    for _ in range(AIMING_STEPS):
+        w = (1 + t * t) / s2                                           # 1/q²
+        a2 = m2 * w * w
+        t = start / (1 + 0.375 * dr.minimum(a2, 1))
+    # kept a hair off the horizontal where the mean water knows no way: the ray is walked then
+    p2 = s2 / table.scale * t * t / (1 + t * t)
+    cosine = dr.minimum(dr.sqrt(p2) * c0, 1 - 1e-7)
+    sine = dr.copysign(dr.sqrt(1 - cosine * cosine), z - z0)
+    sine = dr.select(abs(sine) < 1e-12, 1e-12, sine)
+    doubtful = active & (close | (a2 * a2 > SERIES_LIMIT) | (cosine > 1 - 1e-6) | (p2 * c * c >= 1))
+    sine, cosine, failed = _walked(table, lib, z0, c0, sine, cosine, x, z, doubtful)
+    return sine, cosine, active & ~failed
+
+
+@dr.syntax
+def _walked(table, lib, z0, c0, sine, cosine, x, z, active):
+    """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do."""
+    left = lib.UInt32(WALKS)
+    one = dr.opaque(lib.UInt32, 1)
+    failed = lib.Bool(False)
+    while active & (left > 0):
+        z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, sine, cosine / c0, x, active)
+        dz = z - z_x
+        active = active & (abs(dz) > CLOSE_ENOUGH)
+        # near a caustic V is nothing: take the straight ray's lever instead
+        lever = dr.select(abs(v) > 0.05 * x, v, dr.maximum(x, 1e-3))
+        turn = dr.clip(dz * (cosine / c0) * c_x / lever, -0.1, 0.1)
+        turned_sine, turned_cosine = sine + cosine * turn, cosine - sine * turn
+        unit = dr.rsqrt(dr.maximum(turned_sine * turned_sine + turned_cosine * turned_cosine, 1e-12))
+        sine = dr.select(active, turned_sine * unit, sine)
+        cosine = dr.select(active, turned_cosine * unit, cosine)
+        failed |= active & (cosine <= 0)
+        active = active & ~failed
+        left -= one
+    return sine, cosine, failed | active
