@@ -175,7 +175,7 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
 
 
 def _two_layers(leg, p, layer, height, excess):
-    """Y and E, speeds in units of c_m, of the leg's layer and the slice above it at ``p``, to third order of the leg."""
+    """Y and E, speeds in units of c_m, of the leg's layer and the slice above it; to third order of the leg."""
     xp = library(p)
     below = xp.maximum(1 - p * p, LEVEL**2)
     above = xp.maximum(below + excess, LEVEL**2)
