@@ -4,8 +4,8 @@
     vector      equivalent straight vector, slice of local water, third order            `vector_approximation`
     eigenray    the exact ray to where the element is when its echo arrives
 
-The ray is sent at time 0 from the origin O, reaches the hit I at t_i and the element, which is at O + v t + d at time t,
-at t_i + t_r:
+The ray is sent at time 0 from the origin O and reaches the hit I at t_i, and at t_i + t_r the element, which is at
+O + v t + d at time t:
 
     t_r = T(I -> O + v (t_i + t_r) + d)
 

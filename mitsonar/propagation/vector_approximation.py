@@ -20,7 +20,8 @@ all in metres of c_m, divided by B. What is left is judged by the next terms of 
     4 γ Δp³ c_m³ (Δp c_m p c_m / w²) + 3 dX a (a p c_m / w²)² + (V/Q⁴)^(3/2) (h Q/8 + 3/5 h a p c_m/Q)
 
 with the smaller of w and Q for w. On 17 profiles and offsets to 2 m the error stayed below twice this number wherever
-it is below 1 ns, the ray at the element steeper than 1.1 degrees and Δp c_m p c_m < w²/2; elsewhere nothing is promised. By reciprocity the same with v = 0 gives the delays of transmit elements.
+it is below 1 ns, the ray at the element steeper than 1.1 degrees and Δp c_m p c_m < w²/2; elsewhere
+nothing is promised. By reciprocity the same with v = 0 gives the delays of transmit elements.
 
 Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields are in scene coordinates, z up.
 """
@@ -144,7 +145,8 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
     square = vx * vx + vy * vy + vz * vz
     toward = n[0] * vx + n[1] * vy + n[2] * vz
     closing = leg.speed - toward - inverse * square * wait
-    delay = straight_delay(toward * wait, square * wait * wait, inverse, leg.speed, closing, leg.speed * leg.speed - square)
+    delay = straight_delay(toward * wait, square * wait * wait, inverse, leg.speed, closing,
+                           leg.speed * leg.speed - square)
     height = upwards * vz * (wait + delay)
     mean, variance = slice_to(upwards * height)
     c2 = leg.speed * leg.speed
