@@ -17,7 +17,7 @@ from mitsonar.signal import beamforming
 from mitsonar.signal.beamforming import interpolation
 
 FAR = 5000.0                       # [m]
-AHEAD = (1.0, 0.0, 0.0)
+AHEAD = "forward"
 
 
 def db(values):
@@ -184,8 +184,8 @@ def test_noise_goes_down_by_the_sum_of_squared_weights(rng, window):
     spectrum = rng.standard_normal((elements, samples)) + 1j * rng.standard_normal((elements, samples))
     spectrum[:, np.abs(np.fft.fftfreq(samples)) > 1 / 3] = 0
     noise = np.fft.ifft(spectrum, axis=1)
-    beams = beamforming.delay_and_sum(heard.copy(data=noise[None, None]), beamforming.directions(np.linspace(-1, 1, 20)),
-                                      window=window)
+    look = beamforming.directions(np.linspace(-1, 1, 20))
+    beams = beamforming.delay_and_sum(heard.copy(data=noise[None, None]), look, window=window)
     weights = np.ones(elements) if window is None else get_window(window, elements, fftbins=False)
     expected = 10 * np.log10((weights ** 2).sum() / weights.sum() ** 2)
     inner = slice(64, -64)

@@ -61,7 +61,7 @@ class ElementSignals:
         self.elements = dr.opaque(lib.UInt32, elements)
         self.one = dr.opaque(lib.UInt32, 1)        # a literal step makes loop iterations wait for one another on x86
         self.row = dr.opaque(lib.UInt32, RATE * samples + 2 * MARGIN)
-        self.earliest = dr.opaque(lib.Int32, -1 - self.kernel.first)
+        self.earliest = dr.opaque(lib.Int32, -self.kernel.first)       # so that a row's own zeros are read
         self.latest = dr.opaque(lib.Int32, RATE * samples + 2 * MARGIN - 3)
         self.samples_per_metre = dr.opaque(lib.Float, RATE * recording.sampling_rate / recording.sound_speed)
         self.cycles_per_metre = dr.opaque(lib.Float, recording.frequency / recording.sound_speed)

@@ -6,7 +6,8 @@ field to wait for. Beyond a few array lengths this is the plane-wave beam (Johns
 is its dynamic focus. An echo of amplitude a in the look direction comes out as a, with the phase it would have at the
 centre; noise that is independent from element to element goes down by Σw²/(Σw)².
 
-The water is homogeneous here, at ``sound_speed``, and the array stands still from transmission to reception.
+The water is homogeneous here, at ``sound_speed``. Directions are as seen by the array at reception: an array that moves
+on at v meanwhile hears a target up to 2 v/c from where it stood at transmission.
 """
 import drjit as dr
 import numpy as np
@@ -34,7 +35,8 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
     directions : (B, 3)
         In the frame of the element positions, see `directions`.
     window : None, str, tuple or (rx,) array_like
-        Shading: a window of scipy.signal.windows (uniform lines only), or weights, 0 for an element that failed.
+        Shading: a window, as `sonar.shading.window_weights` takes it (uniform lines only), or weights, 0 for an
+        element that failed.
     interpolation : str
         ``band_limited`` (error -67 dB) or ``linear`` (-34 dB, a quarter faster).
     like : Dr.Jit array or type, optional
@@ -108,7 +110,7 @@ def focus(signals, points, *, window=None, interpolation="band_limited", like=No
     -------
     xarray.DataArray complex64 (ping, point)
         The echo's amplitude with the phase of its way undone: a point scatterer at a focus gives its own amplitude a.
-        Coordinates x, y, z of the points. Sampled beyond the record it is 0.
+        Coordinates point_x, point_y, point_z. Sampled beyond the record it is 0.
 
     Raises
     ------
@@ -116,7 +118,7 @@ def focus(signals, points, *, window=None, interpolation="band_limited", like=No
         If the signals lack something, or an argument is not as above.
     """
     recording, points = read_recording(signals), _points(points)
-    values = np.stack([image for image in _images(recording, points, window, interpolation, like)])
+    values = np.stack(list(_images(recording, points, window, interpolation, like)))
     return point_signals(recording, values.astype(np.complex64), points, "focus")
 
 

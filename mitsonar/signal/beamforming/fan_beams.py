@@ -11,6 +11,7 @@ of s. Both hold beyond some 2 L²/λ; nearer, use `delay_and_sum`.
 import numpy as np
 from scipy import fft
 
+from mitsonar.sonar.axes import axis_vector
 from mitsonar.units import khz_from_hertz
 
 from .recording import beam_signals, read_recording, uniform_line, weights_of
@@ -18,6 +19,7 @@ from .recording import beam_signals, read_recording, uniform_line, weights_of
 __all__ = ["fan_beams", "fft_beams"]
 
 EDGE = 8                           # samples by which a record is lengthened, beside the way across the array
+STRAY = 0.02                       # cosine of `facing` with the line
 SLACK = 1e-6                       # relative, for pitches of exactly the limit
 
 
@@ -28,8 +30,9 @@ def fft_beams(signals, facing, *, widest=np.pi / 3, size=None, window=None):
     ----------
     signals : xarray.DataArray, complex (ping, tx, rx, sample)
         As for `delay_and_sum`, the rx elements a uniform line that stands still, one transmitter.
-    facing : (3,)
-        The side the beams are on: the direction of the beam at broadside, perpendicular to the line.
+    facing : str or (3,)
+        The side the beams are on: the direction of the beam at broadside, perpendicular to the line, such as
+        ``"forward"`` or ``"down"``.
     widest : float [rad]
         Largest angle from broadside.
     size : int, optional
@@ -70,8 +73,9 @@ def fan_beams(signals, facing, *, beams=None, widest=np.pi / 3, window=None):
     ----------
     signals : xarray.DataArray, complex (ping, tx, rx, sample)
         As for `delay_and_sum`, the rx elements a uniform line that stands still, one transmitter.
-    facing : (3,)
-        The side the beams are on: the direction of the beam at broadside, perpendicular to the line.
+    facing : str or (3,)
+        The side the beams are on: the direction of the beam at broadside, perpendicular to the line, such as
+        ``"forward"`` or ``"down"``.
     beams : int, optional
         Their number, at equal steps of the sine from -widest to widest; by default twice as many as elements, plus one.
     widest : float [rad]
@@ -130,15 +134,13 @@ class _Fan:
         self.weights = weights_of(window, recording)
 
     def _side(self, facing):
-        facing = np.asarray(facing, float)
-        length = np.linalg.norm(facing)
-        if facing.shape != (3,) or not np.isfinite(length) or length == 0:
-            raise ValueError(f"facing is {facing}; give the direction of the middle beam, three numbers, not all 0")
-        along = abs(facing @ self.axis) / length
-        if along > 0.02:
-            raise ValueError(f"facing {facing} is {np.degrees(np.arccos(min(along, 1))):.3g}° off the line of elements "
-                             f"along {np.round(self.axis, 6)}; give a direction perpendicular to it")
-        facing = facing - (facing @ self.axis) * self.axis
+        facing = axis_vector("facing", facing)
+        along = facing @ self.axis
+        if abs(along) > STRAY:
+            raise ValueError(f"facing {np.round(facing, 6)} stands at {np.degrees(np.arccos(min(abs(along), 1))):.3g}° "
+                             f"to the line of elements along {np.round(self.axis, 6)}; give a direction perpendicular "
+                             "to it")
+        facing = facing - along * self.axis
         return facing / np.linalg.norm(facing)
 
     def _check_lobes(self, widest):
@@ -151,10 +153,10 @@ class _Fan:
         free = np.degrees(np.arcsin(np.clip(wavelength / pitch - 1, 0, 1)))
         what = (f"a grating lobe enters the fan when steered past {free:.1f}°, and beams reach "
                 f"{np.degrees(widest):.3g}°. Use spacing <= {limit:.4f} m or narrow the fan." if pitch < wavelength else
-                f"grating lobes stand in the fan wherever it is steered. Use spacing <= {limit:.4f} m, or delay_and_sum "
-                "to see them.")
-        raise ValueError(f"rx element spacing is {pitch:.4g} m = {pitch / wavelength:.3g} wavelengths at "
-                         f"{khz_from_hertz(self.recording.frequency):g} kHz; {what}")
+                f"grating lobes stand in the fan wherever it is steered. Use spacing <= {limit:.4f} m, or "
+                "delay_and_sum to see them.")
+        raise ValueError(f"rx element spacing is {pitch:.4g} m = {pitch / wavelength:.3g} wavelengths "
+                         f"at {khz_from_hertz(self.recording.frequency):g} kHz; {what}")
 
     def vectors(self, sines):
         """Unit vectors (B, 3) of beams."""

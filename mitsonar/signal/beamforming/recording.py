@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.signal import get_window
+
+from mitsonar.sonar.axes import body_direction
+from mitsonar.sonar.shading import window_weights
 
 __all__ = ["Recording", "beam_signals", "directions", "look_directions", "read_recording", "uniform_line", "weights_of"]
 
@@ -69,13 +71,10 @@ def directions(azimuth, elevation=0.0):
 
     Examples
     --------
-    >>> directions([0.0, np.pi / 2]).round(12) + 0.0
-    array([[1., 0., 0.],
-           [0., 1., 0.]])
+    >>> directions(np.pi / 2, -np.pi / 6).round(6)
+    array([0.      , 0.866025, 0.5     ])
     """
-    azimuth, elevation = np.broadcast_arrays(np.asarray(azimuth, float), np.asarray(elevation, float))
-    level = np.cos(elevation)
-    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), -np.sin(elevation)], axis=-1)
+    return body_direction(azimuth, -np.asarray(elevation, float))
 
 
 def look_directions(vectors):
@@ -181,7 +180,8 @@ def beam_signals(recording, values, vectors, method, **coordinates):
     x, y, z = vectors.T
     beams = _labelled(recording, values, ("ping", "beam", "sample"), method)
     return beams.assign_coords(
-        time=("sample", recording.signals["time"].values), beam_x=("beam", x), beam_y=("beam", y), beam_z=("beam", z),
+        time=("sample", recording.signals["time"].values, {"units": "s"}),
+        beam_x=("beam", x), beam_y=("beam", y), beam_z=("beam", z),
         azimuth=("beam", np.arctan2(y, x), {"units": "rad"}),
         elevation=("beam", -np.arcsin(np.clip(z, -1, 1)), {"units": "rad"}),
         **{name: ("beam", value) for name, value in coordinates.items()})
@@ -190,7 +190,7 @@ def beam_signals(recording, values, vectors, method, **coordinates):
 def point_signals(recording, values, points, method):
     """Label focused values (ping, point) by the points (P, 3)."""
     return _labelled(recording, values, ("ping", "point"), method).assign_coords(
-        {name: ("point", column) for name, column in zip("xyz", points.T, strict=True)})
+        {f"point_{axis}": ("point", column, {"units": "m"}) for axis, column in zip("xyz", points.T, strict=True)})
 
 
 def _labelled(recording, values, dims, method):
@@ -249,7 +249,7 @@ def weights_of(window, recording):
     Parameters
     ----------
     window : None, str, tuple or (rx,) array_like
-        None: equal; a name or tuple that scipy.signal.get_window takes, for uniform lines; or the weights themselves.
+        None: equal; a window as `sonar.shading.window_weights` takes it, for uniform lines; or the weights themselves.
     recording : Recording
 
     Returns
@@ -262,7 +262,7 @@ def weights_of(window, recording):
     elif isinstance(window, (str, tuple)):
         if count > 1:
             uniform_line(recording.receivers[0], recording.wavelength)
-        weights = get_window(window, count, fftbins=False)
+        weights = window_weights(window, count)
     else:
         weights = np.asarray(window, float)
     if weights.shape != (count,) or not np.isfinite(weights).all():
