@@ -69,28 +69,24 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
 
 
-def aligned(recording, vector, ping, *, interpolation, like=None):
-    """Element signals brought into line for one look direction, their sum being `delay_and_sum`.
+def aligned(heard, vector, transmitter):
+    """Element signals of a ping brought into line for one look direction, their sum being `delay_and_sum`.
 
     Parameters
     ----------
-    recording : Recording
-        With one transmitter.
+    heard : ElementSignals
+        With the ping loaded, positions from the origin.
     vector : (3,)
-    ping : int
-    interpolation : str
-    like : Dr.Jit array or type, optional
+    transmitter : (3,) [m]
 
     Returns
     -------
     complex64 (rx, sample)
+        Times the weights of the elements.
     """
-    lib = device_arrays(like)
-    _, _, elements, samples = recording.values.shape
-    heard = ElementSignals(lib, recording, interpolation, np.ones(elements))
-    heard.load(ping, np.zeros(3))
-    foci = _beam_foci(heard, np.tile(vector, (elements, 1)), recording.transmitters[ping, 0])
-    number = dr.arange(lib.UInt32, elements * samples) // dr.opaque(lib.UInt32, samples)
+    _, _, elements, samples = heard.recording.values.shape
+    foci = _beam_foci(heard, np.tile(vector, (elements, 1)), transmitter)
+    number = dr.arange(heard.lib.UInt32, elements * samples) // dr.opaque(heard.lib.UInt32, samples)
     return to_complex(*heard.heard(number, heard.element(number), foci)).reshape(elements, samples)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import uniform_filter1d
 
+from .alignment import ElementSignals, device_arrays
 from .delay_and_sum import aligned
 from .recording import beam_signals, look_directions, read_recording, uniform_line
 
@@ -67,9 +68,11 @@ def mvdr(signals, directions, *, subarray=None, half_width=2, loading=0.01, inte
     if not (np.isfinite(loading) and loading > 0):
         raise ValueError(f"loading is {loading}; give a number > 0, 0.01 of the diagonal is usual")
     beams = np.empty((pings, len(vectors), samples), np.complex64)
+    heard = ElementSignals(device_arrays(like), recording, interpolation, np.ones(elements))
     for ping in range(pings):
+        heard.load(ping, np.zeros(3))
         for beam, vector in enumerate(vectors):
-            lined = aligned(recording, vector, ping, interpolation=interpolation, like=like)
+            lined = aligned(heard, vector, recording.transmitters[ping, 0])
             beams[ping, beam] = _adapted(lined.T, length, half_width, loading)
     return beam_signals(recording, beams, vectors, "mvdr")
 
