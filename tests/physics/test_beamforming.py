@@ -10,11 +10,11 @@ no delays, 2e-4 elsewhere, of interpolation. Patterns are compared to 0.1 dB whe
 import drjit as dr
 import numpy as np
 import pytest
-from scipy.signal import get_window
-from synthetic_echoes import FREQUENCY, SOUND_SPEED, WAVELENGTH, line, narrow, signals
+from synthetic_echoes import FREQUENCY, SAMPLING_RATE, SOUND_SPEED, WAVELENGTH, line, narrow, signals
 
-from mitsonar.signal import beamforming
+from mitsonar.signal import ElementNoise, beamforming
 from mitsonar.signal.beamforming import interpolation
+from mitsonar.sonar.shading import window_weights
 
 FAR = 5000.0                       # [m]
 AHEAD = "forward"
@@ -48,7 +48,7 @@ def test_known_values_of_a_uniform_line(elements, beam_deg, expected):
 @pytest.mark.parametrize("method", ["delay_and_sum", "fft_beams", "fan_beams"])
 def test_pattern_is_the_closed_form(method, window, target_deg):
     elements, pitch, target = 32, 0.5 * WAVELENGTH, np.sin(np.radians(target_deg))
-    weights = np.ones(elements) if window is None else get_window(window, elements, fftbins=False)
+    weights = np.ones(elements) if window is None else window_weights(window, elements)
     heard = signals(line(elements), FAR * beamforming.directions(np.arcsin(target)), pulse=narrow)
     if method == "delay_and_sum":
         sine = np.linspace(-0.85, 0.85, 401)
@@ -186,18 +186,32 @@ def test_noise_goes_down_by_the_sum_of_squared_weights(rng, window):
     noise = np.fft.ifft(spectrum, axis=1)
     look = beamforming.directions(np.linspace(-1, 1, 20))
     beams = beamforming.delay_and_sum(heard.copy(data=noise[None, None]), look, window=window)
-    weights = np.ones(elements) if window is None else get_window(window, elements, fftbins=False)
+    weights = np.ones(elements) if window is None else window_weights(window, elements)
     expected = 10 * np.log10((weights ** 2).sum() / weights.sum() ** 2)
     inner = slice(64, -64)
     found = (np.abs(beams.values[..., inner]) ** 2).mean() / (np.abs(noise[:, inner]) ** 2).mean()
     assert 10 * np.log10(found) == pytest.approx(expected, abs=0.1)
 
 
-def test_failed_elements_are_left_out():
+@pytest.mark.parametrize(("pitch", "expected"), [(0.5, 12.041200), (0.25, 9.117833)])
+def test_isotropic_noise_goes_down_by_the_directivity_index(pitch, expected):
+    """Line of 16, broadside: 10 log N at half a wavelength, less where neighbours hear the same; 0.15 dB of 40,000."""
+    receivers = line(16, pitch * WAVELENGTH)
+    noise = ElementNoise(position=receivers, wavelength=WAVELENGTH, sampling_rate=SAMPLING_RATE, ambient_db=60.0)
+    heard = signals(receivers, FAR * beamforming.directions(0.0), samples=40_000)
+    heard = heard.copy(data=noise.drawn(40_000, 1, 0)[None, None])
+    beam = beamforming.delay_and_sum(heard, beamforming.directions([0.0]))
+    assert noise.level_db - 10 * np.log10((np.abs(beam.values) ** 2).mean()) == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize("by", ["argument", "coordinate"])
+def test_failed_elements_are_left_out(by):
     weights = np.ones(16)
     weights[[2, 9]] = 0
     heard = signals(line(16), FAR * beamforming.directions(0.2), pulse=narrow)
     heard[:, :, [2, 9]] = 1e3
+    if by == "coordinate":
+        heard, weights = heard.assign_coords(rx_weight=("rx", weights)), None
     beam = beamforming.delay_and_sum(heard, beamforming.directions([0.2]), window=weights)
     assert cut(beam)[0] == pytest.approx(1, abs=2e-3)
 

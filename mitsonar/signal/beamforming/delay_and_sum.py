@@ -36,7 +36,7 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
         In the frame of the element positions, see `directions`.
     window : None, str, tuple or (rx,) array_like
         Shading: a window, as `sonar.shading.window_weights` takes it (uniform lines only), or weights, 0 for an
-        element that failed.
+        element that failed; by default the array's own, the coordinate ``rx_weight``, or none.
     interpolation : str
         ``band_limited`` (error -67 dB) or ``linear`` (-34 dB, a quarter faster).
     like : Dr.Jit array or type, optional

@@ -96,7 +96,8 @@ def read_recording(signals):
     ----------
     signals : xarray.DataArray, complex (ping, tx, rx, sample)
         In any order; ping and tx may be missing. Coordinates ``time`` (sample) [s]; ``rx_x``, ``rx_y``, ``rx_z``
-        over (rx) or (ping, rx) [m]; ``tx_x``, ``tx_y``, ``tx_z`` likewise, needed where tx has more than one entry.
+        over (rx) or (ping, rx) [m]; ``tx_x``, ``tx_y``, ``tx_z`` likewise, needed where tx has more than one entry;
+        ``rx_weight`` (rx), the array's own shading, where there is any.
         Attributes ``frequency`` [Hz] and ``sound_speed`` [m/s].
 
     Returns
@@ -249,7 +250,8 @@ def weights_of(window, recording):
     Parameters
     ----------
     window : None, str, tuple or (rx,) array_like
-        None: equal; a window as `sonar.shading.window_weights` takes it, for uniform lines; or the weights themselves.
+        None: those of the coordinate ``rx_weight``, or equal ones without it; a window as
+        `sonar.shading.window_weights` takes it, for uniform lines; or the weights themselves.
     recording : Recording
 
     Returns
@@ -257,7 +259,9 @@ def weights_of(window, recording):
     float64 (rx,)
     """
     count = recording.receivers.shape[1]
-    if window is None:
+    if window is None and "rx_weight" in recording.signals.coords:
+        weights = recording.signals["rx_weight"].values.astype(float)
+    elif window is None:
         weights = np.ones(count)
     elif isinstance(window, (str, tuple)):
         if count > 1:
