@@ -1,8 +1,8 @@
 """Beam patterns through the whole chain: a point target, rays, element signals, beams.
 
-A line of N elements at pitch d, a target 300 m away (far field: 2 L²/λ = 20 m; curvature left 8e-3 rad), a pulse so long
-that the array is crossed in 1 % of it: b = |sin Nu / (N sin u)|, u = (πd/λ)(sin ψ - sin ψ0); first side lobe of 32
-elements -13.236 dB, grating lobes at sin ψ_g = sin ψ0 - λ/d. Within 0.1 dB where b > -30 dB, and 0.1°.
+A line of N elements at pitch d, a target 300 m away (far field: 2 L²/λ = 20 m; curvature left 8e-3 rad), a pulse so
+long that the array is crossed in 1 % of it: b = |sin Nu / (N sin u)|, u = (πd/λ)(sin ψ - sin ψ0); first side lobe of
+32 elements -13.236 dB, grating lobes at sin ψ_g = sin ψ0 - λ/d. Within 0.1 dB where b > -30 dB, and 0.1°.
 """
 import numpy as np
 import pytest
