@@ -18,6 +18,7 @@ import numpy as np
 from .connection import Connector
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
+from .scatterers import TARGET_RADIUS
 from .signal.echoes import Absorption
 from .sonar.launch import draw, quantiles
 from .trace import Tracer
@@ -28,7 +29,6 @@ LIGHTING = ("scatterers", "rays")
 CELLS_PER_BLOCK = 1 << 19
 AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn from
 EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
-TARGET_RADIUS = 0.02               # [m] about a point target that is left out of its own shadow
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
 FAINTEST = 1e-3                    # beam intensity that directions count with at least, relative to the strongest
 
@@ -161,7 +161,7 @@ class Ensonification:
 
     def _targets(self, sources, origin):
         """Echoes of the point targets."""
-        point, strength_db = zip(*self.scatterers.targets)
+        point, strength_db, _ = zip(*self.scatterers.targets)
         point = self.lib.Array3f64(*(upload(mi.Float64, column) for column in np.array(point).T))
         # on no surface: what is drawn in its place must not shade it
         way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)

@@ -12,9 +12,10 @@ import numpy as np
 from .propagation.device import arrays_of, upload
 from .scattering.cells import cell_of, divisions, gaussian, hashed, place, shape_key
 
-__all__ = ["Cells", "Scatterers"]
+__all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
 
 PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
+TARGET_RADIUS = 0.02               # [m] about a point target that is left out of its own shadow
 MOST_CUTS = 32768                  # s and n² are 32-bit
 QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
 
@@ -62,7 +63,8 @@ class Scatterers:
         Of a ball about the centre that holds the facet.
     cuts : (F,) uint32
         n: facet f has n² cells.
-    targets : list of (point (3,) [m], target_strength_db [dB re 1 m²])
+    targets : list
+        As `trace.Geometry.targets` gives them.
 
     Raises
     ------
@@ -73,8 +75,7 @@ class Scatterers:
     def __init__(self, geometry, cell_size):
         self.lib = arrays_of(mi.Float)
         self.geometry = geometry
-        self.targets = [(np.asarray(shape.position, float), float(shape.target_strength_db))
-                        for _, shape, *_ in geometry.meshes if hasattr(shape, "target_strength_db")]
+        self.targets = geometry.targets()
         vertices = geometry.vertices.numpy().reshape(-1, 4)
         faces = geometry.faces.numpy().reshape(-1, 4).copy()
         quads, quad_faces, rows = _rectangles(geometry, len(vertices), len(faces))

@@ -17,10 +17,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .connection import Connector
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
+from .scatterers import TARGET_RADIUS
 from .sonar.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
 from .trace import Tracer
 
@@ -155,6 +157,8 @@ class _Block:
         self.per_bin = upload(mi.Float, per_bin)
         dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
+        self.targets = geometry.targets()
+        self.connector = Connector(self.tracer)
 
     def __call__(self, ping):
         """Echoes of the pings with these numbers (B,)."""
@@ -172,6 +176,8 @@ class _Block:
         units, bin, in_window = self._echo(place, ray, hits)
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=ray.along_intensity > BEAM_EDGE,
                  height=dr.clip((mi.Float(-hits.point.z) - self.top) * self.per_depth, 0, 1), active=in_window)
+        if self.targets:
+            self._add_targets(place, sums)
         dr.eval(sums.energy, sums.depth, sums.count)
         return sums.read(10 ** (survey.sonar.source_level_db / 10) * self.unit, survey.geometry.depth_range)
 
@@ -190,7 +196,7 @@ class _Block:
         """Trace the first pass and ask how far each cell of φ leads into bins that few rays reach."""
         ray = self._launch(place, quantiles, self.first_grid, FIRST_SALT)
         hits = self._trace(place, ray)
-        bin, in_window = self._bin(hits)
+        bin, in_window = self._bin(hits.travel_time, hits.valid)
         index = ray.row * self.bins + bin
         cell = ray.cell
         count = dr.zeros(mi.UInt32, sum_size(place.rows * self.survey.bins))
@@ -230,9 +236,7 @@ class _Block:
         side = mi.Float(row & 1) * 2 - 1
         body = mi.Vector3f(u, side * w * cos_phi, w * sin_phi)
         v = w * dr.sin(phi - self.depression)
-        transmit_u, transmit_v, receive_u, receive_v = self.sides
-        along = dr.square(sinc(u * transmit_u) * sinc(u * receive_u))
-        across = dr.square(sinc(v * transmit_v) * sinc(v * receive_v))
+        along, across = self._patterns(u, v)
         return _Rays(row=row, ping=row >> 1, cell=cell, direction=place.turn(row >> 1, body),
                      solid_angle=phi_width * u_width / mi.Float(per_row), along_intensity=along,
                      pattern=along * across)
@@ -241,14 +245,48 @@ class _Block:
         origin = place.origin(ray.ping)
         return self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
 
-    def _bin(self, hits):
-        place = (2 * hits.travel_time - self.start) * self.bins_per_second
-        inside = hits.valid & (place >= 0) & (place < mi.Float64(self.bins))
+    def _add_targets(self, place, sums):
+        """Add the echoes of the point targets, which no ray would find: |p|² = 10^(TS/10) B 10^(-2 ᾱ L / 10) / (A A')."""
+        lib, sonar = self.lib, self.survey.sonar
+        position, strength_db, label = (np.array(column) for column in zip(*self.targets))
+        count = dr.opaque(mi.UInt32, len(position))
+        index = dr.arange(mi.UInt32, place.rows // 2 * len(position))
+        ping = index // count
+        which = index - ping * count
+        point = lib.Array3f64(*(dr.gather(mi.Float64, upload(mi.Float64, axis), which) for axis in position.T))
+        way = self.connector(place.sources, place.origin(ping), place.source(ping), point, mi.Vector3f(0, 0, 0),
+                             short=TARGET_RADIUS)
+        body = place.body(ping, way.launch_direction)
+        v = body.z * dr.cos(self.depression) - abs(body.y) * dr.sin(self.depression)
+        along, across = self._patterns(body.x, v)
+        bin, inside = self._bin(way.travel_time, way.free)
+        source_depth, source_speed = place.medium(ping)
+        units, unit_loss_db = dr.gather(lib.Array2f, self.per_bin, bin, inside)
+        loss_db = self.absorption(source_depth, mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
+        ratio = mi.Float(way.sound_speed) / source_speed
+        strength = dr.gather(mi.Float, upload(mi.Float, (10 ** (strength_db / 10)).astype(np.float32)), which)
+        energy = strength * along * across * dr.square(ratio / way.spreading_area) * dr.exp(
+            (unit_loss_db - loss_db) * float(np.log(10) / 10))
+        sums.add(row=2 * ping + dr.select(body.y > 0, mi.UInt32(1), mi.UInt32(0)), bin=bin,
+                 label=dr.gather(mi.UInt32, upload(mi.UInt32, label.astype(np.uint32)), which),
+                 units=mi.Float64(energy) * mi.Float64(units), in_beam=along > BEAM_EDGE,
+                 height=dr.clip((mi.Float(-point.z) - self.top) * self.per_depth, 0, 1),
+                 active=inside & dr.isfinite(energy))
+
+    def _patterns(self, u, v):
+        """Two-way intensity along and across the platform."""
+        transmit_u, transmit_v, receive_u, receive_v = self.sides
+        return (dr.square(sinc(u * transmit_u) * sinc(u * receive_u)),
+                dr.square(sinc(v * transmit_v) * sinc(v * receive_v)))
+
+    def _bin(self, travel_time, valid):
+        place = (2 * travel_time - self.start) * self.bins_per_second
+        inside = valid & (place >= 0) & (place < mi.Float64(self.bins))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 
     def _echo(self, place, ray, hits):
         """Echo of each ray in units of its bin, the bin, and whether it lies in the window."""
-        bin, inside = self._bin(hits)
+        bin, inside = self._bin(hits.travel_time, hits.valid)
         strength, sin_grazing = scattering_strength(hits, inside, self.survey.sonar.frequency)
         source_depth, source_speed = place.medium(ray.ping)
         units, unit_loss_db = dr.gather(self.lib.Array2f, self.per_bin, bin, inside)
@@ -298,6 +336,11 @@ class _Place:
         """Depth [m] and sound speed [m/s] at the sonar, float32."""
         depth, speed, _ = self.sources.state.gather(self.lib, self.source(ping))
         return mi.Float(depth), mi.Float(speed)
+
+    def body(self, ping, direction):
+        """Scene directions to body directions."""
+        rows = [dr.gather(self.lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
+        return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
 
     def turn(self, ping, body):
         """Body directions to scene directions."""

@@ -119,6 +119,12 @@ class Geometry:
         self.depth_range = -float(box.max.z), -float(box.min.z)
         self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
 
+    def targets(self):
+        """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
+        number_of = {name: number for number, name in self.labels.items()}
+        return [(np.asarray(shape.position, float), float(shape.target_strength_db), number_of[shape.id()])
+                for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
+
 
 def _padded(parts, kind):
     table = np.concatenate(parts) if parts else np.zeros((1, 3), kind)

@@ -2,8 +2,9 @@
 
 Every scene is rendered small. Intensities (without speckle and noise) are averaged over pings and over 12 blocks of
 range, one value per side and block, and compared with the stored mean of 16 runs. Standard errors come from those
-runs; with 24 values a scene, |z| < 5 fails by chance once in 70,000. Run with --regenerate after a change that is
-meant to move levels.
+runs; with 24 values a scene, |z| < 5 fails by chance once in 70,000. Scenes with arrays have no chance in them: the
+energy of their impulse responses in 12 blocks of time is compared as it is, to 0.01 dB. Run with --regenerate after a
+change that is meant to move levels.
 """
 import json
 from pathlib import Path
@@ -16,7 +17,28 @@ import mitsonar
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 STORED = Path(__file__).with_name("scenes.json")
 SMALL = {"pings": 12, "rays": 20_000, "bins": 240, "speckle": False, "noise": False}
+SMALL_ARRAYS = {"elements": 4, "range": 12, "cell": 0.05}
 BLOCKS, RUNS = 12, 16
+
+
+def scenes_of(sensor):
+    """Names of the shipped scenes with a kind of sensor."""
+    return sorted(path.stem for path in SCENES.glob("*.xml") if f'<sensor type="{sensor}"' in path.read_text())
+
+
+def known(name, values):
+    """Those of some parameters that a scene has."""
+    text = (SCENES / f"{name}.xml").read_text()
+    return {key: value for key, value in values.items() if f'<default name="{key}"' in text}
+
+
+def kept(request, name, measure):
+    """What is stored of a scene; with --regenerate, what is measured now."""
+    stored = json.loads(STORED.read_text()) if STORED.is_file() else {}
+    if request.config.getoption("--regenerate"):
+        stored[name] = measure()
+        STORED.write_text(json.dumps(stored, indent=1, sort_keys=True) + "\n")
+    return {key: np.array(value) for key, value in stored[name].items()}
 
 
 def block_means(scene, seed):
@@ -27,16 +49,27 @@ def block_means(scene, seed):
     return 10 * np.log10(np.maximum(blocks, 1e-20))
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.xml")))
+@pytest.mark.parametrize("name", scenes_of("sidescan"))
 def test_levels_of_the_shipped_scenes(variant, request, name):
     scene = mitsonar.load_file(SCENES / f"{name}.xml", **SMALL)
-    stored = json.loads(STORED.read_text()) if STORED.is_file() else {}
-    if request.config.getoption("--regenerate"):
+
+    def measure():
         runs = np.array([block_means(scene, seed) for seed in range(100, 100 + RUNS)])
-        stored[name] = {"mean": runs.mean(0).round(4).tolist(), "spread": runs.std(0, ddof=1).round(4).tolist()}
-        STORED.write_text(json.dumps(stored, indent=1, sort_keys=True) + "\n")
-    mean, spread = (np.array(stored[name][key]) for key in ("mean", "spread"))
+        return {"mean": runs.mean(0).round(4).tolist(), "spread": runs.std(0, ddof=1).round(4).tolist()}
+
+    stored = kept(request, name, measure)
+    mean, spread = stored["mean"], stored["spread"]
     found = block_means(scene, 1)
     # the stored spread has 15 degrees of freedom; rounding of a float32 level is 1e-5 dB
     z = (found - mean) / np.hypot(spread * np.sqrt(1 + 1 / RUNS), 2e-3)
     assert np.abs(z).max() < 5.5, f"{name}: levels moved by {np.abs(found - mean).max():.3f} dB"
+
+
+@pytest.mark.parametrize("name", scenes_of("array_sonar"))
+def test_responses_of_the_shipped_scenes(variant, request, name):
+    scene = mitsonar.load_file(SCENES / f"{name}.xml", **known(name, SMALL_ARRAYS))
+    energy = (np.abs(mitsonar.impulse_response(scene).values.astype(complex)) ** 2).sum((0, 1, 2))
+    blocks = np.array([part.sum() for part in np.array_split(energy, BLOCKS)])
+    found = 10 * np.log10(np.maximum(blocks, 1e-30))
+    stored = kept(request, name, lambda: {"energy": found.round(4).tolist()})["energy"]
+    assert np.abs(found - stored).max() < 0.01

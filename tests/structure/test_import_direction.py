@@ -19,7 +19,7 @@ FLOORS = """
     imaging
     io
     trace
-    connection materials scatterers
+    materials connection scatterers
     ensonification array_survey
     survey
     plugins
