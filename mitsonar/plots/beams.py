@@ -11,8 +11,8 @@ FLOOR_DB = -60.0                   # lowest level drawn
 COMPARED_DB = -40.0                # lowest closed form that a difference is drawn for
 
 
-def beam_pattern(beams, path, *, expected=None, along="azimuth", ping=0, title=""):
-    """Draw the levels of all beams at the sample of the strongest echo, relative to the highest.
+def beam_pattern(beams, path, *, expected=None, along="azimuth", ping=0, time=None, title=""):
+    """Draw the levels of all beams at one time, relative to the highest.
 
     Parameters
     ----------
@@ -27,6 +27,8 @@ def beam_pattern(beams, path, *, expected=None, along="azimuth", ping=0, title="
         The beams' coordinate [rad] to draw over: ``azimuth``, ``elevation`` or a fan's ``angle``.
     ping : int
         By position.
+    time : float [s], optional
+        The nearest sample is drawn; by default that of the strongest echo.
     title : str
 
     Raises
@@ -39,7 +41,7 @@ def beam_pattern(beams, path, *, expected=None, along="azimuth", ping=0, title="
     """
     canvas.file_format(path)
     check_writable(path)
-    angle, level, wanted = _levels(beams, expected, along, ping)
+    angle, level, wanted = _levels(beams, expected, along, ping, time)
     figure = canvas.sheet(1200, 720)
     rows = 1 if wanted is None else 2
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=(3, 1)[:rows])[:, 0]
@@ -62,7 +64,7 @@ def beam_pattern(beams, path, *, expected=None, along="azimuth", ping=0, title="
     canvas.save(figure, path)
 
 
-def _levels(beams, expected, along, ping):
+def _levels(beams, expected, along, ping, time):
     """Angles [deg] in rising order, levels and those expected there [dB]."""
     if set(beams.dims) != {"ping", "beam", "sample"} or not beams.size:
         raise ValueError(f"a beam pattern is drawn of beams (ping, beam, sample); these are {dict(beams.sizes)}.")
@@ -72,17 +74,19 @@ def _levels(beams, expected, along, ping):
     if not 0 <= ping < beams.sizes["ping"]:
         raise ValueError(f"there is no ping {ping}; there are {beams.sizes['ping']}, the first is 0.")
     power = np.abs(beams.isel(ping=ping).transpose("beam", "sample").values.astype(complex)) ** 2
-    top = np.unravel_index(power.argmax(), power.shape)
-    if not power[top] > 0:
+    sample = power.max(axis=0).argmax() if time is None else np.abs(beams["time"].values - time).argmin()
+    power = power[:, sample]
+    highest = power.argmax()
+    if not power[highest] > 0:
         raise ValueError(f"all beams of ping {ping} are silent, so there is no pattern; check the signals.")
     order = np.argsort(beams[along].values, kind="stable")
-    level = _db(power[:, top[1]] / power[top])
+    level = _db(power / power[highest])
     if expected is not None:
         expected = np.abs(np.asarray(expected)) ** 2
-        if expected.shape != level.shape or not (np.isfinite(expected).all() and expected[top[0]] > 0):
+        if expected.shape != level.shape or not (np.isfinite(expected).all() and expected[highest] > 0):
             raise ValueError(f"the closed form has shape {expected.shape}; give {level.size} finite pressures, one per "
                              "beam, that is not 0 in the highest beam.")
-        expected = _db(expected / expected[top[0]])[order]
+        expected = _db(expected / expected[highest])[order]
     return np.degrees(beams[along].values[order]), level[order], expected
 
 

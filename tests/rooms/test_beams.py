@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 
 from mitsonar import plots
+from mitsonar.plots import beams as beams_plot
 from mitsonar.signal import beamforming
 from mitsonar.sonar import beam_pattern, line_array
 
@@ -243,10 +244,25 @@ def test_beams_follow_the_pattern_of_the_array_record():
     np.testing.assert_allclose(found, np.abs(expected), atol=2e-3)
 
 
+def test_levels_drawn_are_those_of_the_strongest_sample_or_the_one_asked_for():
+    values = np.zeros((1, 3, 4), complex)
+    values[0, :, 1], values[0, :, 3] = (1, 2, 0.2), (4j, 1, 0.4)
+    beams = xr.DataArray(values, dims=("ping", "beam", "sample"),
+                         coords={"time": ("sample", np.arange(4.0)), "azimuth": ("beam", np.radians([10.0, 5.0, -5.0]))})
+    angle, level, expected = beams_plot._levels(beams, None, "azimuth", 0, None)
+    np.testing.assert_allclose(angle, [-5, 5, 10])
+    np.testing.assert_allclose(level, [-20, 20 * np.log10(0.25), 0])
+    assert expected is None
+    _, level, expected = beams_plot._levels(beams, [3, 6, 0.6], "azimuth", 0, 1.1)
+    np.testing.assert_allclose(level, [-20, 0, 20 * np.log10(0.5)])
+    np.testing.assert_allclose(expected, level)
+
+
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_a_pattern_is_drawn_with_its_closed_form(suffix, tmp_path):
     beams, expected = pattern()
-    plots.beam_pattern(beams, tmp_path / f"a.{suffix}", expected=expected, title="16 elements")
+    middle = float(beams["time"][32])
+    plots.beam_pattern(beams, tmp_path / f"a.{suffix}", expected=expected, time=middle, title="16 elements")
     plots.beam_pattern(beams, tmp_path / f"b.{suffix}")
     sizes = [(tmp_path / f"{name}.{suffix}").stat().st_size for name in "ab"]
     assert min(sizes) > 3000 and sizes[0] != sizes[1]

@@ -114,7 +114,7 @@ class ElementSignals:
 
         Parameters
         ----------
-        foci : list over the transmitters of lists of Focus
+        foci : iterable over the transmitters of lists of Focus
             All of the same size; those of one transmitter share the loads of an element, which a third of the time
             would otherwise go into.
 
@@ -123,8 +123,10 @@ class ElementSignals:
         complex64 (total size of a transmitter's foci,)
         """
         lib = self.lib
-        total = [dr.zeros(lib.Float, dr.width(focus.distance)) for focus in foci[0] for _ in range(2)]
+        total = None
         for tx, group in enumerate(foci):
+            if total is None:
+                total = [dr.zeros(lib.Float, dr.width(focus.distance)) for focus in group for _ in range(2)]
             offset = dr.opaque(lib.UInt32, tx * self.recording.values.shape[2])
 
             def body(n, *total, group=group, offset=offset):

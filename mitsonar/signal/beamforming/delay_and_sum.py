@@ -63,8 +63,8 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
         heard.load(ping, np.zeros(3))
         for begin in range(0, len(vectors), together):
             block = vectors[begin:begin + together]
-            foci = [[_beam_foci(heard, block[group], transmitter) for group in dealt(len(block))]
-                    for transmitter in recording.transmitters[ping]]
+            foci = ([_beam_foci(heard, block[group], transmitter) for group in dealt(len(block))]
+                    for transmitter in recording.transmitters[ping])
             beams[ping, begin:begin + together] = heard.summed(foci).reshape(-1, samples)[:len(block)]
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
 
@@ -165,8 +165,8 @@ def _images(recording, points, window, interpolation, like):
         image = []
         for begin in range(0, len(points), BLOCK):
             block = points[begin:begin + BLOCK]
-            foci = [[_point_foci(heard, block[group], centre, transmitter) for group in dealt(len(block))]
-                    for transmitter in recording.transmitters[ping]]
+            foci = ([_point_foci(heard, block[group], centre, transmitter) for group in dealt(len(block))]
+                    for transmitter in recording.transmitters[ping])
             image.append(heard.summed(foci)[:len(block)])
         yield np.concatenate(image) / transmitters
 
