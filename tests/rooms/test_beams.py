@@ -247,8 +247,9 @@ def test_beams_follow_the_pattern_of_the_array_record():
 def test_levels_drawn_are_those_of_the_strongest_sample_or_the_one_asked_for():
     values = np.zeros((1, 3, 4), complex)
     values[0, :, 1], values[0, :, 3] = (1, 2, 0.2), (4j, 1, 0.4)
+    azimuth = np.radians([10.0, 5.0, -5.0])
     beams = xr.DataArray(values, dims=("ping", "beam", "sample"),
-                         coords={"time": ("sample", np.arange(4.0)), "azimuth": ("beam", np.radians([10.0, 5.0, -5.0]))})
+                         coords={"time": ("sample", np.arange(4.0)), "azimuth": ("beam", azimuth)})
     angle, level, expected = beams_plot._levels(beams, None, "azimuth", 0, None)
     np.testing.assert_allclose(angle, [-5, 5, 10])
     np.testing.assert_allclose(level, [-20, 20 * np.log10(0.25), 0])
