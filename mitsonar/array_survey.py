@@ -105,6 +105,8 @@ class ArraySurvey:
         Time of sample 0, from the transmission on.
     sampling_rate : float [Hz]
     samples : int
+    lead : int
+        How many of the samples come before the record that was asked for.
     cell_size : float [m]
     lighting : str
         One of `ensonification.LIGHTING`.
@@ -126,6 +128,7 @@ class ArraySurvey:
     start: float
     sampling_rate: float
     samples: int
+    lead: int
     cell_size: float
     lighting: str
     rays: int

@@ -1,4 +1,4 @@
-"""The command line: render, plot, doctor, demo.
+"""The command line: render, signals, plot, doctor, demo.
 
 Exit codes: 0 done, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
 interrupted leaves no file, nor half of one.
@@ -89,6 +89,18 @@ def _parser():
     render.add_argument("--threads", type=_whole, metavar="N", help="worker threads, at least 2; default: one per core")
     render.set_defaults(run=_render)
 
+    signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
+    signals.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
+    signals.add_argument("-o", "--output", required=True, metavar="OUT.nc")
+    signals.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
+                         help="value for a $parameter of the scene; repeatable")
+    signals.add_argument("--ping", type=_whole, action="append", metavar="N", help="which ping; repeatable; default: all")
+    signals.add_argument("--response", action="store_true", help="the impulse response of every pair of elements instead")
+    signals.add_argument("--kernel", default="band_limited", help="band_limited (default), peterson or nearest")
+    signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
+    signals.add_argument("--seed", type=_whole, default=0, metavar="N", help="of all that is random; default: 0")
+    signals.set_defaults(run=_signals)
+
     plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
     plot.add_argument("image", metavar="IN.exr")
     plot.add_argument("--what", default="waterfall", metavar="VIEW",
@@ -110,14 +122,36 @@ def _parser():
     return parser
 
 
-def _render(arguments):
+def _parameters(arguments):
     parameters = {}
     for key, value in map(_key_value, arguments.parameters):
         if key in parameters:
             raise ValueError(f"-D {key} is given twice, as {parameters[key]} and {value}; leave one out")
         parameters[key] = value
-    _render_to(_scene_file(arguments.scene), parameters, arguments.seed, arguments.output, arguments.preview,
-               arguments.threads)
+    return parameters
+
+
+def _render(arguments):
+    _render_to(_scene_file(arguments.scene), _parameters(arguments), arguments.seed, arguments.output,
+               arguments.preview, arguments.threads)
+
+
+def _signals(arguments):
+    from .io import files
+    from .io import signals as netcdf
+
+    path = _scene_file(arguments.scene)
+    files.check_writable(arguments.output)
+    from .elements import element_signals, impulse_response, pings
+    from .scene import load_file
+
+    scene = load_file(path, **_parameters(arguments))
+    listen = impulse_response if arguments.response else element_signals
+    with _Progress() as progress:
+        heard = listen(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
+                       return_path=arguments.return_path, seed=arguments.seed, progress=progress)
+    netcdf.write(arguments.output, heard)
+    _announce(arguments.output)
 
 
 def _demo(arguments):

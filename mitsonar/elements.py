@@ -17,11 +17,11 @@ from .rendering import checked_seed, opened, provenance
 from .signal.doppler import doppler_classes
 from .signal.impulses import KERNELS
 from .signal.noise import ElementNoise
-from .signal.reception import absorbed, received
+from .signal.reception import absorbed, check_record, received
 from .sonar import directivity_index_db, element_array
 from .units import amplitude_from_db, db_from_power
 
-__all__ = ["RETURN_PATHS", "element_signals", "impulse_response"]
+__all__ = ["RETURN_PATHS", "element_signals", "impulse_response", "pings"]
 
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
 
@@ -61,9 +61,9 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     """
     _known(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
-    survey, pings = _survey(integrator, scene, sensor, ping)
-    blocks, total = [], len(pings) * survey.transmit.elements
-    for number, one in enumerate(pings):
+    survey, chosen = _survey(integrator, scene, sensor, ping)
+    blocks, total = [], len(chosen) * survey.transmit.elements
+    for number, one in enumerate(chosen):
         def told(done, of, before=number):
             if progress is not None:
                 progress(before * of + done, total)
@@ -72,7 +72,7 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     values = np.stack(blocks)
     values[:, ~survey.transmit.working] = 0
     values[:, :, ~survey.receive.working] = 0
-    array = _labelled(values, survey, pings, "impulse response", "1", transmitters=True)
+    array = _labelled(values, survey, chosen, "impulse response", "1", transmitters=True)
     array.attrs.update(kernel=kernel, return_path=return_path, **provenance(scene, sensor))
     return array
 
@@ -105,13 +105,13 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     _known(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     pulse = sensor.pulse
-    survey, pings = _survey(integrator, scene, sensor, ping, lead=1.05 * pulse.duration)
-    kept = survey.samples - int(round((integrator.array_survey(scene, sensor).start - survey.start)
-                                      * survey.sampling_rate))
+    survey, chosen = _survey(integrator, scene, sensor, ping, lead=1.05 * pulse.duration)
+    kept = survey.samples - survey.lead
+    check_record(pulse, survey.sampling_rate, kept)
     seed, noise = checked_seed(seed), _noise(sensor, survey)
     correction = _absorption(sensor, survey)
     blocks = []
-    for number, one in enumerate(pings):
+    for number, one in enumerate(chosen):
         signals = 0
         factors = _doppler(survey, one, pulse)
         classes = survey.transmissions(one, factors, pulse, kernel=kernel, return_path=return_path, seed=seed)
@@ -126,11 +126,17 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
         signals[~survey.receive.working] = 0
         blocks.append(signals.astype(np.complex64))
         if progress is not None:
-            progress(number + 1, len(pings))
-    array = _labelled(np.stack(blocks)[:, None], survey, pings, "element signals", "µPa", transmitters=False)
+            progress(number + 1, len(chosen))
+    array = _labelled(np.stack(blocks)[:, None], survey, chosen, "element signals", "µPa", transmitters=False)
     array.attrs.update(kernel=kernel, return_path=return_path, seed=seed, source_level_db=sensor.source_level_db,
                        **provenance(scene, sensor))
     return array
+
+
+def pings(scene, *, sensor=0):
+    """Number of pings of a scene's sensor with arrays."""
+    scene, sensor, integrator = opened(scene, sensor)
+    return integrator.array_survey(scene, sensor).track.pings
 
 
 def _known(kernel, return_path):
@@ -145,13 +151,13 @@ def _survey(integrator, scene, sensor, ping, lead=0.0):
         survey = integrator.array_survey(scene, sensor, lead)
     except RuntimeError as error:
         raise as_exception(error) from error
-    pings = [operator.index(one) for one in np.atleast_1d(ping).tolist()]
-    for one in pings:
+    wanted = [operator.index(one) for one in np.atleast_1d(ping).tolist()]
+    for one in wanted:
         if not 0 <= one < survey.track.pings:
             raise ValueError(f"ping {one} was asked for, but the track has {survey.track.pings}, counted from 0")
-    if not pings:
+    if not wanted:
         raise ValueError("no ping was asked for; give at least one number")
-    return survey, pings
+    return survey, wanted
 
 
 def _labelled(values, survey, pings, name, unit, *, transmitters):

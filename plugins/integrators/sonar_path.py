@@ -58,6 +58,9 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             If sensor and scene do not fit together: no seabed, a track outside it, a sonar below it, ...
         """
+        if hasattr(sensor, "transmit"):
+            raise ValueError("an array_sonar makes signals, not pictures; ask mitsonar.element_signals, or the command "
+                             "signals, for them, and mitsonar.signal.beamforming for beams")
         if not hasattr(sensor, "sonar"):
             raise ValueError("the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a "
                              f"{sensor.class_name()}")
@@ -87,8 +90,8 @@ class SonarPath(mi.SamplingIntegrator):
             If sensor and scene do not fit together, or the samples are too few for the pulse.
         """
         if not hasattr(sensor, "transmit"):
-            raise ValueError("element signals need a sonar with arrays, <sensor type=\"array_sonar\">, got a "
-                             f"{sensor.class_name()}")
+            raise ValueError("element signals need a sonar with arrays, <sensor type=\"array_sonar\">; this scene's "
+                             "sensor has none")
         geometry, pulse = Geometry(scene), sensor.pulse
         track, velocity, turn_rate, below, speed = sensor.plan(geometry, _origin(scene))
         start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate)
@@ -99,7 +102,7 @@ class SonarPath(mi.SamplingIntegrator):
             geometry=geometry, profile=sensor.water.profile, frequency=pulse.frequency,
             absorption=sensor.water.absorption_column(pulse.frequency), transmit=sensor.transmit,
             receive=sensor.receive, track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below,
-            start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lighting=self.lighting,
+            start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra, lighting=self.lighting,
             cell_size=self.cell_size or speed / (4 * pulse.bandwidth), rays=self.rays, fans=fans(sensor.transmit))
 
     def dataset(self, scene, sensor, seed=0, progress=None):

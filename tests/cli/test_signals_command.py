@@ -1,0 +1,116 @@
+"""The command `signals`: the file it writes, and everything about arrays that it must refuse in one sentence."""
+import re
+
+import numpy as np
+import pytest
+
+from mitsonar import cli
+from mitsonar.io import signals as netcdf
+
+TEXT = """<scene version="3.0.0">
+    <default name="elements" value="3"/>
+    <integrator type="sonar_path"><float name="cell" value="0.5"/></integrator>
+    <sensor type="array_sonar" id="sonar">
+        <float name="frequency_khz" value="100"/>
+        <string name="receive" value="line"/> <integer name="receive_elements" value="$elements"/>
+        <point name="start" x="0" y="0" z="-10"/>
+        <medium type="seawater" id="water"><float name="sound_speed" value="1500"/></medium>
+        <film type="sonar_film"><float name="range" value="30"/></film>
+    </sensor>
+    <shape type="seabed" id="bed">
+        <float name="depth" value="20"/> <float name="length" value="80"/> <float name="width" value="80"/>
+        <float name="spacing" value="5"/> <bsdf type="lambert"/>
+    </shape>
+</scene>
+"""
+START = '<point name="start" x="0" y="0" z="-10"/>'
+FILM = '<float name="range" value="30"/>'
+LINE = '<string name="receive" value="line"/> <integer name="receive_elements" value="$elements"/>'
+CELL = '<float name="cell" value="0.5"/>'
+
+
+@pytest.fixture
+def scene(folder):
+    """Write the scene with some of its text replaced."""
+    def write(*edits):
+        text = TEXT
+        for old, new in edits:
+            assert old in text
+            text = text.replace(old, new)
+        (folder / "array.xml").write_text(text, encoding="utf-8")
+    write()
+    return write
+
+
+def test_the_file_holds_what_python_gives(variant, folder, scene, capfd):
+    import mitsonar
+
+    assert cli.main(["signals", "array.xml", "-o", "a.nc", "-D", "elements=4", "--seed", "5"]) == 0
+    assert capfd.readouterr().out == "a.nc\n"
+    there = netcdf.read("a.nc")
+    here = mitsonar.element_signals(mitsonar.load_file("array.xml", elements=4), seed=5)
+    assert np.array_equal(there.values, here.values) and there.dims == here.dims
+    assert there.attrs["parameters"] == {"elements": "4"} and there.attrs["source_level_db"] == 210
+
+
+def test_responses(variant, folder, scene):
+    assert cli.main(["signals", "array.xml", "-o", "a.nc", "--response", "--kernel", "nearest", "--ping", "0"]) == 0
+    there = netcdf.read("a.nc")
+    assert there.sizes["rx"] == 3 and there.attrs["kernel"] == "nearest" and "tx_x" in there.coords
+
+
+def sensor(text):
+    return (START, START + text)
+
+
+WRONG = {
+    "no elements": ([(LINE, '<string name="receive" value="line"/> <integer name="receive_elements" value="0"/>')],
+                    "receive_elements is the integer 0; expected an integer at least 1"),
+    "sampling below the bandwidth": ([(FILM, FILM + '<float name="sample_rate_khz" value="4"/>')],
+                                     "sampling rate"),
+    "pulse longer than the record": ([sensor('<float name="pulse_ms" value="80"/>')], "longer"),
+    "an array larger than the approximation allows": (
+        [(LINE, '<string name="receive" value="line"/> <integer name="receive_elements" value="2"/>'
+                '<float name="receive_pitch" value="30"/>'),
+         ('<float name="sound_speed" value="1500"/>',
+          '<spectrum name="profile" value="0:1520, 8:1520, 12:1480, 30:1478"/>')],
+        "too far for the vector approximation here"),
+    "cells too small": ([(CELL, '<float name="cell" value="0.00001"/>')], "take larger cells"),
+    "a sphere": ([("</scene>", '<shape type="sphere" id="ball"><float name="radius" value="1"/></shape></scene>')],
+                 'the shape "ball" is a sphere, which has no facets'),
+    "fan_count alone": ([(CELL, CELL + '<integer name="fan_count" value="3"/>')], "only counts with fans"),
+    "bandwidth of a cw": ([sensor('<string name="pulse" value="cw"/><float name="bandwidth_khz" value="3"/>')],
+                          "bandwidth_khz is given, but a cw pulse"),
+    "unknown window": ([sensor('<string name="pulse_window" value="hat"/>')], "hat"),
+    "unknown lighting": ([(CELL, '<string name="lighting" value="moon"/>')], 'one of "scatterers", "rays"'),
+    "unknown attribute": ([sensor('<float name="recieve_pitch" value="1"/>')], 'did you mean "receive_pitch"?'),
+    "no seabed below": ([sensor("").__class__((START, '<point name="start" x="500" y="0" z="-10"/>'))],
+                        "track outside the bathymetry"),
+    "below the seabed": ([(START, '<point name="start" x="0" y="0" z="-25"/>')], "sonar below the seabed"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_scenes(variant, scene, refusal, case):
+    edits, sentence = WRONG[case]
+    scene(*edits)
+    assert re.search(re.escape(sentence), refusal("signals", "array.xml", "-o", "a.nc")), case
+
+
+@pytest.mark.parametrize("arguments,sentence", [
+    (["--kernel", "round"], "kernel is 'round'; give one of"),
+    (["--return-path", "home"], "return_path is 'home'; give one of paper, vector, eigenray"),
+    (["--ping", "1"], "ping 1 was asked for, but the track has 1"),
+    (["--seed", "-1"], "seed is -1"),
+    (["-D", "x=1"], "x"),
+])
+def test_wrong_arguments(variant, scene, refusal, arguments, sentence):
+    assert sentence in refusal("signals", "array.xml", "-o", "a.nc", *arguments)
+
+
+def test_a_sidescan_has_no_element_signals(variant, refusal):
+    assert "element signals need a sonar with arrays" in refusal("signals", "scene.xml", "-o", "a.nc")
+
+
+def test_an_array_makes_no_picture(variant, scene, refusal):
+    assert "element_signals" in refusal("render", "array.xml", "-o", "a.exr")
