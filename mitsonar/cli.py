@@ -1,4 +1,4 @@
-"""The command line: render, signals, plot, doctor, demo.
+"""The command line: render, signals, plot, published, doctor, demo.
 
 Exit codes: 0 done, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
 interrupted leaves no file, nor half of one.
@@ -111,6 +111,12 @@ def _parser():
     plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
     plot.set_defaults(run=_plot)
 
+    published = commands.add_parser("published", help="compute a table or figure of the published method anew")
+    published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
+    published.add_argument("-o", "--output", metavar="OUT.png|OUT.csv",
+                           help="figure or numbers; default: say the result here")
+    published.set_defaults(run=_published)
+
     demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
     demo.add_argument("--seed", type=_whole, default=0, metavar="N")
     demo.set_defaults(run=_demo)
@@ -167,6 +173,17 @@ def _plot(arguments):
     tvg = None if arguments.tvg == "none" else arguments.tvg
     plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping)
     _announce(output)
+
+
+def _published(arguments):
+    from . import published
+
+    _set_up(None)
+    if arguments.output is None:
+        print(published.text(arguments.result), flush=True)
+        return
+    published.write(arguments.result, arguments.output)
+    _announce(arguments.output)
 
 
 def _doctor(arguments):

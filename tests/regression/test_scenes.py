@@ -1,4 +1,4 @@
-"""The shipped scenes keep their levels: block means against stored ones, judged by their spread.
+"""The shipped sidescan scenes keep their levels: block means against stored ones, judged by their spread.
 
 Every scene is rendered small. Intensities (without speckle and noise) are averaged over pings and over 12 blocks of
 range, one value per side and block, and compared with the stored mean of 16 runs. Standard errors come from those
@@ -23,7 +23,7 @@ BLOCKS, RUNS = 12, 16
 
 def scenes_of(sensor):
     """Names of the shipped scenes with a kind of sensor."""
-    return sorted(path.stem for path in SCENES.glob("*.xml") if f'<sensor type="{sensor}"' in path.read_text())
+    return sorted(path.stem for path in SCENES.glob("sidescan_*.xml") if f'<sensor type="{sensor}"' in path.read_text())
 
 
 def known(name, values):

@@ -20,11 +20,12 @@ FLOORS = """
     io
     trace
     materials connection scatterers
-    ensonification array_survey
+    ensonification array_station array_survey
     survey
     plugins
     scene rendering elements
     plots doctor
+    published
     sweep
     bootstrap cli
     __main__
