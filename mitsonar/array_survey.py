@@ -3,34 +3,28 @@
 The stages of one ping, in order (`ArraySurvey.responses`):
 
     light       scatterers connected to a source, with their echoes' amplitudes              `ensonification`
-    transmit    delay and pattern of a transmit element, by reciprocity                      `vector_approximation`
-    return      when each echo meets the array's centre, where that is then                  `return_paths`
-    sum         every echo at every element, with its own delay                              `signal.accumulation`
+    transmit, return, sum     to all receive elements, from one transmit element after the other    `array_station`
 
 A source is a point that rays are traced from; `Fans` says which there are and which share of each transmit element
 they stand for. Elements' patterns are taken at the frequency of the carrier, towards where the ray was sent and, coming
 back, from where it returns to the moved array.
 """
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .array_station import GUARD, Station, omni, pressure
 from .ensonification import Ensonification
 from .propagation.device import arrays_of
-from .propagation.exact_returns import exact_return
-from .propagation.return_paths import return_paths
-from .propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS, vector_difference, vector_element_fields
 from .scatterers import Scatterers
-from .signal.accumulation import ImpulseResponses, centre
-from .signal.doppler import two_way_doppler
-from .sonar.element_patterns import element_pressure
+from .signal.accumulation import ImpulseResponses
 
 __all__ = ["ArraySurvey", "Fans"]
 
 SUMS_BYTES = 1 << 30               # of the buffers of one ping
-GUARD = 2e-9                       # [s] error to be expected of the vector approximation from which on it is not used
 MOST_DOUBTFUL = 0.5                # share of such echoes at which the array is too large for it
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are lit anew
 FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
@@ -143,9 +137,13 @@ class ArraySurvey:
         """At the array [m/s]."""
         return float(self.profile.at(-self.track.position[ping, 2]))
 
+    @cached_property
+    def _run(self):
+        return _Run(self)
+
     def responses(self, ping, *, kernel="band_limited", return_path="vector", seed=0, progress=None):
         """Responses of all pairs of elements to one ping: complex64 (tx, rx, sample)."""
-        run = _Run(self, seed)
+        run = self._run.seeded(seed)
         out = np.empty((self.transmit.elements, self.receive.elements, self.samples), np.complex64)
         buffer = run.buffer(kernel)
         for element in range(self.transmit.elements):
@@ -172,7 +170,7 @@ class ArraySurvey:
         response : complex64 (rx, sample)
             Of the echoes with about this factor; factors without echoes are left out.
         """
-        run, transmit = _Run(self, seed), self.transmit
+        run, transmit = self._run.seeded(seed), self.transmit
         weight = transmit.weight / np.abs(transmit.weight).sum()
         classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 else [
             _DopplerClass(factor=float(factor), width=float(doppler[1] - doppler[0]), duration=pulse.duration)
@@ -211,7 +209,8 @@ class _DopplerClass:
     def __call__(self, station, echoes):
         """The echoes that belong here, and how much they are to be delayed [s]."""
         doppler = station.doppler(echoes)
-        index = dr.compress(abs(doppler - dr.opaque(mi.Float64, self.factor)) <= dr.opaque(mi.Float64, 0.5 * self.width))
+        away = abs(doppler - dr.opaque(mi.Float64, self.factor))
+        index = dr.compress(away <= dr.opaque(mi.Float64, 0.5 * self.width))
         if not dr.width(index):
             return None, None
         half = dr.opaque(mi.Float64, 0.5 * self.duration)
@@ -222,8 +221,8 @@ class _DopplerClass:
 class _Run:
     """A survey's tables on the device, and the echoes of the ping at hand."""
 
-    def __init__(self, survey, seed):
-        self.survey, self.seed = survey, int(seed)
+    def __init__(self, survey):
+        self.survey, self.seed = survey, 0
         self.lib = arrays_of(mi.Float)
         self.rotation = survey.track.rotation()
         self.wavelength = survey.sound_speed(0) / survey.frequency
@@ -236,6 +235,12 @@ class _Run:
             rays=survey.rays, pattern=self._pattern())
         self._lit = {}
         self._doubtful = self._looked_at = 0
+
+    def seeded(self, seed):
+        """The same, with rays drawn from another seed."""
+        if seed != self.seed:
+            self.seed, self._lit = int(seed), {}
+        return self
 
     def count(self, doubtful, echoes):
         """Refuse an array for which most echoes would have to be traced one by one after all."""
@@ -258,7 +263,7 @@ class _Run:
         """
         fans, heard = self.survey.fans, np.zeros(len(sums), bool)
         for source in np.flatnonzero(fans.share[:, element]):
-            station = _Station(self, ping, fans.position[source])
+            station = Station(self, ping, fans.position[source])
             share = float(weight * fans.share[source, element])
             for echoes in self._echoes(ping, source, station):
                 for number, (chosen, buffer) in enumerate(sums):
@@ -289,7 +294,7 @@ class _Run:
         """Two-way intensity of the elements towards scene directions, None where they look everywhere alike."""
         arrays = self.survey.transmit, self.survey.receive
         faces = [array.faces() for array in arrays]
-        if all(_omni(array) for array in arrays) or max(map(len, faces)) > FACES_AIMED_BY:
+        if all(omni(array) for array in arrays) or max(map(len, faces)) > FACES_AIMED_BY:
             return None
 
         def intensity(direction, rotation):
@@ -299,168 +304,10 @@ class _Run:
                 for face in group:
                     normal, along = rotation @ face.normal, rotation @ face.along
                     if dr.is_array_v(direction):
-                        best = dr.maximum(best, dr.square(_pressure(array, direction, self.wavelength, normal, along)))
+                        best = dr.maximum(best, dr.square(pressure(array, direction, self.wavelength, normal, along)))
                     else:
                         best = np.maximum(best, array.element_pressure(direction, self.wavelength, normal, along) ** 2)
                 total = total * best
             return total
 
         return intensity
-
-
-class _Station:
-    """A source of a ping: where it stands, how it moves, and the array about it."""
-
-    def __init__(self, run, ping, position):
-        survey = run.survey
-        self.run, self.survey = run, survey
-        self.rotation = run.rotation[ping]
-        self.position = position
-        self.origin = survey.track.position[ping] + self.rotation @ position
-        self.depth = -float(self.origin[2])
-        self.sources = run.light.tracer.sources([self.depth])
-        self.velocity, self.turn_rate = survey.velocity[ping], survey.turn_rate[ping]
-        self.speed = float(survey.profile.at(self.depth))
-        self.array_radius = max(np.linalg.norm(self._offsets(array), axis=1).max()
-                                for array in (survey.transmit, survey.receive))
-
-    def _offsets(self, array):
-        return (array.position - self.position) @ self.rotation.T
-
-    def doppler(self, echoes):
-        """Two-way factor of echoes, Float64; the way back leads as the way out did, to first order."""
-        closing = dr.dot(mi.Vector3f(*_opaque(mi.Float, self.velocity)), echoes.launch_direction)
-        return two_way_doppler(mi.Float64(closing), dr.opaque(mi.Float64, self.speed))
-
-    def add(self, buffer, echoes, element, return_path, *, weight, late):
-        """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements."""
-        if return_path == "vector" and self.array_radius > 0:
-            doubtful = self._doubtful(echoes)
-            if dr.any(doubtful):
-                every = mi.UInt32(0), late + dr.zeros(mi.Float64, dr.width(doubtful))
-                exact, rest = dr.compress(doubtful), dr.compress(~doubtful)
-                self.run.count(dr.width(exact), dr.width(doubtful))
-                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, every[1], exact))
-                if not dr.width(rest):
-                    return
-                echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, every[1], rest)
-        if return_path == "eigenray":
-            self._add_exactly(buffer, echoes, element, weight, late)
-        else:
-            self._add_approximately(buffer, echoes, element, return_path, weight, late)
-
-    def _add_approximately(self, buffer, echoes, element, return_path, weight, late):
-        """By the one ray to each echo, and differences for the elements."""
-        survey, lib = self.survey, self.run.lib
-        transmit, receive = survey.transmit, survey.receive
-        # ---- transmit: the still array, by reciprocity
-        off = np.any(transmit.position[element] != self.position)
-        farther = self._transmit_delay(echoes, element) if off else None
-        # ---- return to the centre, where it is then
-        back = self._back(echoes, return_path, self.velocity, self.turn_rate)
-        total = echoes.travel_time + back.return_time
-        if farther is not None:
-            # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
-            velocity = _opaque(lib.Float64, self.velocity)
-            closing = sum(lib.Float64(n) * v for n, v in zip(back.direction, velocity))
-            total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
-        phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
-                                         sampling_rate=survey.sampling_rate)
-        for factor, rows in self._patterns(echoes, element, weight, total):
-            elements = ELEMENT_FIELDS[return_path](self._offsets(receive)[rows], self.depth, survey.profile,
-                                                   self.velocity, self.turn_rate)
-            buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
-                       fraction=fraction, hit_fields=back.hit_fields, element_fields=elements,
-                       difference=DIFFERENCES[return_path], rows=rows)
-
-    def _add_exactly(self, buffer, echoes, element, weight, late):
-        """By an eigenray for every echo and element."""
-        survey, lib = self.survey, self.run.lib
-        table, depth = self.run.light.tracer.table, dr.opaque(lib.Float64, self.depth)
-        transmit, receive = survey.transmit, survey.receive
-        velocity, turn_rate = _opaque(lib.Float64, self.velocity), _opaque(lib.Float64, self.turn_rate)
-        out = echoes.travel_time
-        if np.any(transmit.position[element] != self.position):
-            still = _opaque(lib.Float64, np.zeros(3))
-            offset = _opaque(lib.Float64, self._offsets(transmit)[element])
-            out = exact_return(table, lib, depth, echoes.offset, mi.Float64(0), offset, still, still, out)
-        dr.eval(out)
-        for factor, rows in self._patterns(echoes, element, weight, 2 * out):
-            amplitude = tuple(part * factor for part in echoes.amplitude)
-            dr.eval(amplitude)
-            for row in rows:
-                offset = _opaque(lib.Float64, self._offsets(receive)[row])
-                back = exact_return(table, lib, depth, echoes.offset, out, offset, velocity, turn_rate, out)
-                phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
-                                                 sampling_rate=survey.sampling_rate)
-                buffer.add(amplitude=amplitude, phase=phase, sample=sample, fraction=fraction, hit_fields=[],
-                           element_fields=[np.zeros(1)], difference=lambda hit, element: element[0], rows=[row])
-
-    def _doubtful(self, echoes):
-        """Echoes for which the vector approximation may be off by more than GUARD at some element."""
-        back = self._back(echoes, "vector", self.velocity, self.turn_rate)
-        outermost = np.concatenate([self._offsets(array) for array in (self.survey.transmit, self.survey.receive)])
-        some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
-        fields = vector_element_fields(outermost[some], self.depth, self.survey.profile, self.velocity, self.turn_rate)
-        doubtful = back.expected_error(fields) > dr.opaque(mi.Float, GUARD)
-        dr.eval(doubtful)
-        return doubtful
-
-    def _patterns(self, echoes, element, weight, elapsed):
-        """For each group of receive elements: what both elements' patterns make of the echoes, and its rows."""
-        transmit, receive = self.survey.transmit, self.survey.receive
-        gain = dr.opaque(mi.Float, weight) * self._one_way(transmit, element, echoes.launch_direction)
-        if _omni(receive):
-            yield gain, np.arange(receive.elements)
-            return
-        heard = self._heard_from(echoes, elapsed)
-        for face in receive.faces():
-            yield gain * _pressure(receive, heard, self.run.wavelength, self.rotation @ face.normal,
-                                   self.rotation @ face.along), face.indices
-
-    def _back(self, echoes, method, velocity, turn_rate):
-        lib = self.run.lib
-        velocity, turn_rate = _opaque(lib.Float64, velocity), _opaque(lib.Float64, turn_rate)
-        return return_paths(self.run.light.tracer.table, self.sources.state, mi.UInt32(0), echoes.offset,
-                            echoes.travel_time, echoes.ray_parameter, echoes.spreading_area,
-                            -echoes.launch_direction.z, velocity=velocity, turn_rate=turn_rate, method=method)
-
-    def _transmit_delay(self, echoes, element):
-        """How much later than from the source the scatterers are reached from a transmit element [s], Float64."""
-        lib = self.run.lib
-        still = self._back(echoes, "vector", np.zeros(3), np.zeros(3))
-        offset = self._offsets(self.survey.transmit)[element]
-        fields = vector_element_fields(offset[None], self.depth, self.survey.profile)
-        fields = [dr.opaque(lib.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
-        return lib.Float64(vector_difference(still.hit_fields, fields))
-
-    def _one_way(self, array, element, direction):
-        if _omni(array):
-            return mi.Float(1)
-        return _pressure(array, direction, self.run.wavelength, self.rotation @ array.normal[element],
-                         self.rotation @ array.along[element])
-
-    def _heard_from(self, echoes, elapsed):
-        """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
-        elapsed = mi.Float(elapsed)
-        moved = mi.Vector3f(*_opaque(mi.Float, self.velocity)) * elapsed
-        towards = dr.normalize(echoes.launch_direction * dr.norm(mi.Vector3f(echoes.offset)) - moved)
-        turned = mi.Vector3f(*_opaque(mi.Float, self.turn_rate)) * elapsed
-        return towards - dr.cross(turned, towards)
-
-
-def _opaque(kind, vector):
-    """The components of a vector, opaque: they change without a new kernel."""
-    return [dr.opaque(kind, float(component)) for component in vector]
-
-
-def _omni(array):
-    return array.pattern == "omni" and array.baffle == "none"
-
-
-def _pressure(array, direction, wavelength, normal, along):
-    """`element_pressure` of one face on the device, its numbers opaque so that one kernel serves all faces."""
-    normal, along = _opaque(mi.Float, normal), _opaque(mi.Float, along)
-    wavelength, length, height = _opaque(mi.Float, (wavelength, array.length, array.height))
-    return element_pressure(direction, wavelength, normal, along, length=length, height=height,
-                            pattern=array.pattern, baffle=array.baffle)

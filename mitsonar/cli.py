@@ -94,8 +94,10 @@ def _parser():
     signals.add_argument("-o", "--output", required=True, metavar="OUT.nc")
     signals.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
                          help="value for a $parameter of the scene; repeatable")
-    signals.add_argument("--ping", type=_whole, action="append", metavar="N", help="which ping; repeatable; default: all")
-    signals.add_argument("--response", action="store_true", help="the impulse response of every pair of elements instead")
+    signals.add_argument("--ping", type=_whole, action="append", metavar="N",
+                         help="which ping; repeatable; default: all")
+    signals.add_argument("--response", action="store_true",
+                         help="the impulse response of every pair of elements instead")
     signals.add_argument("--kernel", default="band_limited", help="band_limited (default), peterson or nearest")
     signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
     signals.add_argument("--seed", type=_whole, default=0, metavar="N", help="of all that is random; default: 0")

@@ -3,8 +3,8 @@
     h[tx, rx](t)    pressure at rx per unit pressure that tx makes at 1 m [-], complex baseband
     s[rx](t) = 10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise                                     [µPa]
 
-SL source level, w_tx and τ_tx weight and delay of the transmit elements, Σ |w_tx| made 1, s_b the pulse's envelope: the
-level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
+SL source level, w_tx and τ_tx weight and delay of the transmit elements, Σ |w_tx| made 1, s_b the pulse's envelope:
+the level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
 """
 import operator
 
@@ -68,7 +68,8 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
             if progress is not None:
                 progress(before * of + done, total)
 
-        blocks.append(survey.responses(one, kernel=kernel, return_path=return_path, seed=checked_seed(seed), progress=told))
+        blocks.append(survey.responses(one, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
+                                       progress=told))
     values = np.stack(blocks)
     values[:, ~survey.transmit.working] = 0
     values[:, :, ~survey.receive.working] = 0

@@ -246,7 +246,7 @@ class _Block:
         return self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
 
     def _add_targets(self, place, sums):
-        """Add the echoes of the point targets, which no ray would find: |p|² = 10^(TS/10) B 10^(-2 ᾱ L / 10) / (A A')."""
+        """Add the echoes of point targets, which no ray would find: p² = 10^((SL + TS - 2 ᾱ L)/10) B / (A A')."""
         lib, sonar = self.lib, self.survey.sonar
         position, strength_db, label = (np.array(column) for column in zip(*self.targets))
         count = dr.opaque(mi.UInt32, len(position))

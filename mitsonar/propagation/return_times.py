@@ -28,6 +28,8 @@ __all__ = ["GUARD", "METHODS", "return_time", "return_time_error"]
 GUARD = 0.5e-9             # [s]: expected errors above are not accepted; true ones are at most twice the expected
 SAME_TIME = 2e-16          # [s], and relative: rounding
 STEPS = 12
+HEADROOM = .5            # share of the way to the limiting ray parameter that the array may change p by
+PASSES = 2                 # the slice moves the time, the time the slice: a thousandth of it
 TINY = 1e-12               # of the squared sine at the fastest depth: no division by zero
 
 
@@ -157,7 +159,7 @@ def _eigenray(profile, origin, way, elements, velocity):
 def _vector(profile, origin, way, elements, velocity):
     travel_time, times, error = _approximate(profile, origin, way, elements, velocity)
     hit, element = np.nonzero(np.isfinite(travel_time)[:, None] & ~(error <= GUARD))
-    start = np.where(np.isfinite(times), times, travel_time[:, None])[hit, element]
+    start = np.where(np.isfinite(error), times, travel_time[:, None])[hit, element]
     times[hit, element] = _exact(profile, origin, way[hit], elements[element], velocity, travel_time[hit], start)
     return times
 
@@ -191,12 +193,13 @@ def _exact(profile, origin, way, element, velocity, travel_time, start):
 
 def _approximate(profile, origin, way, elements, velocity):
     """Travel times (H,), return times by the vector approximation and their expected errors (H, E)."""
-    depth, height = -origin[2], elements[:, 2]
+    depth, height = -origin[2], elements[None, :, 2]
     ray = _outgoing(profile, origin, way)
     direct = ray.exists & np.isnan(ray.turning_depth)
     p = np.where(direct, ray.ray_parameter, 0.0)
     with np.errstate(all="ignore"):
-        leg = matched_leg(*_integrals(profile, depth, depth - way[:, 2], p), p, profile.at(depth))
+        first, second, third, fastest = _integrals(profile, depth, depth - way[:, 2], p)
+        leg = matched_leg(first, second, third, p, profile.at(depth))
         upwards = np.where(ray.launch_angle >= 0, 1.0, -1.0)[:, None]
         across = np.hypot(way[:, 0], way[:, 1])
         scale = leg.horizontal / np.where(across > 0, across, 1)
@@ -208,25 +211,33 @@ def _approximate(profile, origin, way, elements, velocity):
         closing = speed - toward - inverse * sum(part * v for part, v in zip(d, velocity))
         delay = straight_delay(sum(a[:, None] * b for a, b in zip(n, d)), sum(part * part for part in d), inverse,
                                speed, closing, speed * speed - velocity @ velocity)
-        # the slice between O and the element: the same for all hits if the platform keeps its depth
-        height = d[2] + velocity[2] * delay if velocity[2] else height[None]
-        mean, variance = Slices(profile).between(depth, depth - height)
-        square = speed * speed
-        correction, error = corrections(
-            leg.vertical[:, None], leg.horizontal[:, None], leg.third[:, None], inverse, speed * delay,
-            upwards * height, square * mean - 1, square * square * variance)
-        times, error = travel_time + delay + correction / closing, np.abs(error / closing)
+        times = travel_time + delay
+        drift = speed - closing + inverse * (velocity @ velocity) * delay
+        closing = speed - drift / (1 + inverse * speed * delay)
+        worst, square, water = 0.0, speed * speed, Slices(profile)
+        # where the platform keeps its depth, the slice from O to the element is the same for all hits
+        for _ in range(PASSES if velocity[2] else 1):
+            height = d[2] + velocity[2] * (times - travel_time) if velocity[2] else height
+            mean, variance = water.between(depth, depth - height)
+            correction, error, change = corrections(
+                leg.vertical[:, None], leg.horizontal[:, None], leg.third[:, None], inverse, speed * delay,
+                upwards * height, square * mean - 1, square * square * variance)
+            times = travel_time + delay + correction / closing
+            worst = np.maximum(worst, error)
+        # p may not come near that of the ray that is level where the water is fastest: no series tells of it
+        near = np.abs(change) > HEADROOM * (leg.speed / fastest - leg.horizontal)[:, None]
+        error = np.where(near, np.inf, np.abs(worst / closing))
     error = np.where(ray.exists[:, None], np.where(direct[:, None] & np.isfinite(error), error, np.inf), np.nan)
     return ray.travel_time, times, error
 
 
 def _integrals(profile, depth, target, ray_parameter):
-    """Y, E and G of direct rays (H,), exactly: with s the sines, P = s1 s2 and κ = (1 - P) / p², per layer
+    """Y, E and G of direct rays (H,), exactly, and their fastest water; s the sines, P = s1 s2, κ = (1 - P) / p²:
 
-        E = Y κ / P,    G = Y ((κ / P)² + ((c2² - c1²) / (s1 + s2))² / (3 P³))
+        E = Y κ / P,    G = Y ((κ / P)² + ((c2² - c1²) / (s1 + s2))² / (3 P³))    of every layer
     """
     upper, lower = np.minimum(depth, target), np.maximum(depth, target)
-    sums = np.empty((3, target.size))
+    sums = np.empty((4, target.size))
     size = max(1, BATCH // (profile.depth.size + 1))
     for start in range(0, target.size, size):
         block = slice(start, start + size)
@@ -237,5 +248,6 @@ def _integrals(profile, depth, target, ray_parameter):
         y, product = layers.stretch(sines), s1 * s2
         ratio = (c1**2 + c2**2 - (p[:, None] * c1 * c2) ** 2) / (1 + product) / product
         bend = (c2 - c1) * (c2 + c1) / (s1 + s2)
-        sums[:, block] = y.sum(1), (y * ratio).sum(1), (y * (ratio**2 + bend**2 / (3 * product**3))).sum(1)
+        sums[:3, block] = y.sum(1), (y * ratio).sum(1), (y * (ratio**2 + bend**2 / (3 * product**3))).sum(1)
+        sums[3, block] = layers.fastest
     return sums

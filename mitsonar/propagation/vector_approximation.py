@@ -15,7 +15,7 @@ and V the variance of c_m²/c² in the slice of water, h thick, between the cent
     bending        dX a/2 (1 - a p c_m/w²),  a = dX/D               the ray's change of p (Newton), dX its miss
     third order    -γ (Δp c_m)³,  γ = p³ (G - E²/Y) / (2 c_m²)      G = ∫ s^(-5/2) dz, Δp = p at the element - p
 
-all in metres of c_m, divided by B. What is left is judged by the next terms of the same three series,
+all in metres of c_m, divided by c_m - v·n at the element. What is left is judged by the next terms of the same three series,
 
     4 γ Δp³ c_m³ (Δp c_m p c_m / w²) + 3 dX a (a p c_m / w²)² + (V/Q⁴)^(3/2) (h Q/8 + 3/5 h a p c_m/Q)
 
@@ -54,8 +54,8 @@ def corrections(leg_vertical, leg_horizontal, third, inverse_length, lengthening
 
     Returns
     -------
-    correction, expected_error : arrays [m]
-        The second is not negative, infinite where nothing is promised.
+    correction, expected_error, change : arrays [m], [m], [-]
+        The second is not negative, infinite where nothing is promised; the third is Δp c_m.
     """
     xp = library(leg_vertical)
     stretch = 1 + inverse_length * lengthening
@@ -78,7 +78,7 @@ def corrections(leg_vertical, leg_horizontal, third, inverse_length, lengthening
     next_order = 4 * change * p / (least * least)
     skew = spread * xp.sqrt(spread) * (height * root / 8 + 0.6 * bend * height * p / root)
     doubt = abs(cubic * next_order) + abs(3 * miss * bend * steps * steps) + abs(skew)
-    return value, select((least > FLATTEST) & (abs(next_order) < 2), doubt, np.inf)
+    return value, select((least > FLATTEST) & (abs(next_order) < 2), doubt, np.inf), change
 
 
 # -------------------------------------------------------------------------------------------------- legs, float64
@@ -147,13 +147,15 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
     closing = leg.speed - toward - inverse * square * wait
     delay = straight_delay(toward * wait, square * wait * wait, inverse, leg.speed, closing,
                            leg.speed * leg.speed - square)
-    height = upwards * vz * (wait + delay)
-    mean, variance = slice_to(upwards * height)
-    c2 = leg.speed * leg.speed
-    excess = c2 * mean - 1
-    correction, _ = corrections(leg.vertical, leg.horizontal, leg.third, inverse, leg.speed * delay, height, excess,
-                                c2 * c2 * variance)
-    delay = delay + correction / closing
+    c2, straight = leg.speed * leg.speed, delay
+    closing = leg.speed - (leg.speed - closing + inverse * square * delay) / (1 + inverse * leg.speed * delay)
+    for _ in range(2):          # the slice moves the time, the time the slice: a thousandth of it
+        height = upwards * vz * (wait + delay)
+        mean, variance = slice_to(upwards * height)
+        excess = c2 * mean - 1
+        correction = corrections(leg.vertical, leg.horizontal, leg.third, inverse, leg.speed * straight, height, excess,
+                                 c2 * c2 * variance)[0]
+        delay = straight + correction / closing
     # the leg to there: the matched layer and the slice in a row, at the p that spans the new range; in units of c_m
     passed = wait + delay
     x, y = leg.length * n[0] + vx * passed, leg.length * n[1] + vy * passed
@@ -161,15 +163,14 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
     layer, height = leg.length * leg.vertical, upwards * vz * passed
     p = across / xp.sqrt(across * across + xp.maximum(layer + height, 1e-9) ** 2)
     for _ in range(2):
-        first, second = _two_layers(leg, p, layer, height, excess)
+        first, second, _ = _two_layers(leg, p, layer, height, excess)
         p = xp.minimum(p + (across - p * first) / (first + p * p * second), 1 - 0.5 * LEVEL**2)
-    first, second = _two_layers(leg, p, layer, height, excess)
-    there = matched_leg(first, second, second * second / xp.maximum(first, 1e-30), p, 1.0)
+    there = matched_leg(*_two_layers(leg, p, layer, height, excess), p, 1.0)
     # a level ray has no layer to match; it only moves
     level = leg.vertical <= 2 * LEVEL
     there = Leg(select(level, leg.length + toward * passed, there.length), leg.speed * select(level, 1.0, there.speed),
                 select(level, leg.horizontal, there.horizontal), select(level, leg.vertical, there.vertical),
-                leg.third / there.speed**2)
+                there.third)
     still = across < 1e-9
     scale = there.horizontal / select(still, 1.0, across)
     direction = select(still, 0.0, x * scale), select(still, 0.0, y * scale), upwards * there.vertical
@@ -177,15 +178,18 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
 
 
 def _two_layers(leg, p, layer, height, excess):
-    """Y and E, speeds in units of c_m, of the leg's layer and the slice above it; to third order of the leg."""
+    """Y, E and G, speeds in units of c_m, of the leg's layer and the slice above it; to third order of the leg."""
     xp = library(p)
     below = xp.maximum(1 - p * p, LEVEL**2)
     above = xp.maximum(below + excess, LEVEL**2)
-    roots = xp.sqrt(below), xp.sqrt(above)
+    first, further = layer / xp.sqrt(below), height / xp.sqrt(above)
+    second, third = first / below + further / above, first / (below * below) + further / (above * above)
+    first = first + further
+    beyond = third - second * second / first + 2 * leg.third / xp.maximum(leg.horizontal, 1e-6) ** 3
     change = p - leg.horizontal
-    third = 3 * leg.third * change / xp.maximum(leg.horizontal, 1e-6) ** 2
-    return (layer / roots[0] + height / roots[1] + third * change * leg.horizontal,
-            layer / (below * roots[0]) + height / (above * roots[1]) + 2 * third)
+    bent = 3 * leg.third * change / xp.maximum(leg.horizontal, 1e-6) ** 2
+    first, second = first + bent * change * leg.horizontal, second + 2 * bent
+    return first, second, second * second / first + beyond
 
 
 # ------------------------------------------------------------------------------------------------- the difference
@@ -233,13 +237,13 @@ def vector_difference(hits, elements):
     array [s]
         Of the type of the fields.
     """
-    delay, (correction, _), closing = _to_element(hits, elements)
+    delay, (correction, *_), closing = _to_element(hits, elements)
     return delay + correction / closing
 
 
 def expected_error(hits, elements):
     """Give the error [s] to expect of `vector_difference`, not negative, infinite where nothing is promised."""
-    _, (_, error), closing = _to_element(hits, elements)
+    _, (_, error, _), closing = _to_element(hits, elements)
     return error / closing
 
 
@@ -258,7 +262,7 @@ def _to_element(hits, elements):
     scale = 1 + faster
     found = corrections(w, xp.sqrt(xp.maximum(1 - w * w, 0)), third, inverse, speed * delay, upwards * height, total,
                         scale * scale * variance)
-    return delay, found, closing
+    return delay, found, speed - (speed - closing) / (1 + inverse * speed * delay)
 
 
 DIFFERENCES = {"paper": paper_difference, "vector": vector_difference}

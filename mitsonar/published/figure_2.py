@@ -40,9 +40,9 @@ def compute(**parameters):
     xarray.Dataset
         ``height`` [m] (place): the bed in the plane of the beam, at ``x`` [m] to starboard. Of the rays sent as the
         scene says: ``hit_x``, ``hit_height`` [m], ``travel_time`` [s, two-way] (ray). ``response`` (bundle, kernel,
-        sample) for that bundle and one `DENSER` times as dense, ``time`` [s]; ``peak`` (bundle, kernel, shift) and
-        ``mean`` (bundle, kernel): highest and mean of each response; ``difference`` (kernel): rms of the two bundles'
-        responses' difference over rms of the dense one. ``caustic_x`` [m], ``caustic_time`` [s], ``caustic_kind``:
+        sample) for that bundle and one `DENSER` times as dense, at samples ``time`` [s] that lie where shifted impulses
+        peak highest; ``peak`` (bundle, kernel, shift): highest of each response over places of the samples, ``mean``
+        (bundle, kernel); ``difference`` (kernel): rms of the two bundles' responses' difference over rms of the dense. ``caustic_x`` [m], ``caustic_time`` [s], ``caustic_kind``:
         places that face the sonar; a "near" one is nearer to it than its neighbours, a "far" one farther.
 
     Raises
@@ -57,20 +57,22 @@ def compute(**parameters):
     caustics = _caustics(many, wavy.sampling_rate)
     responses = np.array([[[_response(rays, wavy, kernel, shift / SHIFTS) for shift in range(SHIFTS)]
                            for kernel in KERNELS] for rays in bundles])
+    peak = responses.max(-1)
+    shown = peak[0, list(KERNELS).index("nearest")].argmax()
     difference = np.sqrt(np.mean((responses[0] - responses[1]) ** 2, (1, 2)) / np.mean(responses[1] ** 2, (1, 2)))
     return xr.Dataset(
         {"height": ("place", height, {"units": "m"}),
          "hit_x": ("ray", few.x, {"units": "m"}),
          "hit_height": ("ray", few.height, {"units": "m"}),
          "travel_time": ("ray", few.time, {"units": "s", "long_name": "two-way"}),
-         "response": (("bundle", "kernel", "sample"), responses[:, :, 0], {"long_name": "re flat bed"}),
-         "peak": (("bundle", "kernel", "shift"), responses.max(-1)),
+         "response": (("bundle", "kernel", "sample"), responses[:, :, shown], {"long_name": "re flat bed"}),
+         "peak": (("bundle", "kernel", "shift"), peak),
          "mean": (("bundle", "kernel"), responses.mean((2, 3))),
          "difference": ("kernel", difference),
          "caustic_x": ("caustic", many.x[caustics], {"units": "m"}),
          "caustic_time": ("caustic", many.time[caustics], {"units": "s", "long_name": "two-way"}),
          "caustic_kind": ("caustic", _kinds(many.time, caustics))},
-        coords={"x": ("place", x, {"units": "m"}), "time": ("sample", wavy.time, {"units": "s"}),
+        coords={"x": ("place", x, {"units": "m"}), "time": ("sample", wavy.time + shown / SHIFTS / wavy.sampling_rate, {"units": "s"}),
                 "kernel": list(KERNELS), "bundle": ["scene", "dense"], "rays": ("bundle", [len(r.time) for r in bundles]),
                 "shift": np.arange(SHIFTS) / SHIFTS},
         attrs={"sampling_rate": wavy.sampling_rate, "rays_per_sample": few.per_sample,
@@ -197,13 +199,15 @@ def plot(dataset):
     (bed, shifted), (close, smooth) = figure.subplots(2, 2, width_ratios=(1, 1.25))
     _draw_bed(bed, dataset)
     colours = {"nearest": "#1f1f1f", "peterson": "#1f4e79"}
-    titles = {"nearest": "shifted impulses (nearest sample)", "peterson": "Peterson's low-pass impulses"}
+    titles = {"nearest": "shifted impulses", "peterson": "Peterson's impulses"}
     time = 1000 * dataset.time.values
     seen = dataset.response.sel(bundle="scene")
     top = 1.08 * float(seen.sel(kernel=list(titles)).max())
     for axes, (kernel, title) in zip((shifted, smooth), titles.items()):
         axes.plot(time, seen.sel(kernel=kernel), color=colours[kernel], linewidth=0.8)
-        axes.set_title(f"impulse response, {title}", fontsize=11)
+        peak = dataset.peak.sel(bundle="scene", kernel=kernel)
+        axes.set_title(f"impulse response, {title}: peak {float(peak.min()):.1f} to {float(peak.max()):.1f} as samples "
+                       "fall", fontsize=11)
         axes.set_xlim(time[0], time[-1])
         axes.set_ylim(-1.5, top)
     for kernel, colour in colours.items():

@@ -173,7 +173,8 @@ def table(dataset):
         f"it does not state: {PUBLISHED_TRANSMIT / transmit / 1e6:.2f} MHz would make",
         f"our {1e6 * transmit:.1f} us the one, {PUBLISHED_RECEIVE / receive / 1e6:.2f} MHz our {1e6 * receive:.1f} us "
         "the other. The larger shift is that of the hits: each transmit element",
-        f"lights its own, and water of one speed shifts them by {1e6 * uniform:.1f} us. Common scatterers have no such shift.",
+        f"lights its own, and water of one speed shifts them by {1e6 * uniform:.1f} us. Common scatterers have no such "
+        "shift.",
         f"vector approximation against eigenrays: {error:.2g} ns at most"]
     return "\n".join(lines)
 

@@ -59,7 +59,7 @@ def place(lib, s, n, a, b):
 
 
 def hashed(lib, *parts):
-    """Mix UInt32 arrays into one well-scrambled UInt32 (multiply and shift rounds; every bit in stirs every bit out)."""
+    """Mix UInt32 arrays into one UInt32, by rounds of multiplying and shifting: each bit in stirs every bit out."""
     U = lib.UInt32
     state = U(0x9E3779B9)
     for part in parts:

@@ -75,8 +75,8 @@ class SonarFilm(mi.Film):
         rate = self._sample_rate or (bins / (end - start) if self._bins_written else usual_rate)
         samples = int(np.ceil((end - start) * rate - 1e-6))
         if samples > MOST_BINS:
-            raise ValueError(f"sonar_film: {rate / 1000:g} kHz over {end - start:.3g} s makes {samples} samples; a film "
-                             f"has at most {MOST_BINS}: lower sample_rate_khz or the range")
+            raise ValueError(f"sonar_film: {rate / 1000:g} kHz over {end - start:.3g} s makes {samples} samples; a "
+                             f"film has at most {MOST_BINS}: lower sample_rate_khz or the range")
         return start, rate, max(samples, 1)
 
     # ---- what Mitsuba asks of a film; the picture itself is put here by `sonar_path`

@@ -46,7 +46,8 @@ class ArraySonar(mi.Sensor):
 
     def __init__(self, props):
         attributes = Attributes(props)
-        frequency = float(hertz_from_khz(attributes.number("frequency_khz", 100.0, above=0, maximum=10_000, unit="kHz")))
+        frequency_khz = attributes.number("frequency_khz", 100.0, above=0, maximum=10_000, unit="kHz")
+        frequency = float(hertz_from_khz(frequency_khz))
         self.source_level_db = attributes.number("source_level_db", 210.0, **LEVELS_DB)
         self.pulse = self._read_pulse(attributes, frequency)
         self.sound_speed = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
@@ -75,8 +76,8 @@ class ArraySonar(mi.Sensor):
         arguments = {"frequency": frequency, "duration": duration}
         if kind == "cw":
             if attributes.given("bandwidth_khz"):
-                raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or "
-                                       "make the pulse lfm or hfm.")
+                raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it "
+                                       "out, or make the pulse lfm or hfm.")
             attributes.number("bandwidth_khz", None)
         else:
             arguments["bandwidth"] = float(hertz_from_khz(attributes.number("bandwidth_khz", 10.0, unit="kHz")))

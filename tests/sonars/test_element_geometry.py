@@ -3,8 +3,8 @@
 Truth is the exact eigenray out and, by Newton's method on exact eigenrays (`propagation.return_time`, NumPy), back to
 every element where it is then; level 10^(TS/20) 10^(-α (L + L') / 20) (c_h/c_0)/A. Tolerances: travel times to the
 2 ns the guard promises, that is 0.0002 cycle at 100 kHz, phases to 0.002 cycle (float32 differences and the kernel's
--55 dB); the peak of the matched filter to 1/20 of a range cell, where it is found by a parabola through three samples of
-a fourfold interpolated record, itself good to 1/100.
+-55 dB); the peak of the matched filter to 1/20 of a range cell, where it is found by a parabola through three samples
+of a fourfold interpolated record, itself good to 1/100.
 """
 import numpy as np
 import pytest
@@ -105,9 +105,9 @@ def test_a_forward_looking_sonar_does_not_stop_and_hop(variant):
 @pytest.mark.parametrize("path,within", [("vector", -60), ("paper", -3)])
 def test_return_paths_against_the_eigenray(variant, path, within):
     """Echoes of a whole bed; the published formula is that far off where water is not of one gradient."""
+    balls = {f"ball {k}": target([6 * np.sin(k), 12 + 2 * k, -12 - 0.9 * k]) for k in range(8)}
     scene = array_scene(
-        {"bed": buried_bed(25.0), **{f"ball {k}": target([6 * np.sin(k), 12 + 2 * k, -12 - 0.9 * k]) for k in range(8)}},
-        water={"profile": SUMMER}, integrator={"cell": 2.0},
+        {"bed": buried_bed(25.0), **balls}, water={"profile": SUMMER}, integrator={"cell": 2.0},
         sensor={"speed_knots": 6.0, "transmit": "line", "transmit_elements": 2, "transmit_pitch": 0.3,
                 "receive": "planar", "receive_elements": 5, "receive_rows": 3, "receive_pitch": 0.1,
                 "receive_normal": "forward"})

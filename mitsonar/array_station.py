@@ -1,0 +1,182 @@
+"""A source of a ping, with the array about it: what becomes of the echoes that were lit from there.
+
+    transmit    delay and pattern of a transmit element, by reciprocity                      `vector_approximation`
+    return      when each echo meets the array's centre, where that is then                  `return_paths`
+    sum         every echo at every element, with its own delay                              `signal.accumulation`
+
+Echoes for which the approximation is in doubt by more than `GUARD` at some element, and all of them where that is asked
+for, take an eigenray to every element instead (`exact_returns`).
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .propagation.exact_returns import exact_return
+from .propagation.return_paths import return_paths
+from .propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS, vector_difference, vector_element_fields
+from .signal.accumulation import centre
+from .signal.doppler import two_way_doppler
+from .sonar.element_patterns import element_pressure
+
+__all__ = ["GUARD", "Station", "omni", "pressure"]
+
+GUARD = 2e-9                       # [s] error to be expected of the vector approximation from which on it is not used
+
+
+class Station:
+    """A source of a ping: where it stands, how it moves, and the array about it."""
+
+    def __init__(self, run, ping, position):
+        survey = run.survey
+        self.run, self.survey = run, survey
+        self.rotation = run.rotation[ping]
+        self.position = position
+        self.origin = survey.track.position[ping] + self.rotation @ position
+        self.depth = -float(self.origin[2])
+        self.sources = run.light.tracer.sources([self.depth])
+        self.velocity, self.turn_rate = survey.velocity[ping], survey.turn_rate[ping]
+        self.speed = float(survey.profile.at(self.depth))
+        self.array_radius = max(np.linalg.norm(self._offsets(array), axis=1).max()
+                                for array in (survey.transmit, survey.receive))
+
+    def _offsets(self, array):
+        return (array.position - self.position) @ self.rotation.T
+
+    def doppler(self, echoes):
+        """Two-way factor of echoes, Float64; the way back leads as the way out did, to first order."""
+        closing = dr.dot(mi.Vector3f(*_opaque(mi.Float, self.velocity)), echoes.launch_direction)
+        return two_way_doppler(mi.Float64(closing), dr.opaque(mi.Float64, self.speed))
+
+    def add(self, buffer, echoes, element, return_path, *, weight, late):
+        """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements."""
+        if return_path == "vector" and self.array_radius > 0:
+            doubtful = self._doubtful(echoes)
+            if dr.any(doubtful):
+                every = mi.UInt32(0), late + dr.zeros(mi.Float64, dr.width(doubtful))
+                exact, rest = dr.compress(doubtful), dr.compress(~doubtful)
+                self.run.count(dr.width(exact), dr.width(doubtful))
+                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, every[1], exact))
+                if not dr.width(rest):
+                    return
+                echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, every[1], rest)
+        if return_path == "eigenray":
+            self._add_exactly(buffer, echoes, element, weight, late)
+        else:
+            self._add_approximately(buffer, echoes, element, return_path, weight, late)
+
+    def _add_approximately(self, buffer, echoes, element, return_path, weight, late):
+        """By the one ray to each echo, and differences for the elements."""
+        survey, lib = self.survey, self.run.lib
+        transmit, receive = survey.transmit, survey.receive
+        # ---- transmit: the still array, by reciprocity
+        off = np.any(transmit.position[element] != self.position)
+        farther = self._transmit_delay(echoes, element) if off else None
+        # ---- return to the centre, where it is then
+        back = self._back(echoes, return_path, self.velocity, self.turn_rate)
+        total = echoes.travel_time + back.return_time
+        if farther is not None:
+            # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
+            velocity = _opaque(lib.Float64, self.velocity)
+            closing = sum(lib.Float64(n) * v for n, v in zip(back.direction, velocity))
+            total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
+        phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
+                                         sampling_rate=survey.sampling_rate)
+        for factor, rows in self._patterns(echoes, element, weight, total):
+            elements = ELEMENT_FIELDS[return_path](self._offsets(receive)[rows], self.depth, survey.profile,
+                                                   self.velocity, self.turn_rate)
+            buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
+                       fraction=fraction, hit_fields=back.hit_fields, element_fields=elements,
+                       difference=DIFFERENCES[return_path], rows=rows)
+
+    def _add_exactly(self, buffer, echoes, element, weight, late):
+        """By an eigenray for every echo and element."""
+        survey, lib = self.survey, self.run.lib
+        table, depth = self.run.light.tracer.table, dr.opaque(lib.Float64, self.depth)
+        transmit, receive = survey.transmit, survey.receive
+        velocity, turn_rate = _opaque(lib.Float64, self.velocity), _opaque(lib.Float64, self.turn_rate)
+        out = echoes.travel_time
+        if np.any(transmit.position[element] != self.position):
+            still = _opaque(lib.Float64, np.zeros(3))
+            offset = _opaque(lib.Float64, self._offsets(transmit)[element])
+            out = exact_return(table, lib, depth, echoes.offset, mi.Float64(0), offset, still, still, out)
+        dr.eval(out)
+        for factor, rows in self._patterns(echoes, element, weight, 2 * out):
+            amplitude = tuple(part * factor for part in echoes.amplitude)
+            dr.eval(amplitude)
+            for row in rows:
+                offset = _opaque(lib.Float64, self._offsets(receive)[row])
+                back = exact_return(table, lib, depth, echoes.offset, out, offset, velocity, turn_rate, out)
+                phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
+                                                 sampling_rate=survey.sampling_rate)
+                buffer.add(amplitude=amplitude, phase=phase, sample=sample, fraction=fraction, hit_fields=[],
+                           element_fields=[np.zeros(1)], difference=lambda hit, element: element[0], rows=[row])
+
+    def _doubtful(self, echoes):
+        """Echoes for which the vector approximation may be off by more than GUARD at some element."""
+        back = self._back(echoes, "vector", self.velocity, self.turn_rate)
+        outermost = np.concatenate([self._offsets(array) for array in (self.survey.transmit, self.survey.receive)])
+        some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
+        fields = vector_element_fields(outermost[some], self.depth, self.survey.profile, self.velocity, self.turn_rate)
+        doubtful = back.expected_error(fields) > dr.opaque(mi.Float, GUARD)
+        dr.eval(doubtful)
+        return doubtful
+
+    def _patterns(self, echoes, element, weight, elapsed):
+        """For each group of receive elements: what both elements' patterns make of the echoes, and its rows."""
+        transmit, receive = self.survey.transmit, self.survey.receive
+        gain = dr.opaque(mi.Float, weight) * self._one_way(transmit, element, echoes.launch_direction)
+        if omni(receive):
+            yield gain, np.arange(receive.elements)
+            return
+        heard = self._heard_from(echoes, elapsed)
+        for face in receive.faces():
+            yield gain * pressure(receive, heard, self.run.wavelength, self.rotation @ face.normal,
+                                   self.rotation @ face.along), face.indices
+
+    def _back(self, echoes, method, velocity, turn_rate):
+        lib = self.run.lib
+        velocity, turn_rate = _opaque(lib.Float64, velocity), _opaque(lib.Float64, turn_rate)
+        return return_paths(self.run.light.tracer.table, self.sources.state, mi.UInt32(0), echoes.offset,
+                            echoes.travel_time, echoes.ray_parameter, echoes.spreading_area,
+                            -echoes.launch_direction.z, velocity=velocity, turn_rate=turn_rate, method=method)
+
+    def _transmit_delay(self, echoes, element):
+        """How much later than from the source the scatterers are reached from a transmit element [s], Float64."""
+        lib = self.run.lib
+        still = self._back(echoes, "vector", np.zeros(3), np.zeros(3))
+        offset = self._offsets(self.survey.transmit)[element]
+        fields = vector_element_fields(offset[None], self.depth, self.survey.profile)
+        fields = [dr.opaque(lib.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
+        return lib.Float64(vector_difference(still.hit_fields, fields))
+
+    def _one_way(self, array, element, direction):
+        if omni(array):
+            return mi.Float(1)
+        return pressure(array, direction, self.run.wavelength, self.rotation @ array.normal[element],
+                         self.rotation @ array.along[element])
+
+    def _heard_from(self, echoes, elapsed):
+        """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
+        elapsed = mi.Float(elapsed)
+        moved = mi.Vector3f(*_opaque(mi.Float, self.velocity)) * elapsed
+        towards = dr.normalize(echoes.launch_direction * dr.norm(mi.Vector3f(echoes.offset)) - moved)
+        turned = mi.Vector3f(*_opaque(mi.Float, self.turn_rate)) * elapsed
+        return towards - dr.cross(turned, towards)
+
+
+def _opaque(kind, vector):
+    """The components of a vector, opaque: they change without a new kernel."""
+    return [dr.opaque(kind, float(component)) for component in vector]
+
+
+def omni(array):
+    """Tell whether the elements of an array look everywhere alike."""
+    return array.pattern == "omni" and array.baffle == "none"
+
+
+def pressure(array, direction, wavelength, normal, along):
+    """`element_pressure` of one face on the device, its numbers opaque so that one kernel serves all faces."""
+    normal, along = _opaque(mi.Float, normal), _opaque(mi.Float, along)
+    wavelength, length, height = _opaque(mi.Float, (wavelength, array.length, array.height))
+    return element_pressure(direction, wavelength, normal, along, length=length, height=height,
+                            pattern=array.pattern, baffle=array.baffle)
