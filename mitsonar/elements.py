@@ -168,6 +168,8 @@ def _labelled(values, survey, pings, name, unit, *, transmitters):
     for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
         for axis, column in zip("xyz", array.position.T):
             coords[f"{prefix}_{axis}"] = (prefix, column, {"units": "m", "frame": "body: forward, starboard, down"})
+    if not transmitters:
+        coords["rx_weight"] = ("rx", survey.receive.weight, {"units": "1", "long_name": "shading for beamformers"})
     for axis, column in zip("xyz", track.position[pings].T):
         coords[axis] = ("ping", column, {"units": "m"})
     for angle in ("roll", "pitch", "heading"):

@@ -94,7 +94,9 @@ class SonarPath(mi.SamplingIntegrator):
                              "sensor has none")
         geometry, pulse = Geometry(scene), sensor.pulse
         track, velocity, turn_rate, below, speed = sensor.plan(geometry, _origin(scene))
-        start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate)
+        # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
+        doppler = 2 * float(np.linalg.norm(velocity, axis=1).max()) * pulse.frequency / speed
+        start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate + 3 * doppler)
         extra = int(np.ceil(lead * rate))
         fans = {"centre": Fans.from_centre, "elements": Fans.from_elements,
                 "interpolated": lambda transmit: Fans.interpolated(transmit, self.fan_count)}[self.fans]
