@@ -45,6 +45,8 @@ class Echoes:
     spreading_area : Float (R,) [m²/sr]
         Of the way out.
     launch_direction : Vector3f (R,)
+    energy : Float (R,)
+        |e|² [-], on the average over the cells' chance.
     amplitude : (Float, Float) (R,)
         Real and imaginary part of e [-].
     """
@@ -54,6 +56,7 @@ class Echoes:
     ray_parameter: object
     spreading_area: object
     launch_direction: object
+    energy: object
     amplitude: tuple
 
     def chosen(self, index):
@@ -125,29 +128,27 @@ class Ensonification:
         if self.lighting == "scatterers":
             facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
             for facet, s in self.scatterers.listed(facets, CELLS_PER_BLOCK):
-                if self.pattern is not None:
-                    facet, s = self._in_beam(start, rotation, facet, s)
-                if dr.width(facet):
-                    yield from self._echoes(sources, start, self.scatterers.at(facet, s), None)
+                yield from self._echoes(sources, start, rotation, facet, s)
         else:
             facet, s, energy = self._found(sources, start, rotation, depth_below, key)
             for first in range(0, len(facet), CELLS_PER_BLOCK):
                 some = slice(first, first + CELLS_PER_BLOCK)
-                cells = self.scatterers.at(upload(mi.UInt32, facet[some]), upload(mi.UInt32, s[some]))
-                yield from self._echoes(sources, start, cells, upload(mi.Float, energy[some].astype(np.float32)))
+                yield from self._echoes(sources, start, rotation, upload(mi.UInt32, facet[some]),
+                                        upload(mi.UInt32, s[some]), upload(mi.Float, energy[some].astype(np.float32)))
         if self.scatterers.targets:
             yield from self._targets(sources, start)
 
-    def _in_beam(self, origin, rotation, facet, s):
-        """Those of some cells that the beams do not make negligible."""
-        direction = dr.normalize(mi.Vector3f(self.scatterers.at(facet, s).point - origin))
-        index = dr.compress(self.pattern(direction, rotation) > NEGLIGIBLE)
-        facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
-        dr.eval(facet, s)
-        return facet, s
-
-    def _echoes(self, sources, origin, cells, energy):
+    def _echoes(self, sources, origin, rotation, facet, s, energy=None):
         """Echoes of cells, lit by connecting them, or with the energies (R,) that rays have brought."""
+        if self.pattern is not None:
+            direction = dr.normalize(mi.Vector3f(self.scatterers.at(facet, s).point - origin))
+            index = dr.compress(self.pattern(direction, rotation) > NEGLIGIBLE)
+            if not dr.width(index):
+                return
+            facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
+            energy = None if energy is None else dr.gather(mi.Float, energy, index)
+            dr.eval(facet, s, energy)
+        cells = self.scatterers.at(facet, s)
         way = self.connector(sources, origin, mi.UInt32(0), cells.point, cells.normal, occlusion=energy is None)
         lit = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
         if energy is None:
@@ -157,7 +158,7 @@ class Ensonification:
             lit &= sin_grazing > 1e-6
         root = dr.sqrt(dr.maximum(energy, 0))
         lit &= (root > 0) & dr.isfinite(root)
-        yield from self._kept(origin, cells.point, way, tuple(root * part for part in cells.amplitude), lit)
+        yield from self._kept(origin, cells.point, way, energy, tuple(root * part for part in cells.amplitude), lit)
 
     def _targets(self, sources, origin):
         """Echoes of the point targets."""
@@ -166,8 +167,9 @@ class Ensonification:
         # on no surface: what is drawn in its place must not shade it
         way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)
         pressure = upload(mi.Float, (10 ** (np.array(strength_db) / 20)).astype(np.float32))
-        root = pressure * dr.sqrt(self._way_back(sources, point, way) / way.spreading_area)
-        yield from self._kept(origin, point, way, (root, dr.zeros(mi.Float, dr.width(root))), way.free)
+        energy = dr.square(pressure) * self._way_back(sources, point, way) / way.spreading_area
+        nothing = dr.zeros(mi.Float, dr.width(energy))
+        yield from self._kept(origin, point, way, energy, (dr.sqrt(energy), nothing), way.free)
 
     def _way_back(self, sources, point, way):
         """What energy at the scatterer is worth back at the source: (c_h / c_0)² 10^(-2 ᾱ L / 10) / A."""
@@ -176,10 +178,10 @@ class Ensonification:
         ratio = mi.Float(way.sound_speed / source_speed)
         return ratio * ratio * dr.exp(loss_db * float(-np.log(10) / 10)) / way.spreading_area
 
-    def _kept(self, origin, point, way, amplitude, lit):
+    def _kept(self, origin, point, way, energy, amplitude, lit):
         echoes = Echoes(offset=point - origin, travel_time=way.travel_time, ray_parameter=way.ray_parameter,
                         spreading_area=way.spreading_area, launch_direction=way.launch_direction,
-                        amplitude=amplitude)
+                        energy=energy, amplitude=amplitude)
         dr.eval(vars(echoes), lit)
         index = dr.compress(lit)
         if dr.width(index):

@@ -15,6 +15,8 @@ RUNS = {
     "accumulation": (["accumulation.py", "--hits", "2000", "--elements", "1", "6", "--rounds", "1"], "numpy bincount"),
     "beamforming": (["beamforming.py", "--elements", "8", "--beams", "8", "--samples", "128", "--rounds", "1"],
                     "NumPy delay-and-sum"),
+    "elements": (["elements.py", "--elements", "3", "--cell", "2", "--rounds", "1"], "whole ping"),
+    "lighting": (["elements.py", "--lighting", "--cell", "2", "--rays", "2000", "--rounds", "1"], "2,000 rays"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 

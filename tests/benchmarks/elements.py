@@ -1,0 +1,122 @@
+"""What a ping of an array costs, from scene to element signals.
+
+    python tests/benchmarks/elements.py                 by the number of elements: light once, then carry to all
+    python tests/benchmarks/elements.py --lighting      the two ways to light scatterers: time, and error of the level
+
+A line of receivers looks ahead from 5 m above a rough bed, 300 kHz, 20 kHz of bandwidth, through a summer cast; the
+cells' size sets the number of echoes. The second compares, in gates of 0.5 m, the energy Σ|e|² that reaches the array
+with that of cells four times smaller in area, connected one by one: all that sampling noise and cell size do.
+"""
+import argparse
+
+import measuring
+import numpy as np
+
+import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
+
+
+def main(argv=None):
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--cast", default=measuring.SUMMER, help="sound-speed cast; default: scenes/casts/summer.csv")
+    parser.add_argument("--range", type=float, default=25.0, help="[m]")
+    parser.add_argument("--cell", type=float, default=0.24, help="[m]; default 0.24, about 100,000 echoes")
+    parser.add_argument("--elements", type=int, nargs="*", default=[1, 4, 16, 64, 256])
+    parser.add_argument("--rays", type=int, nargs="*", default=[100_000, 400_000, 1_600_000], help="of --lighting")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--lighting", action="store_true")
+    arguments = parser.parse_args(argv)
+    (lighting if arguments.lighting else by_elements)(arguments)
+
+
+def survey(arguments, elements=1, **integrator):
+    """Plan a ping."""
+    import mitsuba as mi
+    from mitsonar.scene import prepare
+
+    prepare()
+    scene = mi.load_dict({
+        "type": "scene", "integrator": {"type": "sonar_path", "cell": arguments.cell, **integrator},
+        "bed": {"type": "seabed", "depth": 20.0, "length": 80.0, "width": 80.0, "spacing": 0.5, "fractal_rms": 0.1,
+                "bsdf": {"type": "lambert"}},
+        "sonar": {"type": "array_sonar", "frequency_khz": 300.0, "bandwidth_khz": 20.0, "receive": "line",
+                  "receive_elements": elements, "receive_normal": "forward", "receive_baffle": "hard",
+                  "start": [0.0, 0.0, -15.0], "heading_deg": 0.0,
+                  "medium": {"type": "seawater", "cast": str(arguments.cast)},
+                  "film": {"type": "sonar_film", "range": arguments.range}}}, optimize=False)
+    return scene.integrator().array_survey(scene, scene.sensors()[0])
+
+
+def lit(plan, seed=0):
+    """All echoes of the ping, lit anew."""
+    run = plan._run.seeded(seed)
+    return list(run.light(plan.track.position[0], run.rotation[0], float(plan.depth_below[0]), seed))
+
+
+def by_elements(arguments):
+    """Print ms of lighting, of carrying and of reading, by the number of elements."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from mitsonar.array_station import Station
+    from mitsonar.array_survey import _Everything
+
+    rows = []
+    for elements in arguments.elements:
+        plan = survey(arguments, elements)
+        run, echoes = plan._run, lit(plan)
+        station, buffer = Station(run, 0, np.zeros(3)), run.buffer("band_limited")
+        late = dr.opaque(mi.Float64, 0.0)
+
+        def carry(station=station, buffer=buffer, echoes=echoes, late=late):
+            for block in echoes:
+                station.add(buffer, block, 0, "vector", weight=1.0, late=late)
+            dr.eval(buffer.sums)
+            dr.sync_thread()
+
+        def anew(plan=plan):
+            plan._run._lit.clear()
+            plan.responses(0)
+
+        cost = measuring.rounds({"light": lambda plan=plan: lit(plan), "carry": carry,
+                                 "read": buffer.read, "all": anew}, arguments.rounds)
+        count = sum(dr.width(block.travel_time) for block in echoes)
+        wall = {name: 1e3 * np.median(seconds.wall) for name, seconds in cost.items()}
+        rows.append([elements, f"{count:,}", *(f"{wall[name]:.1f}" for name in ("light", "carry", "read", "all")),
+                     f"{1e3 * np.median(cost['all'].cpu):.1f}", f"{count * elements / wall['carry'] / 1e3:.0f}"])
+    print(measuring.machine() + "\n")
+    measuring.table(["elements", "echoes", "light [ms]", "carry, return path included [ms]", "read [ms]",
+                     "whole ping [ms]", "the same, CPU over threads", "million echoes x elements a second"], rows)
+
+
+def lighting(arguments):
+    """Print time and level error of both ways to light scatterers."""
+    import drjit as dr
+
+    def energies(plan):
+        gates = np.arange(0, 2 * arguments.range / 1500, 1.0 / 1500)
+        total = np.zeros(len(gates) - 1)
+        for block in lit(plan):
+            # without the cells' chance: |e|² over |g|² is what was lit
+            total += np.histogram(2 * block.travel_time.numpy(), gates, weights=block.energy.numpy())[0]
+        return total
+
+    plans = {f"scatterers, cells of {arguments.cell} m": survey(arguments)}
+    plans.update({f"{rays:,} rays": survey(arguments, lighting="rays", rays=rays) for rays in arguments.rays})
+    arguments.cell /= 2
+    truth = energies(survey(arguments))
+    heard = truth > 1e-6 * truth.max()
+    cost = measuring.rounds({name: lambda plan=plan: lit(plan) for name, plan in plans.items()}, arguments.rounds)
+    rows = []
+    for name, plan in plans.items():
+        error = 10 * np.log10(energies(plan)[heard] / truth[heard])
+        rows.append([name, f"{1e3 * np.median(cost[name].wall):.0f}", f"{1e3 * np.median(cost[name].cpu):.0f}",
+                     f"{sum(dr.width(block.travel_time) for block in lit(plan)):,}",
+                     f"{np.sqrt(np.mean(error ** 2)):.3f}", f"{np.abs(error).max():.3f}"])
+    print(measuring.machine() + "\n")
+    measuring.table(["lit by", "wall [ms]", "CPU over threads [ms]", "echoes", "level, rms error [dB]",
+                     "largest [dB]"], rows)
+
+
+if __name__ == "__main__":
+    main()
