@@ -128,8 +128,10 @@ def paper_difference(hits, elements):
     nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, _, vz, _, rise, _ = hits
     dx, dy, dz, square, vd, ux, uy, uz, faster, bend, slope = elements
     along = nx * dx + ny * dy + nz * dz
-    higher = zx * dx + zy * dy + zz * dz + vz * along / speed - dz
+    higher = zx * dx + zy * dy + zz * dz - dz
     gain = (faster + bend * rise + slope * higher) / speed
+    # the platform climbs on until the echo is there
+    gain = gain + slope * vz * (along + inverse * square / 2 - gain / inverse) / (closing * speed)
     more = gain * (2 + gain)                                             # (ev of the element / of the centre)^2 - 1
     length = 2 * along + inverse * square - more / inverse
     closing = closing + speed * more - (nx * ux + ny * uy + nz * uz) - inverse * vd

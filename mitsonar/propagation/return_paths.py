@@ -37,7 +37,7 @@ class ReturnPaths(Record):
     hit_fields : list of Float (H,)
         For the `DIFFERENCES` of the method.
     direction : triple of Float (H,)
-        Of travel at the centre, unit vectors in scene coordinates.
+        Of travel at the centre, unit vectors in scene coordinates: the ray's, or the straight vector's with "paper".
     rough : Bool (H,)
         The ray turned between the ends, or runs nearly level: of second order little is known, of third nothing.
     """
@@ -104,12 +104,17 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
         upright = x < 1e-9
         scale = dr.rcp(dr.select(upright, 1, x))
         bearing = dr.select(upright, 1, displacement.x * scale), dr.select(upright, 0, displacement.y * scale)
-        time, leg, direction, rise = centre_return(exact, travel_time, bearing, up, velocity,
-                                                   _slice_to(table, z0, moments0))
+        time, leg, vector, rise = centre_return(exact, travel_time, bearing, up, velocity,
+                                                _slice_to(table, z0, moments0))
+        # the vector has the ray's p, but the sound speed of the leg
+        bend = table.at(z0 - rise)[0] / leg.speed
+        cosine = dr.sqrt(dr.maximum(1 - dr.square(bend * leg.horizontal), 0))
+        direction = vector[0] * bend, vector[1] * bend, up * cosine
     else:
-        time, leg, direction, rise = paper_centre_return(
+        time, leg, vector, rise = paper_centre_return(
             travel_time, (-displacement.x, -displacement.y, -displacement.z), velocity, lambda h: table.at(z0 - h)[0])
-    fields = hit_fields(leg, direction, rise, travel_time + time, velocity, turn_rate, c0)
+        direction = vector
+    fields = hit_fields(leg, vector, rise, travel_time + time, velocity, turn_rate, c0)
     return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
                        direction=tuple(F(component) for component in direction), rough=rough)
 

@@ -211,16 +211,21 @@ def vector_element_fields(offsets, depth, profile, velocity=(0, 0, 0), turn_rate
     Returns
     -------
     list of float64 (E,)
-        d (3), |d|², v·d, turn_rate x d (3), c²<1/c²> - 1 and its change per metre of rise [1/m], variance of c²/c².
+        d (3), |d|², v·d, turn_rate x d (3), c²<1/c²> - 1, its change with the rise [1/m] and the rise squared [1/m²],
+        variance of c²/c².
     """
     shared = shared_element_fields(offsets, velocity, turn_rate)
     speed, height = profile.at(depth), shared[2]
-    mean, variance = Slices(profile).between(depth, depth - height)
-    ends = (speed / profile.at(depth - height)) ** 2 - 1
+    there = depth - height
+    mean, variance = Slices(profile).between(depth, there)
+    # what the mean changes by as both ends rise, to second order
+    slopes = [(profile.gradient(z, "below") + profile.gradient(z, "above")) * speed**2 / profile.at(z) ** 3
+              for z in (depth, there)]
     level = np.abs(height) < 1e-6
-    local = (profile.gradient(depth, "below") + profile.gradient(depth, "above")) / speed
-    rate = np.where(level, local, ends / np.where(level, 1.0, height))
-    return [*shared, speed**2 * mean - 1, rate, speed**4 * variance]
+    divisor = np.where(level, 1.0, height)
+    rate = np.where(level, slopes[0], ((speed / profile.at(there)) ** 2 - 1) / divisor)
+    bend = np.where(level, 0.0, 0.5 * (slopes[1] - slopes[0]) / divisor)
+    return [*shared, speed**2 * mean - 1, rate, bend, speed**4 * variance]
 
 
 def vector_difference(hits, elements):
@@ -251,13 +256,13 @@ def expected_error(hits, elements):
 def _to_element(hits, elements):
     """Delay along the straight vector [s], corrections and their error [m], and what divides them [m/s]."""
     nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, w, vz, faster, rise, third = hits
-    dx, dy, dz, square, vd, ux, uy, uz, excess, rate, variance = elements
+    dx, dy, dz, square, vd, ux, uy, uz, excess, rate, bend, variance = elements
     xp = library(nx * dx)
     upwards = xp.copysign(1.0 + 0 * w, w)
     closing = closing - (nx * ux + ny * uy + nz * uz) - inverse * vd
     delay = straight_delay(nx * dx + ny * dy + nz * dz, square, inverse, speed, closing, speeds)
     height = zx * dx + zy * dy + zz * dz + vz * delay
-    local = excess + rate * (rise + 0.5 * (height - dz))
+    local = excess + rate * (rise + 0.5 * (height - dz)) + bend * rise * rise
     total = local + faster + local * faster
     w = abs(w)
     scale = 1 + faster
