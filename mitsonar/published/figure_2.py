@@ -22,7 +22,7 @@ __all__ = ["compute", "plot", "rows", "table"]
 
 SCENE = "published_figure_2"
 SHIFTS = 32                        # places of the samples, evenly over one sample
-DENSER = 32                        # how many times more rays the second bundle has
+DENSER = 16                        # how many times more rays the second bundle has
 TABULATED = 8192                   # places on the flat bed that times are tabulated for
 PROMINENCE = 0.1                   # [samples] that a time must stand out by to be a caustic, not a facet
 
@@ -42,8 +42,9 @@ def compute(**parameters):
         scene says: ``hit_x``, ``hit_height`` [m], ``travel_time`` [s, two-way] (ray). ``response`` (bundle, kernel,
         sample) for that bundle and one `DENSER` times as dense, at samples ``time`` [s] that lie where shifted impulses
         peak highest; ``peak`` (bundle, kernel, shift): highest of each response over places of the samples, ``mean``
-        (bundle, kernel); ``difference`` (kernel): rms of the two bundles' responses' difference over rms of the dense. ``caustic_x`` [m], ``caustic_time`` [s], ``caustic_kind``:
-        places that face the sonar; a "near" one is nearer to it than its neighbours, a "far" one farther.
+        (bundle, kernel); ``difference`` (kernel): rms of the two bundles' responses' difference over rms of the dense.
+        ``caustic_x`` [m], ``caustic_time`` [s], ``caustic_kind``: places that face the sonar; a "near" one is nearer to
+        it than its neighbours, a "far" one farther.
 
     Raises
     ------
@@ -72,8 +73,10 @@ def compute(**parameters):
          "caustic_x": ("caustic", many.x[caustics], {"units": "m"}),
          "caustic_time": ("caustic", many.time[caustics], {"units": "s", "long_name": "two-way"}),
          "caustic_kind": ("caustic", _kinds(many.time, caustics))},
-        coords={"x": ("place", x, {"units": "m"}), "time": ("sample", wavy.time + shown / SHIFTS / wavy.sampling_rate, {"units": "s"}),
-                "kernel": list(KERNELS), "bundle": ["scene", "dense"], "rays": ("bundle", [len(r.time) for r in bundles]),
+        coords={"x": ("place", x, {"units": "m"}),
+                "time": ("sample", wavy.time + shown / SHIFTS / wavy.sampling_rate, {"units": "s"}),
+                "kernel": list(KERNELS), "bundle": ["scene", "dense"],
+                "rays": ("bundle", [len(rays.time) for rays in bundles]),
                 "shift": np.arange(SHIFTS) / SHIFTS},
         attrs={"sampling_rate": wavy.sampling_rate, "rays_per_sample": few.per_sample,
                "source_height": float(wavy.track.position[0, 2]), "scene": SCENE})
@@ -147,17 +150,18 @@ def table(dataset):
     str
     """
     few, many = dataset.rays.values
-    lines = [f"{few} rays, {dataset.rays_per_sample:.3g} a sample at {dataset.sampling_rate / 1000:g} kHz; response 1 is "
-             "that of the flat bed",
+    lines = [f"{few} rays, {dataset.rays_per_sample:.3g} a sample at {dataset.sampling_rate / 1000:g} kHz; response 1 "
+             "is that of the flat bed",
              "", "caustics, where the bed faces the sonar:   x [m]   two-way time [ms]"]
     for x, time, kind in zip(dataset.caustic_x.values, dataset.caustic_time.values, dataset.caustic_kind.values):
         lines.append(f"{kind:>41}{x:9.3f}{1000 * time:15.4f}")
-    lines += ["", f"{'kernel':14}{'peak to mean':>14}{'lowest..highest peak':>24}{f'{DENSER} x rays':>20}{'rms change':>12}"]
+    denser = f"{DENSER} x rays"
+    lines += ["", f"{'kernel':14}{'peak to mean':>14}{'lowest..highest peak':>24}{denser:>20}{'rms change':>12}"]
     for kernel in dataset.kernel.values:
         one = dataset.sel(kernel=kernel)
         peak, dense = (one.peak.sel(bundle=bundle).values for bundle in ("scene", "dense"))
-        spread, denser = (f"{values.min():.2f}..{values.max():.2f}" for values in (peak, dense))
-        lines.append(f"{kernel:14}{peak.max() / float(one['mean'][0]):14.2f}{spread:>24}{denser:>20}"
+        spread, dense = (f"{values.min():.2f}..{values.max():.2f}" for values in (peak, dense))
+        lines.append(f"{kernel:14}{peak.max() / float(one['mean'][0]):14.2f}{spread:>24}{dense:>20}"
                      f"{100 * float(one.difference):10.2f} %")
     highest = dataset.peak.sel(bundle="scene").max("shift")
     lower = 1 - float(highest.sel(kernel="peterson") / highest.sel(kernel="nearest"))
@@ -206,8 +210,8 @@ def plot(dataset):
     for axes, (kernel, title) in zip((shifted, smooth), titles.items()):
         axes.plot(time, seen.sel(kernel=kernel), color=colours[kernel], linewidth=0.8)
         peak = dataset.peak.sel(bundle="scene", kernel=kernel)
-        axes.set_title(f"impulse response, {title}: peak {float(peak.min()):.1f} to {float(peak.max()):.1f} as samples "
-                       "fall", fontsize=11)
+        axes.set_title(f"impulse response, {title}: peak {float(peak.min()):.1f} to {float(peak.max()):.1f} "
+                       "over places of samples", fontsize=11)
         axes.set_xlim(time[0], time[-1])
         axes.set_ylim(-1.5, top)
     for kernel, colour in colours.items():

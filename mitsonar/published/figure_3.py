@@ -169,8 +169,8 @@ def table(dataset):
     uniform = float(vertical.uniform_transmit_shift)
     error = 1e9 * float(abs(dataset.delay - dataset.exact_delay).max())
     lines += [
-        "", f"published: about {PUBLISHED_TRANSMIT} and {PUBLISHED_RECEIVE} samples between vertical elements, at a rate "
-        f"it does not state: {PUBLISHED_TRANSMIT / transmit / 1e6:.2f} MHz would make",
+        "", f"published: about {PUBLISHED_TRANSMIT} and {PUBLISHED_RECEIVE} samples between vertical elements, at a "
+        f"rate it does not state: {PUBLISHED_TRANSMIT / transmit / 1e6:.2f} MHz would make",
         f"our {1e6 * transmit:.1f} us the one, {PUBLISHED_RECEIVE / receive / 1e6:.2f} MHz our {1e6 * receive:.1f} us "
         "the other. The larger shift is that of the hits: each transmit element",
         f"lights its own, and water of one speed shifts them by {1e6 * uniform:.1f} us. Common scatterers have no such "
