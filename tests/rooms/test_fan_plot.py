@@ -4,7 +4,7 @@ import pytest
 import xarray as xr
 
 from mitsonar import plots
-from mitsonar.plots import fan as room
+from mitsonar.plots import fans as room
 
 
 def beams(azimuth, sample=300, beam=None, samples=600):
