@@ -23,7 +23,7 @@ from .straight_vectors import straight_delay
 from .turned import BATCH
 from .vector_approximation import corrections, matched_leg
 
-__all__ = ["GUARD", "METHODS", "return_time", "return_time_error"]
+__all__ = ["GUARD", "METHODS", "approximate", "leg_integrals", "return_time", "return_time_error"]
 
 GUARD = 0.5e-9             # [s]: expected errors above are not accepted; true ones are at most twice the expected
 SAME_TIME = 2e-16          # [s], and relative: rounding
@@ -157,7 +157,7 @@ def _eigenray(profile, origin, way, elements, velocity):
 
 
 def _vector(profile, origin, way, elements, velocity):
-    travel_time, times, error = _approximate(profile, origin, way, elements, velocity)
+    travel_time, times, error = approximate(profile, origin, way, elements, velocity)
     hit, element = np.nonzero(np.isfinite(travel_time)[:, None] & ~(error <= GUARD))
     start = np.where(np.isfinite(error), times, travel_time[:, None])[hit, element]
     times[hit, element] = _exact(profile, origin, way[hit], elements[element], velocity, travel_time[hit], start)
@@ -165,7 +165,7 @@ def _vector(profile, origin, way, elements, velocity):
 
 
 def _expected(profile, origin, way, elements, velocity):
-    return _approximate(profile, origin, way, elements, velocity)[2]
+    return approximate(profile, origin, way, elements, velocity)[2]
 
 
 METHODS = {"paper": _paper, "vector": _vector, "eigenray": _eigenray}
@@ -191,14 +191,31 @@ def _exact(profile, origin, way, element, velocity, travel_time, start):
     return times
 
 
-def _approximate(profile, origin, way, elements, velocity):
-    """Travel times (H,), return times by the vector approximation and their expected errors (H, E)."""
+def approximate(profile, origin, way, elements, velocity):
+    """Apply the vector approximation without its guard.
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+    origin : array (3,) [m]
+    way : array (H, 3) [m]
+        From the origin to the hits.
+    elements : array (E, 3) [m]
+    velocity : array (3,) [m/s]
+
+    Returns
+    -------
+    travel_time : array (H,) [s]
+        From the origin to the hits.
+    times, error : array (H, E) [s]
+        Return times and what they are expected to err by; where that is infinite the times mean nothing.
+    """
     depth, height = -origin[2], elements[None, :, 2]
     ray = _outgoing(profile, origin, way)
     direct = ray.exists & np.isnan(ray.turning_depth)
     p = np.where(direct, ray.ray_parameter, 0.0)
     with np.errstate(all="ignore"):
-        first, second, third, fastest = _integrals(profile, depth, depth - way[:, 2], p)
+        first, second, third, fastest = leg_integrals(profile, depth, depth - way[:, 2], p)
         leg = matched_leg(first, second, third, p, profile.at(depth))
         upwards = np.where(ray.launch_angle >= 0, 1.0, -1.0)[:, None]
         across = np.hypot(way[:, 0], way[:, 1])
@@ -231,10 +248,23 @@ def _approximate(profile, origin, way, elements, velocity):
     return ray.travel_time, times, error
 
 
-def _integrals(profile, depth, target, ray_parameter):
-    """Y, E and G of direct rays (H,), exactly, and their fastest water; s the sines, P = s1 s2, κ = (1 - P) / p²:
+def leg_integrals(profile, depth, target, ray_parameter):
+    """Integrate Y, E and G of direct rays, exactly: with s the sines, P = s1 s2 and κ = (1 - P) / p², of every layer
 
-        E = Y κ / P,    G = Y ((κ / P)² + ((c2² - c1²) / (s1 + s2))² / (3 P³))    of every layer
+        E = Y κ / P,    G = Y ((κ / P)² + ((c2² - c1²) / (s1 + s2))² / (3 P³))
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+    depth : float [m]
+    target : array (H,) [m]
+        Depth of the other end.
+    ray_parameter : array (H,) [s/m]
+
+    Returns
+    -------
+    array (4, H)
+        Y [m^2/s], E [m^4/s^3], G [m^6/s^5] and the largest sound speed on the way [m/s].
     """
     upper, lower = np.minimum(depth, target), np.maximum(depth, target)
     sums = np.empty((4, target.size))

@@ -11,6 +11,7 @@ SMALL = "--nodes", "60"
 RUNS = {
     "tracing": (["tracing.py", *SMALL, "--rays", "4096", "--rounds", "2"], "cast: hits alone"),
     "eigenrays": (["eigenrays.py", *SMALL, "--rays", "200"], "gradient -1 1/s"),
+    "return_times": (["return_times.py", "--hits", "50", "--lanes", "1024", "--rounds", "1"], "| guarded | vertical |"),
     "ping": (["ping.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "mitsonar.render"),
     "accumulation": (["accumulation.py", "--hits", "2000", "--elements", "1", "6", "--rounds", "1"], "numpy bincount"),
     "beamforming": (["beamforming.py", "--elements", "8", "--beams", "8", "--samples", "128", "--rounds", "1"],
