@@ -66,7 +66,7 @@ class Station:
 
     def _add_approximately(self, buffer, echoes, element, return_path, weight, late):
         """By the one ray to each echo, and differences for the elements."""
-        survey, lib = self.survey, self.run.lib
+        run, survey, lib = self.run, self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
         # ---- transmit: the still array, by reciprocity
         off = np.any(transmit.position[element] != self.position)
@@ -81,12 +81,37 @@ class Station:
             total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
         phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
                                          sampling_rate=survey.sampling_rate)
-        for factor, rows in self._patterns(echoes, element, weight, total):
-            elements = ELEMENT_FIELDS[return_path](self._offsets(receive)[rows], self.depth, survey.profile,
-                                                   self.velocity, self.turn_rate)
-            buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
-                       fraction=fraction, hit_fields=back.hit_fields, element_fields=elements,
-                       difference=DIFFERENCES[return_path], rows=rows)
+        factor = self._transmitted(echoes, element, weight)
+        if farther is not None:
+            factor *= lib.Float(echoes.travel_time / (echoes.travel_time + farther))
+        heard, faces = self._heard_from(echoes, total), [] if omni(receive) else receive.faces()
+        if len(faces) == 1:
+            factor *= self._pressure(receive, heard, *faces[0][1:])
+        elements = ELEMENT_FIELDS[return_path](self._offsets(receive), self.depth, survey.profile, self.velocity,
+                                               self.turn_rate)
+        hit_fields, difference = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))], DIFFERENCES[return_path]
+        hits, fields = len(back.hit_fields), len(elements)
+        each_face = len(faces) > 1
+        if each_face:
+            hit_fields += [*heard, *_opaque(lib.Float, (run.wavelength, receive.length, receive.height))]
+            elements = [*elements, *(receive.normal @ self.rotation.T).T, *(receive.along @ self.rotation.T).T]
+
+        def delay(hit, element):
+            return difference(hit[:hits], element[:fields])
+
+        def gain(hit, element):
+            # spherical spreading to where the element is: 1 / (1 + x) for an element that is later by x of the way
+            later = delay(hit, element) * hit[hits]
+            spread = 1 - later * (1 - later)
+            if not each_face:
+                return spread
+            wavelength, length, height = hit[hits + 4:]
+            return spread * element_pressure(hit[hits + 1:hits + 4], wavelength, element[fields:fields + 3],
+                                             element[fields + 3:], length=length, height=height,
+                                             pattern=receive.pattern, baffle=receive.baffle)
+
+        buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
+                   fraction=fraction, hit_fields=hit_fields, element_fields=elements, difference=delay, gain=gain)
 
     def _add_exactly(self, buffer, echoes, element, weight, late):
         """By an eigenray for every echo and element."""
@@ -94,22 +119,27 @@ class Station:
         table, depth = self.run.light.tracer.table, dr.opaque(lib.Float64, self.depth)
         transmit, receive = survey.transmit, survey.receive
         velocity, turn_rate = _opaque(lib.Float64, self.velocity), _opaque(lib.Float64, self.turn_rate)
+        factor, still = self._transmitted(echoes, element, weight), _opaque(lib.Float64, np.zeros(3))
         out = echoes.travel_time
         if np.any(transmit.position[element] != self.position):
-            still = _opaque(lib.Float64, np.zeros(3))
             offset = _opaque(lib.Float64, self._offsets(transmit)[element])
             out = exact_return(table, lib, depth, echoes.offset, mi.Float64(0), offset, still, still, out)
-        dr.eval(out)
-        for factor, rows in self._patterns(echoes, element, weight, 2 * out):
-            amplitude = tuple(part * factor for part in echoes.amplitude)
-            dr.eval(amplitude)
-            for row in rows:
-                offset = _opaque(lib.Float64, self._offsets(receive)[row])
-                back = exact_return(table, lib, depth, echoes.offset, out, offset, velocity, turn_rate, out)
-                phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
-                                                 sampling_rate=survey.sampling_rate)
-                buffer.add(amplitude=amplitude, phase=phase, sample=sample, fraction=fraction, hit_fields=[],
-                           element_fields=[np.zeros(1)], difference=lambda hit, element: element[0], rows=[row])
+            factor *= lib.Float(echoes.travel_time / out)
+        amplitude = tuple(part * factor for part in echoes.amplitude)
+        middle = exact_return(table, lib, depth, echoes.offset, out, still, velocity, turn_rate, out)
+        heard = self._heard_from(echoes, out + middle)
+        dr.eval(out, amplitude, middle, heard)
+        for row in range(receive.elements):
+            offset = _opaque(lib.Float64, self._offsets(receive)[row])
+            back = exact_return(table, lib, depth, echoes.offset, out, offset, velocity, turn_rate, middle)
+            phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
+                                             sampling_rate=survey.sampling_rate)
+            spread = lib.Float(middle / back)
+            if not omni(receive):
+                spread *= self._pressure(receive, heard, receive.normal[row], receive.along[row])
+            buffer.add(amplitude=tuple(part * spread for part in amplitude), phase=phase, sample=sample,
+                       fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
+                       difference=lambda hit, element: element[0], rows=[row])
 
     def _doubtful(self, echoes):
         """Echoes for which the vector approximation may be off by more than GUARD at some element."""
@@ -120,18 +150,6 @@ class Station:
         doubtful = back.expected_error(fields) > dr.opaque(mi.Float, GUARD)
         dr.eval(doubtful)
         return doubtful
-
-    def _patterns(self, echoes, element, weight, elapsed):
-        """For each group of receive elements: what both elements' patterns make of the echoes, and its rows."""
-        transmit, receive = self.survey.transmit, self.survey.receive
-        gain = dr.opaque(mi.Float, weight) * self._one_way(transmit, element, echoes.launch_direction)
-        if omni(receive):
-            yield gain, np.arange(receive.elements)
-            return
-        heard = self._heard_from(echoes, elapsed)
-        for face in receive.faces():
-            yield gain * pressure(receive, heard, self.run.wavelength, self.rotation @ face.normal,
-                                   self.rotation @ face.along), face.indices
 
     def _back(self, echoes, method, velocity, turn_rate):
         lib = self.run.lib
@@ -149,11 +167,16 @@ class Station:
         fields = [dr.opaque(lib.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
         return lib.Float64(vector_difference(still.hit_fields, fields))
 
-    def _one_way(self, array, element, direction):
-        if omni(array):
-            return mi.Float(1)
-        return pressure(array, direction, self.run.wavelength, self.rotation @ array.normal[element],
-                         self.rotation @ array.along[element])
+    def _transmitted(self, echoes, element, weight):
+        """What a transmit element's weight and pattern make of the echoes."""
+        transmit, factor = self.survey.transmit, dr.opaque(mi.Float, weight)
+        if omni(transmit):
+            return factor
+        return factor * self._pressure(transmit, echoes.launch_direction, transmit.normal[element],
+                                       transmit.along[element])
+
+    def _pressure(self, array, direction, normal, along):
+        return pressure(array, direction, self.run.wavelength, self.rotation @ normal, self.rotation @ along)
 
     def _heard_from(self, echoes, elapsed):
         """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
