@@ -117,6 +117,23 @@ def test_tilted_bed(variant, sure, lighting, within):
     assert np.abs(db(energy / expected)).max() < within
 
 
+UNEVEN = {
+    "rippled": {"length": 20.0, "width": 70.0, "spacing": 0.1, "ripple_wavelength": 1.0, "ripple_height": 0.3,
+                "ripple_heading_deg": 90.0},
+    "rough": {"length": 30.0, "width": 70.0, "spacing": 0.25, "fractal_rms": 0.2},
+}
+
+
+@pytest.mark.parametrize("name", UNEVEN)
+def test_both_ways_of_lighting_see_the_same_uneven_bed(variant, sure, name):
+    """Slopes and shadows through a thermocline: rays, and ways to cells, know nothing of each other."""
+    shape = {"type": "seabed", "depth": 20.0, "bsdf": {"type": "lambert"}, **UNEVEN[name]}
+    by_cells, by_rays = (gated(array_scene({"bed": shape}, water={"profile": SUMMER}, integrator=some,
+                                           film={"range": 32.0}), np.arange(12.0, 30.0, 2.0))
+                         for some in ({"cell": 0.1}, {"cell": 0.1, "lighting": "rays", "rays": 1_000_000}))
+    assert np.abs(db(by_cells / by_rays)).max() < 0.05
+
+
 # ------------------------------------------------------------------------------------------- shadow, point target
 FRONT, BACK, TOP, BEHIND = 10.0, 11.0, -18.0, 13.75                   # of a box across a strip of bed [m]
 
