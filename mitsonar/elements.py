@@ -17,7 +17,7 @@ from .rendering import checked_seed, opened, provenance
 from .signal.doppler import doppler_classes
 from .signal.impulses import KERNELS
 from .signal.noise import ElementNoise
-from .signal.reception import absorbed, check_record, received
+from .signal.reception import absorbed, check_record, delayed, received
 from .sonar import directivity_index_db, element_array
 from .units import amplitude_from_db, db_from_power
 
@@ -95,7 +95,8 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     -------
     xarray.DataArray
         (ping, tx, rx, sample), complex64 [µPa], tx of size 1: the whole transmit array. An echo of delay t begins at
-        time t. Coordinates as of `impulse_response`.
+        time t, later by the element's own delay where the receive array is steered or focused. Coordinates as of
+        `impulse_response`, and ``rx_weight``, ``rx_delay`` [s].
 
     Raises
     ------
@@ -113,7 +114,7 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     correction = _absorption(sensor, survey)
     blocks = []
     for number, one in enumerate(chosen):
-        signals = 0
+        signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
         factors = _doppler(survey, one, pulse)
         classes = survey.transmissions(one, factors, pulse, kernel=kernel, return_path=return_path, seed=seed)
         for factor, response in classes:
@@ -121,11 +122,13 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
                 response = absorbed(response, survey.sampling_rate, survey.frequency, correction,
                                     survey.sound_speed(one), survey.start)
             signals = signals + received(response, pulse, survey.sampling_rate, factor)
-        signals = amplitude_from_db(sensor.source_level_db) * signals[:, -kept:]
+        signals = amplitude_from_db(sensor.source_level_db) * signals
         if noise is not None:
-            signals = signals + noise.drawn(kept, seed, int(one))
+            signals = signals + noise.drawn(survey.samples, seed, int(one))
+        if survey.receive.delay.any():
+            signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
         signals[~survey.receive.working] = 0
-        blocks.append(signals.astype(np.complex64))
+        blocks.append(signals[:, -kept:].astype(np.complex64))
         if progress is not None:
             progress(number + 1, len(chosen))
     array = _labelled(np.stack(blocks)[:, None], survey, chosen, "element signals", "µPa", transmitters=False)
@@ -170,6 +173,7 @@ def _labelled(values, survey, pings, name, unit, *, transmitters):
             coords[f"{prefix}_{axis}"] = (prefix, column, {"units": "m", "frame": "body: forward, starboard, down"})
     if not transmitters:
         coords["rx_weight"] = ("rx", survey.receive.weight, {"units": "1", "long_name": "shading for beamformers"})
+        coords["rx_delay"] = ("rx", survey.receive.delay, {"units": "s", "long_name": "delay of the signals"})
     for axis, column in zip("xyz", track.position[pings].T):
         coords[axis] = ("ping", column, {"units": "m"})
     for angle in ("roll", "pitch", "heading"):
