@@ -1,8 +1,8 @@
 """Element signals and impulse responses in netCDF-4 files.
 
 netCDF has no complex numbers: the variables ``real`` and ``imag`` (ping, tx, rx, sample) hold the two parts; axes,
-units and provenance are coordinates and attributes, what is no plain value among them as JSON. xarray reads the file without
-mitsonar; `read` gives the complex array back.
+units and provenance are coordinates and attributes, what is no plain value among them as JSON. xarray reads the file
+without mitsonar; `read` gives the complex array back.
 """
 import errno
 import json

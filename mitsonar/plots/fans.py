@@ -1,6 +1,6 @@
 """A fan of beams seen from above: what a forward-looking or sector sonar puts on its screen.
 
-A sample at time t of the beam at azimuth α lies r = c t / 2 from the array, at (r sin α, r cos α) to starboard and ahead.
+A sample at time t of the beam at azimuth α lies r = c t / 2 from the array, r sin α to starboard and r cos α ahead.
 """
 import numpy as np
 from matplotlib.patheffects import withStroke
