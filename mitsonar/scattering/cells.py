@@ -7,8 +7,9 @@ A facet (a, b, c) is cut into n² congruent triangles, n = ⌈longest side / cel
 
 numbers them 0..n² - 1. The scatterer of a cell lies anywhere in it with equal chance and its amplitude g is circular
 complex Gaussian, <|g|²> = 1: the pressure of an echo is g √(σ dA) times what the way does to it. Then the level of
-many cells is σ times their area however they are cut, and its statistics are Rayleigh however few they are. Place and
-amplitude are hashed from (shape, facet, s) alone: every element, ping and run sees the same seabed.
+many cells is σ times their area however they are cut. Amplitudes are Rayleigh where a resolution cell holds many; with
+N on average the second moment of intensity is 2 (1 + 1/N), for their number varies. Place and amplitude are hashed
+from (shape, facet, s) alone: every element, ping and run sees the same seabed.
 """
 import zlib
 
