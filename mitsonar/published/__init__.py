@@ -7,11 +7,11 @@ import csv
 from pathlib import Path
 
 from ..io.files import check_writable, replacing
-from . import figure_2, figure_3
+from . import effective_speed, figure_2, figure_3, table_1
 
 __all__ = ["RESULTS", "text", "write"]
 
-RESULTS = {"figure_2": figure_2, "figure_3": figure_3}
+RESULTS = {"table_1": table_1, "effective_speed": effective_speed, "figure_2": figure_2, "figure_3": figure_3}
 
 
 def text(name):

@@ -3,10 +3,10 @@
     python tests/benchmarks/return_times.py [--reference FILE.json] [--casts FOLDER]
 
 First table: errors against the exact eigenray in nanoseconds, rms / largest, of elements a distance off a still centre,
-above and below, ahead and behind, and to the sides; hits at ranges from 20 to 200 m, 3 m or more below the sonar. Columns:
+above and below, ahead and behind, and to the sides; hits at ranges from 20 to 200 m, 3 m or more below the sonar:
 
     paper     equation 2 with the coefficient 0.503
-    GVA2      effective speed expanded to second order in the element's offset, from p, D = dX/dp and dc/dz at the origin
+    GVA2      effective speed to second order in the element's offset, from p, D = dX/dp and dc/dz at the origin
     moments   series in the mean and three central moments of 1/c², calibrated on the traced time
     vector    the vector approximation, without its guard
               these over direct rays that leave the sonar steeper than 5 degrees;
@@ -15,7 +15,7 @@ above and below, ahead and behind, and to the sides; hits at ranges from 20 to 2
 of which GVA2 and moments are here alone, for the choice. Second table: the same over all profiles, by direction. Third:
 differences per second on the device, float32, and of `return_time` in NumPy.
 
-A reference is a JSON file {"profiles": {name: {"depth": [...], "c": [...]}}}; casts are files `mitsonar.io.casts` reads.
+A reference is a JSON file {"profiles": {name: {"depth": [...], "c": [...]}}}; casts are what `io.casts` reads.
 """
 import argparse
 import json
