@@ -98,6 +98,12 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
         time t, later by the element's own delay where the receive array is steered or focused. Coordinates as of
         `impulse_response`, and ``rx_weight``, ``rx_delay`` [s].
 
+    Notes
+    -----
+    The record has the band of its sampling rate: kernels are flat to a third of it either side of the carrier. At the
+    rate taken where the scene writes none, what an unshaded pulse has beyond costs its echoes 0.1 to 0.3 dB of energy
+    (an lfm of 10 kHz and 1 ms 0.12 dB, a cw of 0.1 ms 0.25 dB); ``sample_rate_khz`` of the film keeps more of it.
+
     Raises
     ------
     ValueError

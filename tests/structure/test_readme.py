@@ -15,6 +15,8 @@ SCENES = README.parent / "scenes"
 NEEDED = {
     "sidescan": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
     "seabed": {"depth": 10.0},
+    "array_sonar": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
+    "point_target": {"position": [0.0, 0.0, -5.0]},
     "bathymetry": {"filename": str(SCENES / "bathymetry" / "sandwaves.tif")},
 }
 NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not
