@@ -38,8 +38,8 @@ def compute():
     Returns
     -------
     xarray.Dataset
-        ``effective_speed`` [m/s] and ``return_time`` [s] (found_by), the same ``printed_speed`` and ``printed_time``, NaN
-        where nothing was; ``sound_speed`` [m/s] (height) of the reconstructed water.
+        ``effective_speed`` [m/s] and ``return_time`` [s] (found_by), likewise ``printed_speed`` and ``printed_time``,
+        NaN where nothing was; ``sound_speed`` [m/s] (height) of the reconstructed water.
     """
     water = SoundSpeedProfile([0, WATER_DEPTH], [BED_SPEED + GRADIENT * WATER_DEPTH, BED_SPEED])
     origin = np.array([0, 0, HEIGHTS[0] - WATER_DEPTH])
