@@ -34,7 +34,9 @@ class Station:
         self.origin = survey.track.position[ping] + self.rotation @ position
         self.depth = -float(self.origin[2])
         self.sources = run.light.tracer.sources([self.depth])
-        self.velocity, self.turn_rate = survey.velocity[ping], survey.turn_rate[ping]
+        self.turn_rate = survey.turn_rate[ping]
+        # what stands off the track's point is carried round it as the platform turns
+        self.velocity = survey.velocity[ping] + np.cross(self.turn_rate, self.rotation @ position)
         self.speed = float(survey.profile.at(self.depth))
         self.array_radius = max(np.linalg.norm(self._offsets(array), axis=1).max()
                                 for array in (survey.transmit, survey.receive))

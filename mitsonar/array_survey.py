@@ -173,8 +173,7 @@ class ArraySurvey:
         run, transmit = self._run.seeded(seed), self.transmit
         weight = transmit.weight / np.abs(transmit.weight).sum()
         classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 else [
-            _DopplerClass(factor=float(factor), width=float(doppler[1] - doppler[0]), duration=pulse.duration)
-            for factor in doppler]
+            _DopplerClass(factors=doppler, number=number, duration=pulse.duration) for number in range(len(doppler))]
         while classes:
             # as many classes at once as fit into memory: the fewer times scatterers have to be lit
             first = run.buffer(kernel)
@@ -200,17 +199,23 @@ class _Everything:
 
 @dataclass(frozen=True, kw_only=True)
 class _DopplerClass:
-    """Echoes whose factor lies within half a width of one that stands for them; see `signal.doppler`."""
+    """Echoes to whose factor that of one class is the nearest: each echo is in one, rounding or not."""
 
-    factor: float
-    width: float
+    factors: np.ndarray
+    number: int
     duration: float
+
+    @property
+    def factor(self):
+        """That of the class."""
+        return float(self.factors[self.number])
 
     def __call__(self, station, echoes):
         """The echoes that belong here, and how much they are to be delayed [s]."""
         doppler = station.doppler(echoes)
-        away = abs(doppler - dr.opaque(mi.Float64, self.factor))
-        index = dr.compress(away <= dr.opaque(mi.Float64, 0.5 * self.width))
+        first, width = (dr.opaque(mi.Float64, float(v)) for v in (self.factors[0], self.factors[1] - self.factors[0]))
+        nearest = dr.clip(dr.round((doppler - first) / width), 0, dr.opaque(mi.Float64, len(self.factors) - 1))
+        index = dr.compress(nearest == dr.opaque(mi.Float64, self.number))
         if not dr.width(index):
             return None, None
         half = dr.opaque(mi.Float64, 0.5 * self.duration)
@@ -270,7 +275,8 @@ class _Run:
                     some, late = chosen(station, echoes)
                     if some is not None:
                         heard[number] = True
-                        late = late + dr.opaque(self.lib.Float64, float(delay))
+                        # what is sent later by τ from a moving platform comes back later by τ / η
+                        late = late + dr.opaque(self.lib.Float64, float(delay)) / station.doppler(some)
                         station.add(buffer, some, element, return_path, weight=share, late=late)
         return heard
 
