@@ -35,7 +35,7 @@ class Cells:
     shape : ShapePtr (R,)
     primitive : UInt32 (R,)
     uv : Point2f (R,)
-        Barycentric.
+        Texture coordinates, as those of `trace.Hits`; where a shape has none, barycentric.
     """
 
     point: object
@@ -90,7 +90,8 @@ class Scatterers:
         faces[:, 3] = self.cuts
         self.centre = corner.mean(1)
         self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
-        # of every facet: registry index of its shape, its number there, the key its cells are hashed with
+        # of every facet: registry index of its shape, its number there, the key its cells are hashed with, whether its
+        # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
         self.scattering = np.zeros(len(faces), bool)
         known = [(index, shape, first, count) for index, shape, first, count in geometry.meshes] + rows
@@ -101,8 +102,17 @@ class Scatterers:
                                     np.zeros(count)], 1)
             self.scattering[some] = not hasattr(shape, "target_strength_db")
             self.rows[index] = first, (index, shape) in geometry.others
+            facts[some, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
         self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
         self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
+        self._texcoords = None
+        if geometry.textured:
+            texcoords = np.zeros((len(vertices), 2), np.float32)
+            texcoords[len(vertices) - len(quads):] = np.tile(0.5 * (QUAD[:, :2] + 1), (len(quads) // 4, 1))
+            if geometry.texcoords is not None:
+                own = geometry.texcoords.numpy().reshape(-1, 2)
+                texcoords[:len(own)] = own
+            self._texcoords = upload(mi.Float, texcoords)
         dr.eval(self._vertices, self._faces, self._facts, self._rows)
 
     def in_reach(self, origin, nearest, farthest):
@@ -167,7 +177,16 @@ class Scatterers:
         cuts = mi.Float(n)
         return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
                      amplitude=gaussian(lib, third, fourth), primitive=facts[1],
-                     shape=dr.reinterpret_array(mi.ShapePtr, facts[0]), uv=mi.Point2f(mi.Float(u), mi.Float(v)))
+                     shape=dr.reinterpret_array(mi.ShapePtr, facts[0]),
+                     uv=self._uv(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
+
+    def _uv(self, facet, mapped, u, v):
+        """Texture coordinates of points given by barycentric ones."""
+        if self._texcoords is None:
+            return mi.Point2f(u, v)
+        row = dr.gather(self.lib.Array4u, self._faces, facet)
+        a, b, c = (mi.Point2f(dr.gather(self.lib.Array2f, self._texcoords, row[i], mapped)) for i in range(3))
+        return dr.select(mapped, a * (1 - u - v) + b * u + c * v, mi.Point2f(u, v))
 
 
 def _rectangles(geometry, first_vertex, first_face):
