@@ -85,15 +85,11 @@ class Connector:
         Connection
         """
         lib, table = self.tracer.lib, self.tracer.table
-        dx, dy, z = point.x - origin.x, point.y - origin.y, -point.z
-        x = dr.sqrt(dr.fma(dx, dx, dy * dy))
+        x, z, along = _seen_from(origin, point)
         active = lib.Bool(active)
         sine0, cosine0, found = aim(table, lib, sources.state, source, x, z, active)
         time, arc, area, p, sine, c = to_hit(table, lib, sources.state, source, sine0, cosine0, x, z, found,
                                              dr.opaque(lib.Float64, CLOSE_ENOUGH))
-        upright = x < 1e-6
-        scale = mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
-        along = mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale), dr.select(upright, 0, mi.Float(dy) * scale))
         _, c0, _ = sources.state.gather(lib, source)
         launch_cosine, cosine = mi.Float(p * c0), mi.Float(p * c)
         launch_sine = dr.copysign(dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0))), mi.Float(sine0))
@@ -109,6 +105,24 @@ class Connector:
         return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
                           spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
                           sound_speed=c)
+
+
+    def launch_direction(self, sources, origin, source, point):
+        """Where the ray to each point leaves for, Vector3f (R,), as aimed; arguments as of a call."""
+        lib = self.tracer.lib
+        x, z, along = _seen_from(origin, point)
+        sine, cosine, _ = aim(self.tracer.table, lib, sources.state, source, x, z, lib.Bool(True))
+        return mi.Vector3f(along.x * mi.Float(cosine), along.y * mi.Float(cosine), -mi.Float(sine))
+
+
+def _seen_from(origin, point):
+    """Horizontal distance and depth [m], Float64, of points, and the horizontal unit vector towards them."""
+    dx, dy = point.x - origin.x, point.y - origin.y
+    x = dr.sqrt(dr.fma(dx, dx, dy * dy))
+    upright = x < 1e-6
+    scale = mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
+    return x, -point.z, mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale),
+                                    dr.select(upright, 0, mi.Float(dy) * scale))
 
 
 @dr.syntax

@@ -141,7 +141,9 @@ class Ensonification:
     def _echoes(self, sources, origin, rotation, facet, s, energy=None):
         """Echoes of cells, lit by connecting them, or with the energies (R,) that rays have brought."""
         if self.pattern is not None:
-            direction = dr.normalize(mi.Vector3f(self.scatterers.at(facet, s).point - origin))
+            # where the rays leave for: the straight line there may lie in another lobe
+            point = self.scatterers.at(facet, s).point
+            direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
             index = dr.compress(self.pattern(direction, rotation) > NEGLIGIBLE)
             if not dr.width(index):
                 return
