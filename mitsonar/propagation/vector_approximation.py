@@ -21,8 +21,9 @@ series,
     4 γ Δp³ c_m³ (Δp c_m p c_m / w²) + 3 dX a (a p c_m / w²)² + (V/Q⁴)^(3/2) (h Q/8 + 3/5 h a p c_m/Q)
 
 with the smaller of w and Q for w. On 17 profiles, offsets to 2 m and platforms to 5 m/s the error stayed below
-1.3 ns wherever this number is below 1 ns, the ray at the element steeper than 1.1 degrees and Δp c_m p c_m < w²/2;
-elsewhere nothing is promised. By reciprocity the same with v = 0 gives the delays of transmit elements.
+1.3 ns wherever this number is below 1 ns, the ray at the element steeper than 1.1 degrees and Δp c_m p c_m < w²/2.
+For flatter rays twice the third order and the slice, 2 γ (Δp c_m)³ + |h ε| / (w + Q) min(2, 2 |ε|/w²) + h V / Q³, are
+doubted too: little where water hardly changes or elements lie level. Elsewhere nothing is promised. By reciprocity the same with v = 0 gives the delays of transmit elements.
 
 Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields are in scene coordinates, z up.
 """
@@ -36,7 +37,7 @@ __all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "centre_return", "corrections", "exp
            "vector_difference", "vector_element_fields"]
 
 LEVEL = 1e-4               # vertical cosines are kept above this: no division by zero
-FLATTEST = 0.02            # vertical cosine below which nothing is promised
+FLATTEST = 0.02            # vertical cosine below which the last orders are not trusted
 
 
 def corrections(leg_vertical, leg_horizontal, third, inverse_length, lengthening, height, excess, variance):
@@ -79,7 +80,11 @@ def corrections(leg_vertical, leg_horizontal, third, inverse_length, lengthening
     next_order = 4 * change * p / (least * least)
     skew = spread * xp.sqrt(spread) * (height * root / 8 + 0.6 * bend * height * p / root)
     doubt = abs(cubic * next_order) + abs(3 * miss * bend * steps * steps) + abs(skew)
-    return value, select((least > FLATTEST) & (abs(next_order) < 2), doubt, np.inf), change
+    # flatter rays: all of what their last orders bring is doubted
+    uneven = abs(excess) / (least * least)
+    flat = 2 * abs(cubic) + abs(height) * (2 * first * xp.minimum(uneven, 1) + spread * root)
+    doubt = select(least > FLATTEST, doubt, doubt + abs(flat))
+    return value, select(abs(next_order) < 2, doubt, np.inf), change
 
 
 # -------------------------------------------------------------------------------------------------- legs, float64

@@ -173,3 +173,14 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
             survey._run.light.pattern = None
         heard.append(survey.responses(0))
     assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
+
+
+@pytest.mark.parametrize("profile,axis", [("0:1500", "starboard"), ("0:1500", "down"), ("0:1500, 40:1502", "starboard")])
+def test_level_rays_in_even_water_are_no_reason_for_doubt(variant, profile, axis):
+    """A metre above the bed most rays are flatter than 1.1 degrees; vector and eigenray agree, and nothing is refused."""
+    heard = [mitsonar.impulse_response(
+        array_scene({"bed": bed(11.0, size=150.0)}, water={"profile": profile}, integrator={"cell": 3.0},
+                    film={"range": 70.0, "range_min": 60.0},
+                    sensor={"receive": "line", "receive_elements": 4, "receive_axis": axis}),
+        return_path=path).values for path in ("vector", "eigenray")]
+    assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
