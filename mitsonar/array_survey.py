@@ -253,8 +253,8 @@ class _Run:
         if self._doubtful > MOST_DOUBTFUL * max(self._looked_at, 1000):
             radius = max(self.survey.transmit.radius, self.survey.receive.radius)
             raise ValueError(f"the array reaches {radius:.3g} m from its centre, too far for the vector approximation "
-                             f"here: for {100 * self._doubtful / self._looked_at:.0f} % of the echoes, whose rays turn "
-                             f"or run nearly level, it may be off by more than {1e9 * GUARD:.0f} ns; take "
+                             f"here: for {100 * self._doubtful / self._looked_at:.0f} % of the echoes it may be off by "
+                             f"more than {1e9 * GUARD:.0f} ns, soonest where rays turn or run nearly level; take "
                              "return_path=\"eigenray\", a smaller array or a shorter range")
 
     def buffer(self, kernel):

@@ -24,6 +24,7 @@ from .units import amplitude_from_db, db_from_power
 __all__ = ["RETURN_PATHS", "element_signals", "impulse_response", "pings"]
 
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
+LONGEST_FACE = 64                  # wavelengths: beyond, the directivity index follows from that of a smaller face
 
 
 def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, progress=None):
@@ -213,13 +214,14 @@ def _noise(sensor, survey):
 
 def _element_directivity_index_db(array, wavelength):
     """Gain of one element of an array against noise from everywhere [dB]."""
-    one = element_array([[0.0, 0.0, 0.0]], normal=array.normal[0], along=array.along[0], length=array.length,
-                        height=array.height, pattern=array.pattern, baffle=array.baffle)
-    try:
-        return directivity_index_db(one, array.normal[0], wavelength)
-    except ValueError:                                          # a face of hundreds of wavelengths: by its area
-        area = array.length * array.height if array.height else 0.25 * np.pi * array.length ** 2
-        return float(db_from_power(4 * np.pi * area / wavelength ** 2))
+    longest = LONGEST_FACE * wavelength
+    length, height = min(array.length, longest), min(array.height, longest)
+    one = element_array([[0.0, 0.0, 0.0]], normal=array.normal[0], along=array.along[0], length=length, height=height,
+                        pattern=array.pattern, baffle=array.baffle)
+    gain_db = directivity_index_db(one, array.normal[0], wavelength)
+    # from there on the gain grows as the sides do
+    longer, higher = array.length / length if length else 1.0, array.height / height if height else 1.0
+    return gain_db + float(db_from_power(longer ** 2 if array.pattern == "circular" else longer * higher))
 
 
 def _absorption(sensor, survey):

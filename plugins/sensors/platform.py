@@ -90,6 +90,9 @@ class Platform:
             moving = self.recorded
             velocity, turn_rate = (np.stack([np.interp(track.time, moving.time, axis) for axis in rate.T], -1)
                                    for rate in moving.motion())
+            if self.altitude:
+                # it follows the seabed, not the z that was recorded
+                velocity[:, 2] = track.motion()[0][:, 2] if track.pings > 1 else 0
             return velocity, turn_rate
         if track.pings > 1:
             return track.motion()

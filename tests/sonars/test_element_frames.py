@@ -184,3 +184,28 @@ def test_level_rays_in_even_water_are_no_reason_for_doubt(variant, profile, axis
                     sensor={"receive": "line", "receive_elements": 4, "receive_axis": axis}),
         return_path=path).values for path in ("vector", "eigenray")]
     assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
+
+
+@pytest.mark.parametrize("length,height,gain", [(3.0, 0.0, 2 * 3.0 / 0.005),
+                                                (2.0, 0.1, 2 * np.pi * 2.0 * 0.1 / 0.005 ** 2)])
+def test_noise_of_elements_of_hundreds_of_wavelengths(variant, length, height, gain):
+    """A line hears 2L/λ less, a face that looks both ways 2πA/λ²; 4000 samples scatter by 0.07 dB."""
+    scene = array_scene({"bed": buried_bed(30.0)}, integrator={"cell": 5.0}, film={"range": 30.0, "sample_rate_khz": 100},
+                        sensor={"frequency_khz": 300.0, "noise": True, "noise_level_db": 60.0,
+                                "receive_pattern": "rectangular", "receive_element_length": length,
+                                "receive_element_height": height})
+    signals = mitsonar.element_signals(scene)
+    level = 10 * np.log10(np.mean(np.abs(signals.values) ** 2))
+    assert level == pytest.approx(60 + 10 * np.log10(signals.attrs["sampling_rate"] / gain), abs=0.3)
+
+
+def test_a_track_flown_at_an_altitude_moves_as_it_is_flown(variant, tmp_path):
+    """What heave was recorded does not count once the seabed tells the height."""
+    time = np.arange(0, 2.01, 0.05)
+    rows = np.stack([time, 0 * time, 3 * time, -10 - 0.5 * np.sin(4 * time), 0 * time, 0 * time, 0 * time], -1)
+    velocity = {}
+    for altitude in (0.0, 15.0):
+        scene = tracked(tmp_path, rows, {"bed": buried_bed(30.0)}, ping_rate_hz=2.0, altitude=altitude)
+        velocity[altitude] = scene.integrator().array_survey(scene, scene.sensors()[0]).velocity
+    assert velocity[0.0][:, 2] == pytest.approx(-2 * np.cos(4 * np.arange(0, 2.01, 0.5)), abs=0.05)
+    assert velocity[15.0] == pytest.approx(np.broadcast_to([0, 3, 0], (5, 3)), abs=1e-3)
