@@ -1,0 +1,115 @@
+"""Points connected to a source: the ray is the exact eigenray, and what stands in its way is found.
+
+Truth for rays is `propagation.eigenrays` (NumPy, checked against 60-digit arithmetic): every connection must be one of
+the arrivals there, its time to 1 ns (found: 1e-10 s); rays may be missed only where all that arrive turn. Truth for
+occlusion in water of one speed are Mitsuba's own straight rays to the same lifted points: 1 in 1000 may differ, where
+a silhouette lies within the 8 mm of the chords.
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from mitsonar.connection import LIFT, LIFT_PER_RANGE, Connector
+from mitsonar.propagation import eigenrays
+from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.trace import Geometry, Tracer
+from mitsonar.water import SoundSpeedProfile
+
+POINTS = 6000
+PROFILES = {
+    "constant": ([0.0], [1500.0]),
+    "gradient": ([0.0, 200.0], [1450.0, 1650.0]),
+    "summer": ([0, 4, 8, 11, 14, 17, 20, 25, 32, 40], [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6, 1494.2, 1492.9,
+                                                       1492.3, 1492.2]),
+    "duct": ([0.0, 25.0, 60.0], [1500.0, 1475.0, 1510.0]),
+    "zigzag": (np.arange(0.0, 61.0, 1.0), 1490 + 2.5 * (-1.0) ** np.arange(61)),
+}
+
+
+@pytest.fixture(scope="module")
+def bed():
+    """A rough bed about 45 m deep."""
+    from mitsonar.scene import prepare
+
+    prepare()
+    relief = {"fractal_rms": 0.6, "fractal_gamma": 3.3, "fractal_outer_scale": 60.0}
+    return Geometry(mi.load_dict({"type": "scene", "bed": {
+        "type": "seabed", "depth": 45.0, "length": 300.0, "width": 300.0, "spacing": 1.0, **relief}}, optimize=False))
+
+
+def places(geometry, rng):
+    """Points on the facets and the normals there, as NumPy (N, 3)."""
+    vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
+    faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
+    corner = vertices[faces[rng.integers(0, len(faces), POINTS)]]
+    u, v = rng.random((2, POINTS, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    normal = np.cross(a, b)
+    return corner[:, 0] + u * a + v * b, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def connect(geometry, profile, depth, point, normal, **options):
+    tracer = Tracer(geometry, profile, max_range=260.0)
+    lib = arrays_of(mi.Float)
+    way = Connector(tracer)(
+        tracer.sources([depth]), lib.Array3f64(0, 0, -depth), mi.UInt32(0),
+        lib.Array3f64(*(upload(mi.Float64, column) for column in point.T)),
+        mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in normal.T)), **options)
+    dr.eval(vars(way))
+    return way
+
+
+@pytest.mark.parametrize("depth", [10.3, 20.0])
+@pytest.mark.parametrize("name", PROFILES)
+def test_the_ray_is_an_eigenray(variant, bed, rng, name, depth):
+    profile = SoundSpeedProfile(*PROFILES[name])
+    point, normal = places(bed, rng)
+    way = connect(bed, profile, depth, point, normal)
+    found = way.exists.numpy()
+    across = np.hypot(point[:, 0], point[:, 1])
+    exact = eigenrays(profile, depth, -point[:, 2], across)
+    off = np.abs(exact.travel_time - way.travel_time.numpy()[:, None])
+    off[np.isnan(off)] = np.inf
+    arrival, every = np.argmin(off, 1), np.arange(POINTS)
+    assert off[every, arrival][found].max() < 1e-9
+    area = exact.spreading_area[every, arrival][found]
+    assert np.median(np.abs(way.spreading_area.numpy()[found] / area - 1)) < 1e-5
+    launch = np.arcsin(-way.launch_direction.numpy()[2])[found]
+    assert np.abs(launch - exact.launch_angle[every, arrival][found]).max() < 1e-4
+    missed = exact.exists.any(1) & ~found
+    assert missed.mean() < 0.005
+    assert not (missed & np.isnan(exact.turning_depth[:, 0])).any()
+
+
+def test_what_lies_in_the_way(variant, bed, rng):
+    depth = 20.0
+    point, normal = places(bed, rng)
+    way = connect(bed, SoundSpeedProfile.constant(1500.0), depth, point, normal)
+    origin = np.array([0.0, 0.0, -depth])
+    side = -np.sign(np.sum(normal * (point - origin), axis=1, keepdims=True))
+    end = point + side * normal * (LIFT + LIFT_PER_RANGE * np.hypot(*point.T[:2]))[:, None]
+    start = mi.Point3f(*origin.tolist())
+    towards = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in end.T)) - start
+    length = dr.norm(towards)
+    straight = ~bed.scene.ray_test(mi.Ray3f(mi.Ray3f(start, towards / length), length)).numpy()
+    free = way.free.numpy()
+    assert 0.5 < free.mean() < 0.95
+    assert (free != straight).mean() < 1e-3
+
+
+def test_a_wall_hides_and_is_looked_round_on_request(variant):
+    T = mi.ScalarTransform4f
+    geometry = Geometry(mi.load_dict({
+        "type": "scene",
+        "bed": {"type": "rectangle", "to_world": T().translate([0, 0, -30]).scale([100, 100, 1])},
+        "wall": {"type": "cube", "to_world": T().translate([20, 0, -25]).scale([0.1, 4, 5])}}, optimize=False))
+    point = np.array([[30.0, 0.0, -29.0], [10.0, 0.0, -29.0], [30.0, 12.0, -29.0]])
+    profile = SoundSpeedProfile(*PROFILES["summer"])
+    nothing = np.zeros((3, 3))
+    assert connect(geometry, profile, 10.0, point, nothing).free.numpy().tolist() == [False, True, True]
+    assert connect(geometry, profile, 10.0, point, nothing, occlusion=False).free.numpy().all()
+    # a target in front of the wall is not hidden by what is within the last bit of the way
+    on_wall = np.array([[19.85, 0.0, -25.0]])
+    assert connect(geometry, profile, 10.0, on_wall, np.zeros((1, 3)), short=0.02).free.numpy().all()
