@@ -127,7 +127,8 @@ class Ensonification:
         start = self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin))
         if self.lighting == "scatterers":
             facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
-            for facet, s in self.scatterers.listed(facets, CELLS_PER_BLOCK):
+            stretches = self.scatterers.stretches(facets, origin, self.farthest)
+            for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
                 yield from self._echoes(sources, start, rotation, facet, s)
         else:
             facet, s, energy = self._found(sources, start, rotation, depth_below, key)

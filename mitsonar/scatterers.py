@@ -16,6 +16,7 @@ __all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
 
 PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
 TARGET_RADIUS = 0.02               # [m] about a point target that is left out of its own shadow
+LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
 MOST_CUTS = 32768                  # s and n² are 32-bit
 QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
 
@@ -88,6 +89,7 @@ class Scatterers:
             raise ValueError(f"cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
                              "rows; take larger cells or a mesh of smaller facets")
         faces[:, 3] = self.cuts
+        self._host_vertices, self._host_faces = vertices, faces
         self.centre = corner.mean(1)
         self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
         # of every facet: registry index of its shape, its number there, the key its cells are hashed with, whether its
@@ -121,22 +123,49 @@ class Scatterers:
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
-    def count(self, facets):
-        """Number of cells of some facets."""
-        return int((self.cuts[facets].astype(np.int64) ** 2).sum())
+    def stretches(self, facets, origin, farthest):
+        """Cells of facets (K,) that may come nearer to `origin` (3,) than `farthest` [m].
 
-    def listed(self, facets, most):
-        """Yield the cells of facets (K,) as (facet, s), UInt32 arrays of at most `most` each."""
-        counts = self.cuts[facets].astype(np.int64) ** 2
+        Returns
+        -------
+        facet, first, count : (S,) uint32, int64, int64
+            Runs of cells by their numbers s. Small facets are taken whole, of large ones what is in reach of each row.
+        """
+        large = self.radius[facets] > LARGE * farthest
+        whole, parts = facets[~large], [self._rows_in_reach(f, origin, farthest) for f in facets[large]]
+        runs = [(whole, np.zeros(len(whole), np.int64), self.cuts[whole].astype(np.int64) ** 2), *parts]
+        return tuple(np.concatenate(column) for column in zip(*runs))
+
+    def _rows_in_reach(self, facet, origin, farthest):
+        n = int(self.cuts[facet])
+        a, b, c = self._host_vertices[self._host_faces[facet, :3], :3].astype(float)
+        e, f = b - a, c - a
+        i = np.arange(n)
+        # the middle of a row is the line q + f v; no point of a cell is further from it than a cell is long
+        q = a + ((i + 0.5) / n)[:, None] * e - origin
+        reach = farthest + 2 * max(map(np.linalg.norm, (e, f, f - e))) / n
+        ff = max(f @ f, 1e-30)
+        foot = -(q @ f) / ff
+        half = np.sqrt(np.maximum(reach ** 2 - np.sum(q ** 2, axis=1) + ff * foot ** 2, 0) / ff)
+        first, last = (np.clip(np.floor(end * n), -1, n - i).astype(np.int64) for end in (foot - half, foot + half))
+        seen = (half > 0) & (first < n - i) & (last >= 0)
+        i, first, last = i[seen], np.maximum(first[seen], 0), np.minimum(last[seen], n - 1 - i[seen])
+        row = i * (2 * n - i)
+        count = np.minimum(2 * last + 2, 2 * (n - i) - 1) - 2 * first
+        return np.full(len(i), facet, np.uint32), row + 2 * first, count
+
+    def listed(self, stretches, most):
+        """Yield the cells of `stretches` as (facet, s), UInt32 arrays of at most `most` each."""
+        facets, firsts, counts = stretches
         ends = np.cumsum(counts)
         for start in range(0, int(ends[-1]) if len(ends) else 0, most):
             stop = min(start + most, int(ends[-1]))
             first, last = np.searchsorted(ends, [start, stop - 1], side="right")
             some = slice(first, last + 1)
-            taken = np.minimum(ends[some], stop) - np.maximum(ends[some] - counts[some], start)
             begin = np.maximum(start - (ends[some] - counts[some]), 0)
+            taken = np.minimum(ends[some], stop) - np.maximum(ends[some] - counts[some], start)
             facet = np.repeat(facets[some], taken)
-            s = np.arange(stop - start) - np.repeat(np.cumsum(taken) - taken - begin, taken)
+            s = np.arange(stop - start) + np.repeat(firsts[some] + begin - (np.cumsum(taken) - taken), taken)
             yield upload(mi.UInt32, facet), upload(mi.UInt32, s.astype(np.uint32))
 
     def of(self, hits):

@@ -175,9 +175,10 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
     assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
 
 
-@pytest.mark.parametrize("profile,axis", [("0:1500", "starboard"), ("0:1500", "down"), ("0:1500, 40:1502", "starboard")])
+@pytest.mark.parametrize("profile,axis", [("0:1500", "starboard"), ("0:1500", "down"),
+                                          ("0:1500, 40:1502", "starboard")])
 def test_level_rays_in_even_water_are_no_reason_for_doubt(variant, profile, axis):
-    """A metre above the bed most rays are flatter than 1.1 degrees; vector and eigenray agree, and nothing is refused."""
+    """A metre above the bed most rays are flatter than 1.1 degrees; vector and eigenray agree, nothing is refused."""
     heard = [mitsonar.impulse_response(
         array_scene({"bed": bed(11.0, size=150.0)}, water={"profile": profile}, integrator={"cell": 3.0},
                     film={"range": 70.0, "range_min": 60.0},
@@ -190,7 +191,8 @@ def test_level_rays_in_even_water_are_no_reason_for_doubt(variant, profile, axis
                                                 (2.0, 0.1, 2 * np.pi * 2.0 * 0.1 / 0.005 ** 2)])
 def test_noise_of_elements_of_hundreds_of_wavelengths(variant, length, height, gain):
     """A line hears 2L/λ less, a face that looks both ways 2πA/λ²; 4000 samples scatter by 0.07 dB."""
-    scene = array_scene({"bed": buried_bed(30.0)}, integrator={"cell": 5.0}, film={"range": 30.0, "sample_rate_khz": 100},
+    scene = array_scene({"bed": buried_bed(30.0)}, integrator={"cell": 5.0},
+                        film={"range": 30.0, "sample_rate_khz": 100},
                         sensor={"frequency_khz": 300.0, "noise": True, "noise_level_db": 60.0,
                                 "receive_pattern": "rectangular", "receive_element_length": length,
                                 "receive_element_height": height})
