@@ -217,7 +217,7 @@ class Ensonification:
         a, e = np.meshgrid(a, e, indexing="ij")
         towards = np.stack([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)], -1)
         beam = np.ones(a.shape) if self.pattern is None else self.pattern(towards, rotation)
-        beam = np.maximum(beam / beam.max(), FAINTEST)
+        beam = np.maximum(beam / max(beam.max(), 1e-30), FAINTEST)      # beams that look apart leave nothing
         speed = float(np.mean(self.profile.sound_speed))
         with np.errstate(divide="ignore"):
             time = np.where(across > 0, 2 * abs(depth_below) / (speed * np.sin(across)), np.inf)
