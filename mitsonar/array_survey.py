@@ -88,7 +88,9 @@ class ArraySurvey:
     profile : SoundSpeedProfile
     absorption : AbsorptionColumn
         At the frequency of the carrier.
-    frequency : float [Hz]
+    pulse : Pulse
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of all transmit elements together, where their waves add up.
     transmit, receive : Array
     track : Track
     velocity, turn_rate : (P, 3) [m/s], [rad/s]
@@ -107,12 +109,16 @@ class ArraySurvey:
     rays : int
         Per source and ping, where rays light the scatterers.
     fans : Fans
+    noise : signal.noise.ElementNoise or None
+    absorption_db : callable or None
+        Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
     """
 
     geometry: object
     profile: object
     absorption: object
-    frequency: float
+    pulse: object
+    source_level_db: float
     transmit: object
     receive: object
     track: object
@@ -127,6 +133,13 @@ class ArraySurvey:
     lighting: str
     rays: int
     fans: Fans
+    noise: object = None
+    absorption_db: object = None
+
+    @property
+    def frequency(self):
+        """Of the carrier [Hz]."""
+        return self.pulse.frequency
 
     @property
     def time(self):
@@ -154,7 +167,7 @@ class ArraySurvey:
                 progress(element + 1, self.transmit.elements)
         return out
 
-    def transmissions(self, ping, doppler, pulse, *, kernel="band_limited", return_path="vector", seed=0):
+    def transmissions(self, ping, doppler, *, kernel="band_limited", return_path="vector", seed=0):
         """Responses to all transmit elements together, with their weights (made to add to 1) and delays.
 
         Parameters
@@ -162,7 +175,6 @@ class ArraySurvey:
         ping : int
         doppler : (K,) [-]
             Factors that stand for all echoes, as `signal.doppler.doppler_classes` gives them.
-        pulse : Pulse
 
         Yields
         ------
@@ -173,7 +185,7 @@ class ArraySurvey:
         run, transmit = self._run.seeded(seed), self.transmit
         weight = transmit.weight / np.abs(transmit.weight).sum()
         classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 else [
-            _DopplerClass(factors=doppler, number=number, duration=pulse.duration) for number in range(len(doppler))]
+            _DopplerClass(factors=doppler, number=number, duration=self.pulse.duration) for number in range(len(doppler))]
         while classes:
             # as many classes at once as fit into memory: the fewer times scatterers have to be lit
             first = run.buffer(kernel)

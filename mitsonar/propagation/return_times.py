@@ -230,14 +230,15 @@ def approximate(profile, origin, way, elements, velocity):
                                speed, closing, speed * speed - velocity @ velocity)
         times = travel_time + delay
         drift = speed - closing + inverse * (velocity @ velocity) * delay
-        closing = speed - drift / (1 + inverse * speed * delay)
+        shrinking = 1 / (1 + inverse * speed * delay)
+        closing = speed - drift * shrinking
         worst, square, water = 0.0, speed * speed, Slices(profile)
         # where the platform keeps its depth, the slice from O to the element is the same for all hits
         for _ in range(PASSES if velocity[2] else 1):
             height = d[2] + velocity[2] * (times - travel_time) if velocity[2] else height
             mean, variance = water.between(depth, depth - height)
             correction, error, change = corrections(
-                leg.vertical[:, None], leg.horizontal[:, None], leg.third[:, None], inverse, speed * delay,
+                leg.vertical[:, None], leg.horizontal[:, None], leg.third[:, None], inverse, shrinking,
                 upwards * height, square * mean - 1, square * square * variance)
             times = travel_time + delay + correction / closing
             worst = np.maximum(worst, error)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import drjit as dr
 import numpy as np
 
-__all__ = ["Leg", "hit_fields", "library", "select", "shared_element_fields", "straight_delay"]
+__all__ = ["Leg", "hit_fields", "dot", "library", "multiply_add", "select", "shared_element_fields", "straight_delay"]
 
 
 class Leg(NamedTuple):
@@ -40,10 +40,23 @@ def select(condition, yes, no):
         condition, yes, no)
 
 
+def multiply_add(a, b, c):
+    """Give a b + c, on the device in one instruction."""
+    return a * b + c if library(a + b) is np else dr.fma(a, b, c)
+
+
+def dot(a, b):
+    """Give the sum of products of two sequences."""
+    total = a[0] * b[0]
+    for left, right in zip(a[1:], b[1:]):
+        total = multiply_add(left, right, total)
+    return total
+
+
 def straight_delay(along, square, inverse_length, speed, closing, speeds):
     """Give δ [s]; ``along`` n·d, ``square`` |d|², ``closing`` B, ``speeds`` c² - |v|²."""
-    q = 2 * along + inverse_length * square
-    return q / (closing + library(q).sqrt(closing * closing + speeds * inverse_length * q))
+    q = multiply_add(inverse_length, square, 2 * along)
+    return q / (closing + library(q).sqrt(multiply_add(speeds * inverse_length, q, closing * closing)))
 
 
 def hit_fields(leg, direction, rise, elapsed, velocity, turn_rate, origin_speed):

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..units import db_from_power
 
-__all__ = ["beam_pattern", "directivity_index_db"]
+__all__ = ["beam_pattern", "directivity_index_db", "element_directivity_index_db"]
 
 MARGIN = 24                        # nodes of the quadrature beyond those that the widest array needs
+LONGEST_FACE = 64                  # wavelengths: beyond, the directivity index follows from that of a smaller face
 LARGEST = 3_000_000                # directions of the quadrature that fit a reasonable time
 BLOCK = 2_000_000                  # directions times elements at a time
 
@@ -103,3 +104,27 @@ def directivity_index_db(array, direction, wavelength, sound_speed=None):
         power += part @ np.mean(np.abs(beam_pattern(array, towards, wavelength, sound_speed)) ** 2, axis=-1)
     signal = np.abs(beam_pattern(array, direction, wavelength, sound_speed)) ** 2
     return float(db_from_power(2 * signal / power))        # over all cosines, -1 to 1, an even |b|² = 1 makes 2
+
+
+def element_directivity_index_db(array, wavelength):
+    """Compute the gain of one element of an array, by its face alone, against isotropic noise.
+
+    Parameters
+    ----------
+    array : Array
+        Its first element stands for all.
+    wavelength : float [m]
+
+    Returns
+    -------
+    float [dB]
+        0 for an omnidirectional element.
+    """
+    longest = LONGEST_FACE * wavelength
+    length, height = min(array.length, longest), min(array.height, longest)
+    one = type(array)(position=np.zeros((1, 3)), normal=array.normal[:1], along=array.along[:1], length=length,
+                      height=height, pattern=array.pattern, baffle=array.baffle)
+    gain_db = directivity_index_db(one, array.normal[0], wavelength)
+    # from there on the gain grows as the sides do
+    longer, higher = array.length / length if length else 1.0, array.height / height if height else 1.0
+    return gain_db + float(db_from_power(longer ** 2 if array.pattern == "circular" else longer * higher))

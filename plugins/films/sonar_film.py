@@ -57,14 +57,16 @@ class SonarFilm(mi.Film):
                              f"bins of the range; lower it, a film has at most {MOST_BINS}")
         return (start, start + bins / self._sample_rate), int(bins)
 
-    def sampling(self, sound_speed, usual_rate):
+    def sampling(self, sound_speed, usual_rate, *, written=True):
         """Start of the record [s], sampling rate [Hz] and number of samples, at the sonar's sound speed [m/s].
 
         Parameters
         ----------
         sound_speed : float [m/s]
         usual_rate : float [Hz]
-            Taken where the scene writes neither bins nor a rate.
+            Taken where the scene writes neither bins nor a rate, or these are not to count.
+        written : bool
+            Whether what the scene writes counts.
 
         Raises
         ------
@@ -72,7 +74,9 @@ class SonarFilm(mi.Film):
             If that makes more samples than a film may have.
         """
         (start, end), bins = self.window(sound_speed)
-        rate = self._sample_rate or (bins / (end - start) if self._bins_written else usual_rate)
+        rate = usual_rate
+        if written and (self._sample_rate or self._bins_written):
+            rate = self._sample_rate or bins / (end - start)
         samples = int(np.ceil((end - start) * rate - 1e-6))
         if samples > MOST_BINS:
             raise ValueError(f"sonar_film: {rate / 1000:g} kHz over {end - start:.3g} s makes {samples} samples; a "

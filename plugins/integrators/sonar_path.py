@@ -26,6 +26,8 @@ from mitsonar.array_survey import ArraySurvey, Fans
 from mitsonar.ensonification import LIGHTING
 from mitsonar.imaging import sidescan
 from mitsonar.plugins.properties import Attributes
+from mitsonar.signal.noise import ElementNoise
+from mitsonar.sonar import element_directivity_index_db
 from mitsonar.survey import Survey
 from mitsonar.trace import Geometry
 from mitsonar.units import db_from_power
@@ -58,7 +60,7 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             If sensor and scene do not fit together: no seabed, a track outside it, a sonar below it, ...
         """
-        if hasattr(sensor, "transmit"):
+        if hasattr(sensor, "array_plan") and not hasattr(sensor, "sonar"):
             raise ValueError("an array_sonar makes signals, not pictures; ask mitsonar.element_signals, or the command "
                              "signals, for them, and mitsonar.signal.beamforming for beams")
         if not hasattr(sensor, "sonar"):
@@ -77,8 +79,8 @@ class SonarPath(mi.SamplingIntegrator):
 
         Parameters
         ----------
-        lead : float [s]
-            How much earlier than the film's window the record starts: echoes that begin before it last into it.
+        lead : float [-]
+            How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
 
         Returns
         -------
@@ -89,23 +91,27 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             If sensor and scene do not fit together, or the samples are too few for the pulse.
         """
-        if not hasattr(sensor, "transmit"):
-            raise ValueError("element signals need a sonar with arrays, <sensor type=\"array_sonar\">; this scene's "
-                             "sensor has none")
-        geometry, pulse = Geometry(scene), sensor.pulse
-        track, velocity, turn_rate, below, speed = sensor.plan(geometry, _origin(scene))
+        if not hasattr(sensor, "array_plan"):
+            raise ValueError("element signals need a sonar, such as <sensor type=\"array_sonar\">, got a "
+                             f"{sensor.class_name()}")
+        geometry = Geometry(scene)
+        plan = sensor.array_plan(geometry, _origin(scene))
+        pulse, speed = plan.pulse, plan.sound_speed
         # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
-        doppler = 2 * float(np.linalg.norm(velocity, axis=1).max()) * pulse.frequency / speed
-        start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate + 3 * doppler)
-        extra = int(np.ceil(lead * rate))
+        doppler = 2 * float(np.linalg.norm(plan.velocity, axis=1).max()) * pulse.frequency / speed
+        start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate + 3 * doppler,
+                                                       written=plan.bins_are_samples)
+        extra = int(np.ceil(lead * pulse.duration * rate))
         fans = {"centre": Fans.from_centre, "elements": Fans.from_elements,
                 "interpolated": lambda transmit: Fans.interpolated(transmit, self.fan_count)}[self.fans]
         return ArraySurvey(
-            geometry=geometry, profile=sensor.water.profile, frequency=pulse.frequency,
-            absorption=sensor.water.absorption_column(pulse.frequency), transmit=sensor.transmit,
-            receive=sensor.receive, track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below,
+            geometry=geometry, profile=sensor.water.profile, absorption=sensor.water.absorption_column(pulse.frequency),
+            pulse=pulse, source_level_db=plan.source_level_db, transmit=plan.transmit, receive=plan.receive,
+            track=plan.track, velocity=plan.velocity, turn_rate=plan.turn_rate, depth_below=plan.depth_below,
             start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra, lighting=self.lighting,
-            cell_size=self.cell_size or speed / (4 * pulse.bandwidth), rays=self.rays, fans=fans(sensor.transmit))
+            cell_size=self.cell_size or speed / (4 * pulse.bandwidth), rays=self.rays, fans=fans(plan.transmit),
+            noise=_element_noise(sensor, plan, rate), absorption_db=sensor.water.mean_absorption(
+                -float(plan.track.position[:, 2].mean()), geometry.depth_range[1]))
 
     def dataset(self, scene, sensor, seed=0, progress=None):
         """Render the sensor's record as an `xarray.Dataset`; see `mitsonar.render`."""
@@ -132,6 +138,19 @@ class SonarPath(mi.SamplingIntegrator):
 
     def to_string(self):
         return f"SonarPath[{self.rays} rays]"
+
+
+def _element_noise(sensor, plan, sampling_rate):
+    """Noise of the sea, less what the elements' own beams keep out, and of the receivers; None where there is none."""
+    own_db = getattr(sensor, "self_noise_db", None)
+    if not sensor.noise and own_db is None:
+        return None
+    wavelength = plan.sound_speed / plan.pulse.frequency
+    ambient_db = None
+    if sensor.noise:
+        ambient_db = sensor.noise_level_db() - element_directivity_index_db(plan.receive, wavelength)
+    return ElementNoise(position=plan.receive.position, wavelength=wavelength, sampling_rate=sampling_rate,
+                        ambient_db=ambient_db, self_noise_db=own_db)
 
 
 def _check_size(pings, bins, window, pulse_length):

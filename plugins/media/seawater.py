@@ -79,6 +79,19 @@ class Seawater(mi.Medium):
                                                          np.maximum(depth, 0), self.ph))
         return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph))
 
+    def mean_absorption(self, top, bottom):
+        """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
+        if self.given_absorption_db is not None:
+            return None
+        depth = np.linspace(top, max(bottom, top + 1), 33)
+
+        def absorption_db(frequency):
+            grid = np.linspace(frequency.min(), frequency.max(), 33)
+            column = [float(np.mean(self.absorption_column(f).at(depth))) for f in np.maximum(grid, 1.0)]
+            return np.interp(frequency, grid, column)
+
+        return absorption_db
+
     def noise_level_db(self, frequency):
         """Ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
         return float(ambient_noise_db(frequency, self.wind_speed, self.shipping))

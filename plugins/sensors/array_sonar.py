@@ -36,7 +36,7 @@ from mitsonar.units import hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from .array_attributes import read_array
-from .platform import Platform
+from .platform import ArrayPlan, Platform
 
 LEVELS_DB = {"minimum": -200, "maximum": 300}
 
@@ -86,7 +86,7 @@ class ArraySonar(mi.Sensor):
         except ValueError as error:
             raise attributes.error(str(error)) from None
 
-    def plan(self, geometry, origin=None):
+    def array_plan(self, geometry, origin=None):
         """Lay the track over a scene.
 
         Parameters
@@ -97,13 +97,7 @@ class ArraySonar(mi.Sensor):
 
         Returns
         -------
-        track : Track
-        velocity, turn_rate : (P, 3) [m/s], [rad/s]
-            Scene frame.
-        depth_below : (P,) [m]
-            Seabed below the sonar.
-        sound_speed : float [m/s]
-            At the array.
+        ArrayPlan
 
         Raises
         ------
@@ -113,8 +107,12 @@ class ArraySonar(mi.Sensor):
         # the slowest water makes the longest wait
         slowest = self.sound_speed or float(np.min(self.water.profile.sound_speed))
         track, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin)
-        speed = self.sound_speed or float(np.mean(self.water.profile.at(-track.position[:, 2])))
-        return track, *self.platform.motion(track), below, speed
+        velocity, turn_rate = self.platform.motion(track)
+        return ArrayPlan(
+            track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below, pulse=self.pulse,
+            sound_speed=self.sound_speed or float(np.mean(self.water.profile.at(-track.position[:, 2]))),
+            transmit=self.transmit, receive=self.receive, source_level_db=self.source_level_db,
+            bins_are_samples=True)
 
     def noise_level_db(self):
         """Ambient noise spectrum level [dB re 1 µPa²/Hz] in the water."""

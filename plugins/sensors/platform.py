@@ -8,15 +8,50 @@
 - or neither: straight over the middle of the surveyed area, ``altitude`` [m, 20] above the seabed, along its longer
   axis unless ``heading_deg`` is written.
 """
+from dataclasses import dataclass
+
 import numpy as np
 
 from mitsonar.io import tracks
-from mitsonar.sonar import Track
+from mitsonar.sonar import Array, Pulse, Track
 from mitsonar.units import metres_per_second_from_knots
 
 from . import placement
 
 ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayPlan:
+    """What a sensor with arrays is going to do over a scene.
+
+    Attributes
+    ----------
+    track : Track
+    velocity, turn_rate : (P, 3) [m/s], [rad/s]
+        Scene frame.
+    depth_below : (P,) [m]
+        Seabed below the sonar.
+    sound_speed : float [m/s]
+        At the arrays.
+    transmit, receive : Array
+    pulse : Pulse
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of all transmit elements together, if their echoes add up.
+    bins_are_samples : bool
+        The film's bins, or its rate, are those of the signals; else they are a picture's and the pulse sets the rate.
+    """
+
+    track: Track
+    velocity: np.ndarray
+    turn_rate: np.ndarray
+    depth_below: np.ndarray
+    sound_speed: float
+    transmit: Array
+    receive: Array
+    pulse: Pulse
+    source_level_db: float
+    bins_are_samples: bool
 
 
 class Platform:

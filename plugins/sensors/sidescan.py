@@ -31,11 +31,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.plugins.properties import Attributes
-from mitsonar.sonar import Aperture, Sidescan, length_for_beam_width, presets
-from mitsonar.units import hertz_from_khz
+from mitsonar.sonar import Aperture, Sidescan, cw, element_array, length_for_beam_width, presets
+from mitsonar.units import db_from_amplitude, hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST
 
-from .platform import Platform
+from .platform import ArrayPlan, Platform
 
 WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
 NARROWEST_DEG = 0.01, 0.1          # what the integrals over the beam resolve
@@ -108,6 +108,23 @@ class SidescanSensor(mi.Sensor):
         slowest = self.sound_speed or float(np.min(self.water.profile.sound_speed))
         track, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin)
         return track, self.sonar(float(np.mean(-track.position[:, 2]))), below
+
+    def array_plan(self, geometry, origin=None):
+        """Plan the same run with each side's faces as elements, port and starboard: an `ArrayPlan`.
+
+        The pulse is a cw of the sidescan's effective length. A face hears nothing from behind its own plane.
+        """
+        track, sonar, below = self.plan(geometry, origin)
+        velocity, turn_rate = self.platform.motion(track)
+        sine, cosine = np.sin(sonar.depression_angle), np.cos(sonar.depression_angle)
+        transmit, receive = (element_array(
+            np.zeros((2, 3)), normal=[[0, -cosine, sine], [0, cosine, sine]], along="forward", length=face.length,
+            height=face.height, pattern="rectangular", baffle="hard") for face in (sonar.transmit, sonar.receive))
+        # each face has the source level, and a direction hears one of them: both together would make twice the pressure
+        return ArrayPlan(track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below,
+                         sound_speed=sonar.sound_speed, transmit=transmit, receive=receive,
+                         pulse=cw(sonar.frequency, sonar.pulse_length), bins_are_samples=False,
+                         source_level_db=sonar.source_level_db + db_from_amplitude(2.0))
 
     def noise_level_db(self):
         """Noise spectrum level [dB re 1 µPa²/Hz] in the water."""

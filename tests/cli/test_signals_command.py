@@ -108,8 +108,10 @@ def test_wrong_arguments(variant, scene, refusal, arguments, sentence):
     assert sentence in refusal("signals", "array.xml", "-o", "a.nc", *arguments)
 
 
-def test_a_sidescan_has_no_element_signals(variant, refusal):
-    assert "element signals need a sonar with arrays" in refusal("signals", "scene.xml", "-o", "a.nc")
+def test_the_faces_of_a_sidescan_are_elements_too(variant, folder):
+    assert cli.main(["signals", "scene.xml", "-o", "a.nc", "--ping", "1", "-D", "range=40"]) == 0
+    there = netcdf.read("a.nc")
+    assert there.sizes["rx"] == 2 and there["ping"].values.tolist() == [1]
 
 
 def test_an_array_makes_no_picture(variant, scene, refusal):

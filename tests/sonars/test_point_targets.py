@@ -41,3 +41,28 @@ def test_a_target_behind_a_wall_is_not_heard(variant):
     level = [mitsonar.render(sidescan({"bed": plane(40.0, mu_db=-190.0), "ball": target, **more}))["mean_level"].values
              for more in ({}, {"wall": wall})]
     assert level[0].max() > level[1][:, 1].max() + 30
+
+
+@pytest.mark.parametrize("where", [(30.0, 0.0, -30.0), (-41.0, 0.4, -25.0)])
+def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, where):
+    """The faces as elements hear what the picture shows: |peak|² is the echo's level, on the same side.
+
+    The cw envelope is as high as the echo once it is in whole; 1.5 dB are left to the band of the samples.
+    """
+    scene = sidescan({"bed": plane(40.0, mu_db=-190.0),
+                      "ball": {"type": "point_target", "position": list(where), "target_strength_db": -12.0}})
+    sonar = scene.sensors()[0].sonar(20.0)
+    signals = mitsonar.element_signals(scene)
+    assert dict(signals.sizes) | {"sample": 0} == {"ping": 1, "tx": 1, "rx": 2, "sample": 0}
+    offset = np.array(where) - [0, 0, -20]
+    distance = np.linalg.norm(offset)
+    u, down = offset[1] / distance, -offset[2] / distance
+    v = down * np.cos(sonar.depression_angle) - abs(offset[0]) / distance * np.sin(sonar.depression_angle)
+    beam = sonar.along_intensity(u) * sonar.across_intensity(v)
+    echo_db = 224 - 12 - 40 * np.log10(distance) - 0.030 * 2 * distance + 10 * np.log10(beam)
+    power = np.abs(signals.values[0, 0]) ** 2
+    side, sample = np.unravel_index(np.argmax(power), power.shape)
+    assert side == (where[0] > 0)
+    assert 10 * np.log10(power[side, sample]) == pytest.approx(echo_db, abs=1.5)
+    assert power[1 - side].max() < 1e-6 * power[side, sample]
+    assert 750 * float(signals.time[sample]) == pytest.approx(distance, abs=1500 * 1e-4)

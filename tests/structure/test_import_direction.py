@@ -20,7 +20,7 @@ FLOORS = """
     io
     trace
     materials connection scatterers
-    ensonification array_station array_survey
+    ensonification array_station array_survey array_signals
     survey
     plugins
     scene rendering elements

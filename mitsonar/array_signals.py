@@ -1,0 +1,104 @@
+"""Responses and signals of an array survey's pings, as labelled arrays.
+
+    h[tx, rx](t)    pressure at rx per unit pressure that tx makes at 1 m [-], complex baseband
+    s[rx](t) = 10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise                                     [µPa]
+
+SL source level, w_tx and τ_tx weight and delay of the transmit elements, Σ |w_tx| made 1, s_b the pulse's envelope:
+the level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
+"""
+import numpy as np
+import xarray as xr
+
+from .signal.doppler import doppler_classes
+from .signal.reception import absorbed, check_record, delayed, received
+from .units import amplitude_from_db
+
+__all__ = ["LEAD", "pair_responses", "received_signals"]
+
+LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
+
+
+def pair_responses(survey, pings, *, kernel, return_path, seed=0, progress=None):
+    """Responses of every pair of elements: DataArray (ping, tx, rx, sample), complex64.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    pings : sequence of int
+    kernel, return_path, seed, progress
+        As of `mitsonar.impulse_response`.
+    """
+    blocks, total = [], len(pings) * survey.transmit.elements
+    for number, one in enumerate(pings):
+        def told(done, of, before=number):
+            if progress is not None:
+                progress(before * of + done, total)
+
+        blocks.append(survey.responses(one, kernel=kernel, return_path=return_path, seed=seed, progress=told))
+    values = np.stack(blocks)
+    values[:, ~survey.transmit.working] = 0
+    values[:, :, ~survey.receive.working] = 0
+    return _labelled(values, survey, pings, "impulse response", "1", transmitters=True)
+
+
+def received_signals(survey, pings, *, kernel, return_path, seed=0, progress=None):
+    """Signals of every receive element: DataArray (ping, tx, rx, sample), complex64 [µPa], tx of size 1.
+
+    The survey's record must lead by a pulse; arguments as of `mitsonar.element_signals`.
+
+    Raises
+    ------
+    ValueError
+        If the sampling rate is below the pulse's bandwidth, or the pulse longer than the record.
+    """
+    pulse, kept, noise = survey.pulse, survey.samples - survey.lead, survey.noise
+    check_record(pulse, survey.sampling_rate, kept)
+    blocks = []
+    for number, one in enumerate(pings):
+        signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
+        factors = _doppler(survey, one)
+        for factor, response in survey.transmissions(one, factors, kernel=kernel, return_path=return_path, seed=seed):
+            if survey.absorption_db is not None:
+                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db,
+                                    survey.sound_speed(one), survey.start)
+            signals = signals + received(response, pulse, survey.sampling_rate, factor)
+        signals = amplitude_from_db(survey.source_level_db) * signals
+        if noise is not None:
+            signals = signals + noise.drawn(survey.samples, seed, int(one))
+        if survey.receive.delay.any():
+            signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
+        signals[~survey.receive.working] = 0
+        blocks.append(signals[:, -kept:].astype(np.complex64))
+        if progress is not None:
+            progress(number + 1, len(pings))
+    array = _labelled(np.stack(blocks)[:, None], survey, pings, "element signals", "µPa", transmitters=False)
+    return array.assign_attrs(seed=seed, source_level_db=survey.source_level_db)
+
+
+def _labelled(values, survey, pings, name, unit, *, transmitters):
+    """Responses or signals with their coordinates."""
+    samples, track = values.shape[-1], survey.track
+    coords = {"ping": pings, "time": ("sample", survey.time[-samples:], {"units": "s"})}
+    for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
+        for axis, column in zip("xyz", array.position.T):
+            coords[f"{prefix}_{axis}"] = (prefix, column, {"units": "m", "frame": "body: forward, starboard, down"})
+    if not transmitters:
+        coords["rx_weight"] = ("rx", survey.receive.weight, {"units": "1", "long_name": "shading for beamformers"})
+        coords["rx_delay"] = ("rx", survey.receive.delay, {"units": "s", "long_name": "delay of the signals"})
+    for axis, column in zip("xyz", track.position[pings].T):
+        coords[axis] = ("ping", column, {"units": "m"})
+    for angle in ("roll", "pitch", "heading"):
+        coords[angle] = ("ping", getattr(track, angle)[pings], {"units": "rad"})
+    coords["ping_time"] = ("ping", track.time[pings], {"units": "s"})
+    return xr.DataArray(values, dims=("ping", "tx", "rx", "sample"), coords=coords, name=name,
+                        attrs={"units": unit, "frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
+                               "sound_speed": survey.sound_speed(pings[0])})
+
+
+def _doppler(survey, ping):
+    """Factors that stand for all echoes of a ping."""
+    fastest, speed = float(np.linalg.norm(survey.velocity[ping])), survey.sound_speed(ping)
+    if fastest == 0:
+        return np.ones(1)
+    highest = (speed + fastest) / (speed - fastest)
+    return doppler_classes(survey.pulse, 1 / highest, highest)
