@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from .. import units
 from ..io.files import check_writable
 from . import canvas
+from .fans import fan_picture
 from .gain import display_gain
 from .grid import make_grid, stretches
 
@@ -21,12 +22,12 @@ LEGEND = 24  # labels named at most
 
 
 def preview(dataset, path, *, tvg="seabed"):
-    """Draw the waterfall of a sidescan as sonar software shows it.
+    """Draw the waterfall of a sidescan as sonar software shows it, or the fan of an array's first ping.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        As made by ``mitsonar.render``: level over (ping, side, range).
+        As made by ``mitsonar.render``: level over (ping, side, range) or (ping, beam, range).
     path : str or path
         A .png (or .pdf, .svg) to write.
     tvg : {'seabed', 'target', None}
@@ -49,14 +50,14 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
     ----------
     dataset : xarray.Dataset
     what : str
-        ``waterfall``; ``ping``: the levels of one ping; ``mean``: levels against range over all pings; ``labels``,
+        ``waterfall``, of an array the fan of one ping; ``ping``: the levels of one ping; ``mean``: levels against range over all pings; ``labels``,
         ``depth``, ``shadow``, ``rays``: the truth behind every bin.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', None}
         Gain of the waterfall.
     ping : int, optional
-        For ``ping``; the middle one by default.
+        For ``ping``, the middle one by default; for a fan, the first.
 
     Raises
     ------
@@ -69,6 +70,11 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
         raise ValueError(f"there is no plot {what!r}; choose one of {', '.join(PLOTS)}.")
     canvas.file_format(path)
     check_writable(path)
+    if "beam" in dataset.dims:
+        if what != "waterfall":
+            raise ValueError(f"the plot {what!r} is of a sidescan; of an array's beams there is waterfall, their fan.")
+        fan_picture(dataset, path, ping=ping or 0, tvg=tvg is not None)
+        return
     draw, needed = PLOTS[what]
     if needed not in dataset.data_vars:
         raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "

@@ -226,11 +226,11 @@ def approximate(profile, origin, way, elements, velocity):
         inverse, speed = 1 / leg.length[:, None], leg.speed[:, None]
         toward = sum(part * v for part, v in zip(n, velocity))[:, None]
         closing = speed - toward - inverse * sum(part * v for part, v in zip(d, velocity))
-        delay = straight_delay(sum(a[:, None] * b for a, b in zip(n, d)), sum(part * part for part in d), inverse,
-                               speed, closing, speed * speed - velocity @ velocity)
+        delay, shrinking = straight_delay(
+            sum(a[:, None] * b for a, b in zip(n, d)), sum(part * part for part in d), inverse, speed, closing,
+            speed * speed - velocity @ velocity)
         times = travel_time + delay
         drift = speed - closing + inverse * (velocity @ velocity) * delay
-        shrinking = 1 / (1 + inverse * speed * delay)
         closing = speed - drift * shrinking
         worst, square, water = 0.0, speed * speed, Slices(profile)
         # where the platform keeps its depth, the slice from O to the element is the same for all hits

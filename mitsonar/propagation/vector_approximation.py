@@ -32,13 +32,16 @@ import numpy as np
 
 from .paper_approximation import paper_difference, paper_element_fields
 from .slices import Slices
-from .straight_vectors import Leg, dot, library, multiply_add, select, shared_element_fields, straight_delay
+from .straight_vectors import (
+    Leg, dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay)
 
-__all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "centre_return", "corrections", "expected_error", "matched_leg",
-           "vector_difference", "vector_element_fields"]
+__all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "centre_return", "corrections", "difference_of", "expected_error",
+           "level_difference", "matched_leg", "vector_difference", "vector_element_fields"]
 
 LEVEL = 1e-4               # vertical cosines are kept above this: no division by zero
 FLATTEST = 0.02            # vertical cosine below which the last orders are not trusted
+LEVEL_WITHIN = 1e-9        # [m]: heights below are none, 2 ps of sound at one degree from the horizontal
+LONGEST = 10.0             # [s] that an array may turn while an echo is under way
 
 
 def corrections(leg_vertical, leg_horizontal, third, inverse_length, shrinking, height, excess, variance):
@@ -71,10 +74,11 @@ def corrections(leg_vertical, leg_horizontal, third, inverse_length, shrinking, 
     w = _at_least(LEVEL, multiply_add(inverse_length, height, leg_vertical) * shrinking)
     square = w * w
     squared_root = _at_least(LEVEL**2, square + excess)
-    root, p2 = xp.sqrt(squared_root), abs(1 - square)
-    per_w, per_root, first = 1 / w, 1 / root, excess / (w + root)
-    spread = variance * per_root * per_root
-    spread = spread * per_root * per_root
+    per_root, p2 = per_sqrt(squared_root), abs(1 - square)
+    root = squared_root * per_root
+    per_w, first = 1 / w, excess / (w + root)
+    per_root2 = per_root * per_root
+    spread = variance * per_root2 * per_root2
     miss = per_root * multiply_add(first, per_w, -0.375 * spread)
     ratio = w * per_root
     curved = inverse_length * shrinking * height
@@ -167,10 +171,9 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
     square = vx * vx + vy * vy + vz * vz
     toward = n[0] * vx + n[1] * vy + n[2] * vz
     closing = leg.speed - toward - inverse * square * wait
-    delay = straight_delay(toward * wait, square * wait * wait, inverse, leg.speed, closing,
-                           leg.speed * leg.speed - square)
-    c2, straight = leg.speed * leg.speed, delay
-    shrinking = 1 / (1 + inverse * leg.speed * delay)
+    c2 = leg.speed * leg.speed
+    straight, shrinking = straight_delay(toward * wait, square * wait * wait, inverse, leg.speed, closing, c2 - square)
+    delay = straight
     closing = leg.speed - (leg.speed - closing + inverse * square * delay) * shrinking
     for _ in range(2):          # the slice moves the time, the time the slice: a thousandth of it
         height = upwards * vz * (wait + delay)
@@ -269,32 +272,88 @@ def vector_difference(hits, elements):
     return multiply_add(correction, per_closing, delay)
 
 
+def level_difference(hits, elements):
+    """Give the `vector_difference` of elements for which slice and bending vanish, at half its cost.
+
+    Parameters
+    ----------
+    hits, elements : sequences of arrays
+        As of `vector_difference`.
+
+    Returns
+    -------
+    array [s]
+    """
+    w, third = hits[10], hits[14]
+    delay, shrinking, at_element = _along_the_vector(hits, elements)
+    root = library(delay).sqrt
+    there = w * shrinking
+    change = root(abs(1 - there * there)) - root(abs(1 - w * w))
+    return multiply_add(third * change * change, -change * _per_closing(hits, at_element, shrinking), delay)
+
+
+def difference_of(method, offsets, profile, velocity=(0, 0, 0), turn_rate=(0, 0, 0)):
+    """Choose the difference to evaluate: the method's, or a cheaper one that gives the same for this array.
+
+    Parameters
+    ----------
+    method : {"vector", "paper"}
+    offsets, profile, velocity, turn_rate
+        As of `vector_element_fields`.
+
+    Returns
+    -------
+    callable
+        One of `DIFFERENCES`, or `level_difference` where the array is level, stays so and does not heave, or where the
+        sound has one speed.
+    """
+    if method != "vector":
+        return DIFFERENCES[method]
+    offsets, (wx, wy, _) = np.asarray(offsets, float), turn_rate
+    reach = np.linalg.norm(offsets, axis=-1).max(initial=0)
+    height = (np.abs(offsets[..., 2]).max(initial=0) + np.hypot(wx, wy) * reach * LONGEST
+              + abs(velocity[2]) * reach / profile.sound_speed.min())
+    one_speed = np.ptp(profile.sound_speed) == 0
+    return level_difference if one_speed or height < LEVEL_WITHIN else vector_difference
+
+
 def expected_error(hits, elements):
     """Give the error [s] to expect of `vector_difference`, not negative, infinite where nothing is promised."""
     _, (_, error, _), per_closing = _to_element(hits, elements)
     return error * per_closing
 
 
+def _along_the_vector(hits, elements):
+    """Delay along the straight vector [s], R over its length to the element, and B [m/s]."""
+    nx, ny, nz, _, _, _, inverse, speed, closing, speeds, *_ = hits
+    dx, dy, dz, square, vd, ux, uy, uz, *_ = elements
+    n = nx, ny, nz
+    at_element = multiply_add(-inverse, vd, closing - dot(n, (ux, uy, uz)))
+    return *straight_delay(dot(n, (dx, dy, dz)), square, inverse, speed, at_element, speeds), at_element
+
+
+def _per_closing(hits, at_element, shrinking):
+    """1 / (c_m - v·n) at the element, from that at the centre by a step of Newton's method: they hardly differ."""
+    per_closing, last = 1 / hits[8], multiply_add(at_element - hits[7], shrinking, hits[7])
+    return per_closing * multiply_add(-per_closing, last, 2)
+
+
 def _to_element(hits, elements):
     """Delay along the straight vector [s], corrections and their error [m], and what turns these into time [s/m]."""
-    nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, w, vz, faster, rise, third = hits
-    dx, dy, dz, square, vd, ux, uy, uz, excess, rate, bend, variance = elements
-    # of the hit alone, once for all elements
-    xp, scale = library(nx * dx), 1 + faster
-    upwards, per_closing, w = xp.copysign(1.0 + 0 * w, w), 1 / closing, abs(w)
-    n, up = (nx, ny, nz), [upwards * part for part in (zx, zy, zz, vz)]
-    sine = xp.sqrt(abs(1 - w * w))
+    zx, zy, zz, inverse, _, _, _, w, vz, faster, rise, third = hits[3:]
+    dx, dy, dz, *_, excess, rate, bend, variance = elements
+    delay, shrinking, at_element = _along_the_vector(hits, elements)
+    # of the hit alone: traced once for all elements
+    xp, scale = library(delay), 1 + faster
+    upwards, sine = xp.copysign(1.0 + 0 * w, w), xp.sqrt(abs(1 - w * w))
+    up = [upwards * part for part in (zx, zy, zz, vz)]
     # of the pair
-    at_element = multiply_add(-inverse, vd, closing - dot(n, (ux, uy, uz)))
-    delay = straight_delay(dot(n, (dx, dy, dz)), square, inverse, speed, at_element, speeds)
-    shrinking = 1 / multiply_add(inverse * speed, delay, 1)
     height = dot(up, (dx, dy, dz, delay))
-    local = multiply_add(rate, multiply_add(0.5 * upwards, height, rise), multiply_add(bend, rise * rise, excess - 0.5 * rate * dz))
-    found = corrections(w, sine, third, inverse, shrinking, height, multiply_add(local, scale, faster),
+    middle = multiply_add(0.5 * upwards, height, rise)
+    local = multiply_add(rate, middle, multiply_add(bend, rise * rise, excess - 0.5 * rate * dz))
+    found = corrections(abs(w), sine, third, inverse, shrinking, height, multiply_add(local, scale, faster),
                         scale * scale * variance)
-    # 1/B at the element from that at the centre, by a step of Newton's method: they differ by a thousandth
-    last = multiply_add(at_element - speed, shrinking, speed)
-    return delay, found, per_closing * multiply_add(-per_closing, last, 2)
+    return delay, found, _per_closing(hits, at_element, shrinking)
 
 
 DIFFERENCES = {"paper": paper_difference, "vector": vector_difference}

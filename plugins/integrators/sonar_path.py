@@ -22,9 +22,10 @@ import os
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.array_signals import LEAD, received_signals
 from mitsonar.array_survey import ArraySurvey, Fans
 from mitsonar.ensonification import LIGHTING
-from mitsonar.imaging import sidescan
+from mitsonar.imaging import fan, sidescan
 from mitsonar.plugins.properties import Attributes
 from mitsonar.signal.noise import ElementNoise
 from mitsonar.sonar import element_directivity_index_db
@@ -60,9 +61,6 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             If sensor and scene do not fit together: no seabed, a track outside it, a sonar below it, ...
         """
-        if hasattr(sensor, "array_plan") and not hasattr(sensor, "sonar"):
-            raise ValueError("an array_sonar makes signals, not pictures; ask mitsonar.element_signals, or the command "
-                             "signals, for them, and mitsonar.signal.beamforming for beams")
         if not hasattr(sensor, "sonar"):
             raise ValueError("the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a "
                              f"{sensor.class_name()}")
@@ -115,6 +113,12 @@ class SonarPath(mi.SamplingIntegrator):
 
     def dataset(self, scene, sensor, seed=0, progress=None):
         """Render the sensor's record as an `xarray.Dataset`; see `mitsonar.render`."""
+        if hasattr(sensor, "fan_width"):
+            survey = self.array_survey(scene, sensor, LEAD)
+            signals = received_signals(survey, range(survey.track.pings), kernel="band_limited", return_path="vector",
+                                       seed=seed, progress=progress)
+            return fan.image(signals, survey.pulse, *fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width),
+                             depth_below=survey.depth_below)
         survey = self.survey(scene, sensor)
         echoes = survey.echoes(seed, progress)
         sonar, track = survey.sonar, survey.track
@@ -127,12 +131,17 @@ class SonarPath(mi.SamplingIntegrator):
                               absorption_db=float(survey.absorption.at(head)))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        """Echo levels as Mitsuba's image: a tensor (pings, 2 bins, 1), port mirrored, then starboard [dB re 1 µPa]."""
+        """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
+
+        (pings, 2 bins) for a sidescan, port mirrored, then starboard; (pings x beams, samples) for an array.
+        """
         if isinstance(sensor, int):
             sensor = scene.sensors()[sensor]
         level = self.dataset(scene, sensor, int(np.ravel(seed)[0]))["level"].values
-        waterfall = np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)
-        image = mi.TensorXf(np.ascontiguousarray(waterfall[..., None]))
+        rows = level.reshape(-1, level.shape[-1])
+        if hasattr(sensor, "sonar"):
+            rows = np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)
+        image = mi.TensorXf(np.ascontiguousarray(rows[..., None]))
         sensor.film().put(image)
         return image
 

@@ -7,6 +7,9 @@
 - ``transmit``, ``receive`` [point] and what goes with them: the arrays, see `array_attributes`
 - ``sound_speed`` [m/s]: at the array, for steering and slant range; default: the profile there
 
+- ``beams`` [121], ``fan_deg`` [120]: the fan that `mitsonar.render` forms of the receive array, about its normal, in the
+  plane of the axis along which it is longest
+
 The run: ``pings`` [1], ``track``, ``start``, ... as `platform` says. The platform moves and turns while sound is on its
 way.
 
@@ -51,6 +54,8 @@ class ArraySonar(mi.Sensor):
         self.source_level_db = attributes.number("source_level_db", 210.0, **LEVELS_DB)
         self.pulse = self._read_pulse(attributes, frequency)
         self.sound_speed = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
+        self.beams = attributes.integer("beams", 121, minimum=1, maximum=100_000)
+        self.fan_width = attributes.angle("fan_deg", 120.0, above=0, maximum=180)
         self.platform = Platform(attributes, pings=1)
         self.noise = attributes.boolean("noise", True)
         self.given_noise_level_db = attributes.number("noise_level_db", None, **LEVELS_DB)

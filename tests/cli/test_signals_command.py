@@ -114,5 +114,13 @@ def test_the_faces_of_a_sidescan_are_elements_too(variant, folder):
     assert there.sizes["rx"] == 2 and there["ping"].values.tolist() == [1]
 
 
-def test_an_array_makes_no_picture(variant, scene, refusal):
-    assert "element_signals" in refusal("render", "array.xml", "-o", "a.exr")
+def test_the_fan_of_an_array_is_its_picture(variant, folder, scene, refusal):
+    from mitsonar.io import exr
+
+    assert cli.main(["render", "array.xml", "-o", "a.exr", "--preview", "a.png", "-D", "elements=8"]) == 0
+    image = exr.read("a.exr")
+    assert dict(image.sizes) | {"range": 0} == {"ping": 1, "beam": 121, "range": 0}
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert cli.main(["plot", "a.exr"]) == 0
+    assert "is of a sidescan" in refusal("plot", "a.exr", "--what", "labels")
+    assert "there is no ping 3" in refusal("plot", "a.exr", "--ping", "3")

@@ -3,6 +3,7 @@
 Everything is exact: levels do not depend on who loads a scene, on Mitsuba's merging of shapes, or on the variant.
 """
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -144,8 +145,9 @@ def test_resolved_text_means_to_mitsuba_what_the_original_does(tmp_path, variant
 def test_resolved_scene_has_nothing_left_to_fill_in(name):
     from mitsonar.scene import resolved
 
-    text = resolved(SCENES / f"{name}.xml", {"pings": "2"})
-    assert "$" not in text and "<default" not in text and 'name="pings" value="2"' in text
+    parameter = re.search(r'<default name="(\w+)"', (SCENES / f"{name}.xml").read_text())[1]
+    text = resolved(SCENES / f"{name}.xml", {parameter: "31.25"})
+    assert "$" not in text and "<default" not in text and 'value="31.25"' in text
 
 
 def test_resolved_scene_beside_the_original_renders_the_same(scene_file):
@@ -229,7 +231,17 @@ def waterfall(image):
     return np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)[..., None]
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.xml")))
+def test_mitsubas_own_load_and_render_of_an_array(variant):
+    import mitsuba as mi
+
+    small = {"elements": "4", "range": "12", "cell": "0.1", "pings": "2"}
+    image = mi.render(mi.load_file(str(SCENES / "forward_looking.xml"), **small), seed=3)
+    wanted = mitsonar.render(mitsonar.load_file(SCENES / "forward_looking.xml", **small), seed=3)["level"].values
+    assert wanted.shape[:2] == (2, 121)
+    assert np.array_equal(image, wanted.reshape(-1, wanted.shape[-1], 1))
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("sidescan*.xml")))
 def test_mitsubas_own_load_and_render(variant, name):
     import mitsuba as mi
 

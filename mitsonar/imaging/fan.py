@@ -1,0 +1,96 @@
+"""From element signals to the picture of a fan of beams.
+
+The fan lies in the plane of the receive array's normal n and of the axis a along which the array is longest, about n:
+
+    û(ψ) = n cos ψ + a sin ψ
+
+ahead and level for a line across the bow, athwart and downwards for one under the hull. Signals go through the matched
+filter, then delay-and-sum focused at every range; level = 20 log10 |beam| [dB re 1 µPa], R = c t / 2 at the array's
+sound speed. A single element makes a single beam, which is the element itself.
+"""
+import numpy as np
+import xarray
+
+from ..signal.beamforming import delay_and_sum
+from ..signal.matched_filter import matched_filter
+from ..signal.reception import delayed
+
+__all__ = ["fan_directions", "image"]
+
+NOTHING_DB = -200.0                # level of a sample without any echo or noise
+
+
+def fan_directions(array, beams, width):
+    """Look directions of a fan.
+
+    Parameters
+    ----------
+    array : Array
+        That receives.
+    beams : int
+    width : float [rad]
+        From the first to the last beam.
+
+    Returns
+    -------
+    angle : (B,) [rad]
+        ψ from the middle; positive to starboard, or else forward, or else down. One 0 for a single element.
+    direction : (B, 3)
+        Unit vectors, body frame.
+    """
+    normal = array.normal.mean(0)
+    if np.linalg.norm(normal) < 1e-6:                        # elements all around: look as the first does
+        normal = array.normal[0]
+    normal = normal / np.linalg.norm(normal)
+    spread = array.position - array.position.mean(0)
+    spread = spread - np.outer(spread @ normal, normal)
+    if array.elements == 1 or np.abs(spread).max() < 1e-9:
+        return np.zeros(1), normal[None]
+    axis = np.linalg.svd(spread, full_matrices=False)[2][0]
+    # to starboard first of all, else forward, else down
+    leading = next(axis[k] for k in (1, 0, 2) if abs(axis[k]) > 1e-6)
+    axis = axis * np.sign(leading)
+    angle = np.linspace(-0.5 * width, 0.5 * width, beams) if beams > 1 else np.zeros(1)
+    return angle, np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * axis
+
+
+def image(signals, pulse, angle, direction, *, depth_below):
+    """Make the picture of pings.
+
+    Parameters
+    ----------
+    signals : xarray.DataArray (ping, tx, rx, sample) [µPa]
+        As `mitsonar.element_signals` gives them.
+    pulse : Pulse
+    angle, direction : (B,) [rad], (B, 3)
+        Of `fan_directions`.
+    depth_below : (P,) [m]
+        Seabed below the sonar.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``level`` (ping, beam, range) [dB re 1 µPa].
+    """
+    rate = signals.attrs["sampling_rate"]
+    values = signals.values
+    if signals["rx_delay"].values.any():                     # receivers that steer: their beams are formed here
+        values = delayed(values, -signals["rx_delay"].values, rate, signals.attrs["frequency"])
+    heard = signals.copy(data=matched_filter(values, pulse, rate))
+    beams = delay_and_sum(heard, direction)
+    speed = signals.attrs["sound_speed"]
+    level = 20 * np.log10(np.maximum(np.abs(beams.values), 10 ** (NOTHING_DB / 20)))
+    coords = {name: (value.dims, value.values, value.attrs) for name, value in beams.coords.items()
+              if value.dims == ("ping",)}
+    coords.update({
+        "beam": ("beam", angle, {"units": "rad", "long_name": "angle from the middle of the fan"}),
+        "range": ("range", 0.5 * speed * beams["time"].values, {"units": "m", "long_name": "slant range"}),
+        "time": ("range", beams["time"].values, {"units": "s", "long_name": "two-way travel time"}),
+        "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
+        **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
+    kept = ("seed", "frequency", "sound_speed", "sampling_rate", "source_level_db")
+    return xarray.Dataset(
+        {"level": (("ping", "beam", "range"), level.astype(np.float32),
+                   {"units": "dB re 1 µPa", "long_name": "echo level"})},
+        coords, {"sonar": "array_sonar", **{name: signals.attrs[name] for name in kept},
+                 "bin_width": float(0.5 * speed / rate)})
