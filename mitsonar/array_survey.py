@@ -185,7 +185,8 @@ class ArraySurvey:
         run, transmit = self._run.seeded(seed), self.transmit
         weight = transmit.weight / np.abs(transmit.weight).sum()
         classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 else [
-            _DopplerClass(factors=doppler, number=number, duration=self.pulse.duration) for number in range(len(doppler))]
+            _DopplerClass(factors=doppler, number=number, duration=self.pulse.duration)
+            for number in range(len(doppler))]
         while classes:
             # as many classes at once as fit into memory: the fewer times scatterers have to be lit
             first = run.buffer(kernel)

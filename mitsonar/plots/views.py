@@ -50,8 +50,8 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
     ----------
     dataset : xarray.Dataset
     what : str
-        ``waterfall``, of an array the fan of one ping; ``ping``: the levels of one ping; ``mean``: levels against range over all pings; ``labels``,
-        ``depth``, ``shadow``, ``rays``: the truth behind every bin.
+        ``waterfall``, of an array the fan of one ping; ``ping``: the levels of one ping; ``mean``: levels against
+        range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``: the truth behind every bin.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', None}

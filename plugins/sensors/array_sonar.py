@@ -7,8 +7,8 @@
 - ``transmit``, ``receive`` [point] and what goes with them: the arrays, see `array_attributes`
 - ``sound_speed`` [m/s]: at the array, for steering and slant range; default: the profile there
 
-- ``beams`` [121], ``fan_deg`` [120]: the fan that `mitsonar.render` forms of the receive array, about its normal, in the
-  plane of the axis along which it is longest
+- ``beams`` [121], ``fan_deg`` [120]: the fan that `mitsonar.render` forms of the receive array, about its normal, in
+  the plane of the axis along which it is longest
 
 The run: ``pings`` [1], ``track``, ``start``, ... as `platform` says. The platform moves and turns while sound is on its
 way.

@@ -1,7 +1,7 @@
 """Return times by an eigenray for every pair, on the device, against the same in NumPy (`return_time`).
 
-Both solve one equation by independent code; NumPy's is checked against brute force. Tolerance 1e-10 s: the series of the
-device leave 4e-11 s.
+Both solve one equation by independent code; NumPy's is checked against brute force. Tolerance 1e-10 s: the series of
+the device leave 4e-11 s.
 """
 import numpy as np
 import pytest
