@@ -11,5 +11,5 @@ from .track import Track
 
 __all__ = ["Aperture", "Array", "PULSES", "Pulse", "Sidescan", "Track", "beam_pattern", "body_direction", "cw",
            "cylindrical_array", "directivity_index_db", "element_array", "element_directivity_index_db", "hfm",
-           "length_for_beam_width", "lfm",
-           "line_array", "mills_cross", "planar_array", "presets", "sampled", "spherical_array"]
+           "length_for_beam_width", "lfm", "line_array", "mills_cross", "planar_array", "presets", "sampled",
+           "spherical_array"]
