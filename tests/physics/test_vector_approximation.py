@@ -20,7 +20,8 @@ from mitsonar.propagation.return_paths import return_paths
 from mitsonar.propagation.slices import Slices
 from mitsonar.propagation.two_point import source_state
 from mitsonar.propagation.vector_approximation import (
-    DIFFERENCES, ELEMENT_FIELDS, expected_error, matched_leg, vector_difference, vector_element_fields)
+    DIFFERENCES, ELEMENT_FIELDS, corrections, difference_of, expected_error, level_difference, matched_leg,
+    vector_difference, vector_element_fields)
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH, HITS = 8.3, 300
@@ -42,14 +43,14 @@ MOTIONS = {
 class Case:
     """Hits, elements, and the exact times to both ends, in one water and one motion."""
 
-    def __init__(self, water, motion, length=0.5):
+    def __init__(self, water, motion, length=0.5, flat=False):
         rng = np.random.default_rng(3)
         azimuth, across = rng.uniform(0, 2 * np.pi, HITS), rng.uniform(5, 200, HITS)
         self.water = WATERS[water]
         self.velocity, self.rate = (np.array(part, float) for part in MOTIONS[motion])
         depth = rng.uniform(30, 58, HITS)
         self.way = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), DEPTH - depth], -1)
-        elements = rng.normal(size=(4, 3))
+        elements = rng.normal(size=(4, 3)) * ((1, 1, 0) if flat else 1)
         self.elements = length * elements / np.linalg.norm(elements, axis=1, keepdims=True)
         self.ray = eigenray(self.water, DEPTH, depth, across)
         self.centre = self._exact(np.zeros(3))
@@ -182,6 +183,57 @@ def test_turned_rays_are_marked():
     late = vector_difference(paths.hit_fields, [Float(field[0]) for field in fields]).numpy()
     exact = eigenray(water, 20, 20.5, 149.9).travel_time - ray.travel_time
     assert late == pytest.approx(exact, abs=1e-9)      # first order is right
+
+
+def test_corrections_are_the_equations(rng):
+    """The terms one by one, as they are derived, against the form with their factors shared."""
+    count = 2000
+    w0, gamma, per_length = rng.uniform(0.1, 1, count), rng.uniform(-1, 1, count), rng.uniform(0.005, 0.2, count)
+    lengthening, h = rng.uniform(-0.5, 0.5, (2, count))
+    excess, variance = rng.uniform(-0.005, 0.03, count), rng.uniform(0, 1e-6, count)
+    p0, k = np.sqrt(1 - w0**2), per_length / (1 + per_length * lengthening)
+    w = np.clip((w0 + per_length * h) / (1 + per_length * lengthening), 0.06, 1 - 1e-9)
+    p, q = np.sqrt(1 - w**2), np.sqrt(w**2 + excess)
+    missed = h * p * (excess / (w * q * (w + q)) - 3 * variance / (8 * q**5))
+    bent = missed / (1 / (k * w**2) + h * ((1 + excess) / q**3 - 1 / w**3))
+    change = p + bent - p0
+    expected = (h * excess / (w + q) - h * variance / (8 * q) / q**2 + missed * bent / 2 * (1 - bent * p / w**2)
+                - gamma * change**3)
+    within = w == (w0 + per_length * h) / (1 + per_length * lengthening)
+    value, _, found = corrections(w0, p0, gamma, per_length, 1 / (1 + per_length * lengthening), h, excess, variance)
+    assert within.mean() > 0.5
+    np.testing.assert_allclose(value[within], expected[within], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found[within], change[within], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("motion", [MOTIONS["still"], MOTIONS["under way"], ((5, -1, 0), (0, 0, 0.05))])
+@pytest.mark.parametrize("water", WATERS)
+def test_level_arrays_have_no_slice(water, motion, monkeypatch):
+    monkeypatch.setitem(MOTIONS, "level", motion)
+    case = Case(water, "level", flat=True)
+    paths, fields = case.on_device(), case.fields()
+    assert difference_of("vector", case.elements, case.water, *motion) is level_difference
+    hits = [np.asarray(field.numpy(), float)[:, None] for field in paths.hit_fields]
+    elements = [field[None] for field in fields]
+    level = level_difference(hits, elements)
+    sure = paths.expected_error(fields).numpy() < 0.5e-9
+    np.testing.assert_allclose(level[sure], vector_difference(hits, elements)[sure], rtol=0, atol=1e-15)
+    single = [level_difference(paths.hit_fields, [dr.opaque(Float, field[k]) for field in fields]).numpy()
+              for k in range(len(fields[0]))]
+    assert np.abs(np.stack(single, -1) - level)[sure].max() < 0.1e-9
+
+
+def test_difference_is_the_cheapest_that_is_right():
+    curved, one, flat, tall = WATERS["six nodes"], WATERS["uniform"], [[0.3, 0.1, 0]], [[0.3, 0.1, 0.01]]
+    assert difference_of("paper", flat, curved) is DIFFERENCES["paper"]
+    assert difference_of("vector", flat, curved, (3, 1, 0), (0, 0, 0.1)) is level_difference
+    assert difference_of("vector", tall, one, (3, 1, 0.3), (0.1, 0, 0)) is level_difference
+    for geometry in ((tall,), (flat, (0, 0, 0.1)), (flat, (0, 0, 0), (0, 0.01, 0))):
+        assert difference_of("vector", geometry[0], curved, *geometry[1:]) is vector_difference
+    case = Case("uniform", "heaving")
+    hits = [np.asarray(field.numpy(), float)[:, None] for field in case.on_device().hit_fields]
+    elements = [field[None] for field in case.fields()]
+    np.testing.assert_allclose(level_difference(hits, elements), vector_difference(hits, elements), atol=1e-12)
 
 
 def test_matched_leg_in_uniform_water_is_the_leg():
