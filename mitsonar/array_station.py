@@ -13,7 +13,7 @@ import numpy as np
 
 from .propagation.exact_returns import exact_return
 from .propagation.return_paths import return_paths
-from .propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS, vector_difference, vector_element_fields
+from .propagation.vector_approximation import ELEMENT_FIELDS, difference_of, vector_difference, vector_element_fields
 from .signal.accumulation import centre
 from .signal.doppler import two_way_doppler
 from .sonar.element_patterns import element_pressure
@@ -89,9 +89,10 @@ class Station:
         heard, faces = self._heard_from(echoes, total), [] if omni(receive) else receive.faces()
         if len(faces) == 1:
             factor *= self._pressure(receive, heard, *faces[0][1:])
-        elements = ELEMENT_FIELDS[return_path](self._offsets(receive), self.depth, survey.profile, self.velocity,
-                                               self.turn_rate)
-        hit_fields, difference = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))], DIFFERENCES[return_path]
+        offsets, motion = self._offsets(receive), (survey.profile, self.velocity, self.turn_rate)
+        elements = ELEMENT_FIELDS[return_path](offsets, self.depth, *motion)
+        difference = difference_of(return_path, offsets, *motion)
+        hit_fields = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))]
         hits, fields = len(back.hit_fields), len(elements)
         each_face = len(faces) > 1
         if each_face:
