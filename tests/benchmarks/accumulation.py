@@ -5,8 +5,9 @@
 
 A line of elements half a wavelength apart at 300 kHz hears hits 10 to 70 m off on a flat bed 5 m below, so near that
 wave fronts are curved; 40 kHz of complex baseband. A contribution is one hit at one element. Delays are straight-line
-ones, except in the row "vector", which finds the same by the vector approximation. NumPy's rival takes float64 delays
-and sums by bincount into the nearest sample, which is what the kernel ``nearest`` does.
+ones, except in the rows "vector" and "level", which find the same by the vector approximation and by the form it takes
+for arrays that are level and do not heave. NumPy's rival takes float64 delays and sums by bincount into the nearest
+sample, which is what the kernel ``nearest`` does.
 
 PyMUST is compared on its own model: two dimensions, amplitude 1/sqrt(r r'), one element transmits, a rigid baffle, and
 elements so narrow that they are omnidirectional, a pulse of ten waves through a transducer of 10 % bandwidth, whose
@@ -49,10 +50,10 @@ class Scene:
         apart = np.linalg.norm(self.hits[:, :, None] - self.elements[:, None, elements], axis=0)
         return (self.range[:, None] + apart) / SPEED
 
-    def vector(self):
+    def vector(self, difference):
         """Hits and elements as the vector approximation wants them, in water of one speed, at rest."""
         from mitsonar.propagation.straight_vectors import Leg, hit_fields
-        from mitsonar.propagation.vector_approximation import vector_difference, vector_element_fields
+        from mitsonar.propagation.vector_approximation import vector_element_fields
         from mitsonar.water import SoundSpeedProfile
 
         still, none = (0.0, 0.0, 0.0), np.zeros_like(self.range)
@@ -60,8 +61,7 @@ class Scene:
         leg = Leg(self.range, none + SPEED, np.hypot(x, y), np.abs(z), none)
         hits = hit_fields(leg, (x, y, z), none, none, still, still, SPEED)
         elements = vector_element_fields(self.elements.T, 20.0, SoundSpeedProfile([0.0, 100.0], [SPEED, SPEED]))
-        return dict(hit_fields=_uploaded(hits), element_fields=np.broadcast_arrays(*elements),
-                    difference=vector_difference)
+        return dict(hit_fields=_uploaded(hits), element_fields=np.broadcast_arrays(*elements), difference=difference)
 
     def fields(self, **choice):
         """What `ImpulseResponses.add` takes."""
@@ -123,6 +123,7 @@ def kernels(hits, elements, count):
     """Print rate and error of each kernel, and NumPy's."""
     import drjit as dr
 
+    from mitsonar.propagation.vector_approximation import level_difference, vector_difference
     from mitsonar.signal import KERNELS, in_band_error_db, response_spectrum
 
     scene = Scene(hits, elements)
@@ -137,7 +138,8 @@ def kernels(hits, elements, count):
 
     errors, work = {"numpy bincount": error(bincount(scene, elements))}, {}
     for name, kernel, given in (*((kernel, kernel, fields) for kernel in KERNELS),
-                                ("band_limited, vector", "band_limited", {**fields, **scene.vector()})):
+                                ("band_limited, vector", "band_limited", {**fields, **scene.vector(vector_difference)}),
+                                ("band_limited, level", "band_limited", {**fields, **scene.vector(level_difference)})):
         sums = make(elements, kernel)
         sums.add(**given)
         errors[name] = error(sums.read())
