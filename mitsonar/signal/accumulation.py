@@ -223,8 +223,11 @@ class ImpulseResponses:
         def packets(hit, active, owned):
             read = [_gather(lib.Float, field, hit, active) for field in hits]
             place = _gather(lib.Int32, sample, hit, active)
-            return [packet for row, exists, here in owned
-                    for packet in self._packets(read, place, here, row, group, active & exists, difference, gain)]
+            late = [(difference(read[4:], here), gain and gain(read[4:], here)) for _, _, here in owned]
+            # Compiled in this order, delays of all rows first: their long chains of divisions overlap one another.
+            dr.detail.new_scope(dr.backend_v(lib.Float))
+            return [packet for (row, exists, _), delays in zip(owned, late)
+                    for packet in self._packets(read[:4], place, *delays, row, group, active & exists)]
 
         def scatter(packets):
             mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
@@ -260,14 +263,12 @@ class ImpulseResponses:
 
     # -- one hit at one element ----------------------------------------------------------------------------------
 
-    def _packets(self, hit, sample, element, row, group, active, difference, gain):
-        """Packets of one echo: their index and values."""
+    def _packets(self, hit, sample, delta, factor, row, group, active):
+        """Packets of one echo, `delta` later than at the centre and `factor` times as large: their index and values."""
         lib = self.lib
-        real, imaginary, phase, fraction, *fields = hit
-        delta = difference(fields, element)
+        real, imaginary, phase, fraction = hit
         cosine, sine = _turn(lib, dr.fma(self.frequency, delta, phase))
-        if gain is not None:
-            factor = gain(fields, element)
+        if factor is not None:
             cosine, sine = cosine * factor, sine * factor
         real, imaginary = dr.fma(real, cosine, imaginary * sine), dr.fma(imaginary, cosine, -(real * sine))
         place = dr.fma(self.sampling_rate, delta, fraction)
