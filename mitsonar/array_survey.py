@@ -25,7 +25,8 @@ from .signal.accumulation import ImpulseResponses
 __all__ = ["ArraySurvey", "Fans"]
 
 SUMS_BYTES = 1 << 30               # of the buffers of one ping
-MOST_DOUBTFUL = 0.5                # share of such echoes at which the array is too large for it
+MOST_DOUBTFUL = 0.5                # share of such echoes at which an array is too large for it, beyond
+SMALL_ARRAY = 1.0                  # [m] from its centre: smaller ones are traced echo by echo without a word
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are lit anew
 FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
 
@@ -263,8 +264,8 @@ class _Run:
     def count(self, doubtful, echoes):
         """Refuse an array for which most echoes would have to be traced one by one after all."""
         self._doubtful, self._looked_at = self._doubtful + doubtful, self._looked_at + echoes
-        if self._doubtful > MOST_DOUBTFUL * max(self._looked_at, 1000):
-            radius = max(self.survey.transmit.radius, self.survey.receive.radius)
+        radius = max(self.survey.transmit.radius, self.survey.receive.radius)
+        if radius > SMALL_ARRAY and self._doubtful > MOST_DOUBTFUL * max(self._looked_at, 1000):
             raise ValueError(f"the array reaches {radius:.3g} m from its centre, too far for the vector approximation "
                              f"here: for {100 * self._doubtful / self._looked_at:.0f} % of the echoes it may be off by "
                              f"more than {1e9 * GUARD:.0f} ns, soonest where rays turn or run nearly level; take "

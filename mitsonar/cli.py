@@ -101,6 +101,8 @@ def _parser():
     signals.add_argument("--kernel", default="band_limited", help="band_limited (default), peterson or nearest")
     signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
     signals.add_argument("--seed", type=_whole, default=0, metavar="N", help="of all that is random; default: 0")
+    signals.add_argument("--threads", type=_whole, metavar="N",
+                         help="worker threads, at least 2; default: one per core")
     signals.set_defaults(run=_signals)
 
     plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
@@ -153,6 +155,7 @@ def _signals(arguments):
     from .elements import element_signals, impulse_response, pings
     from .scene import load_file
 
+    _set_up(arguments.threads)
     scene = load_file(path, **_parameters(arguments))
     listen = impulse_response if arguments.response else element_signals
     with _Progress() as progress:

@@ -8,7 +8,8 @@ Of sonars with arrays:
 
 - ``lighting``: ``scatterers`` [default]: every cell of the scene within reach is connected to the array along its own
   bent ray, without any noise of sampling; ``rays``: rays find the cells, for scenes with too many
-- ``cell`` [m]: longest side of a cell, which holds one scatterer; default: half the range resolution, c / 4 B
+- ``cell`` [m]: longest side of a cell, which holds one scatterer; default: half the range resolution, c / 4 B, at most
+  a fiftieth of the altitude
 - ``fans``: ``centre`` [default]: rays go out from the array's centre, all transmit elements light the same scatterers;
   ``elements``: a fan from every transmit element; ``interpolated``: ``fan_count`` [3] fans along the transmit array,
   elements between take both neighbours'
@@ -35,6 +36,7 @@ from mitsonar.units import db_from_power
 
 BYTES_PER_BIN = 50                 # of the record while it is made and written, all variables together
 BINS_PER_PULSE = 10_000
+CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 
 
 class SonarPath(mi.SamplingIntegrator):
@@ -107,7 +109,7 @@ class SonarPath(mi.SamplingIntegrator):
             pulse=pulse, source_level_db=plan.source_level_db, transmit=plan.transmit, receive=plan.receive,
             track=plan.track, velocity=plan.velocity, turn_rate=plan.turn_rate, depth_below=plan.depth_below,
             start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra, lighting=self.lighting,
-            cell_size=self.cell_size or speed / (4 * pulse.bandwidth), rays=self.rays, fans=fans(plan.transmit),
+            cell_size=self.cell_size or _cell_size(plan), rays=self.rays, fans=fans(plan.transmit),
             noise=_element_noise(sensor, plan, rate), absorption_db=sensor.water.mean_absorption(
                 -float(plan.track.position[:, 2].mean()), geometry.depth_range[1]))
 
@@ -147,6 +149,11 @@ class SonarPath(mi.SamplingIntegrator):
 
     def to_string(self):
         return f"SonarPath[{self.rays} rays]"
+
+
+def _cell_size(plan):
+    """Half the range resolution, but no more than beams resolve across: a fraction of the altitude."""
+    return min(plan.sound_speed / (4 * plan.pulse.bandwidth), max(float(np.mean(plan.depth_below)), 1.0) * CELL_SHARE)
 
 
 def _element_noise(sensor, plan, sampling_rate):

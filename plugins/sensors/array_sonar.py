@@ -30,6 +30,8 @@ What is heard:
         <film type="sonar_film"><float name="range" value="60"/></film>
     </sensor>
 """
+from dataclasses import replace
+
 import mitsuba as mi
 import numpy as np
 
@@ -63,10 +65,13 @@ class ArraySonar(mi.Sensor):
         self.water = attributes.object(mi.Medium, None)
         if not hasattr(self.water, "profile"):
             raise attributes.error('it must hold the water it works in: <medium type="seawater"/>.')
-        hint = self.sound_speed or float(np.mean(self.water.profile.sound_speed) if self.platform.start is None else
-                                         self.water.profile.at(-self.platform.start[2]))
-        self.transmit, self.receive = (read_array(attributes, prefix, hint, frequency=frequency)
+        # for the default pitch; delays of steering are made for the water that the track leads through, in array_plan
+        self._hint = self.sound_speed or float(
+            np.mean(self.water.profile.sound_speed) if self.platform.start is None else
+            self.water.profile.at(-self.platform.start[2]))
+        self.transmit, self.receive = (read_array(attributes, prefix, self._hint, frequency=frequency)
                                        for prefix in ("transmit", "receive"))
+        self._from_file = [bool(attributes.given(f"{prefix}_file")) for prefix in ("transmit", "receive")]
         attributes.finish()
         self.provenance = None            # file, resolved text and parameters, told by `mitsonar.load_file`
         super().__init__(props)
@@ -113,10 +118,13 @@ class ArraySonar(mi.Sensor):
         slowest = self.sound_speed or float(np.min(self.water.profile.sound_speed))
         track, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin)
         velocity, turn_rate = self.platform.motion(track)
+        speed = self.sound_speed or float(np.mean(self.water.profile.at(-track.position[:, 2])))
+        # a file's own delays are times; those of steering are lengths over a sound speed
+        transmit, receive = (array if from_file else replace(array, delay=array.delay * (self._hint / speed))
+                             for array, from_file in zip((self.transmit, self.receive), self._from_file))
         return ArrayPlan(
             track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below, pulse=self.pulse,
-            sound_speed=self.sound_speed or float(np.mean(self.water.profile.at(-track.position[:, 2]))),
-            transmit=self.transmit, receive=self.receive, source_level_db=self.source_level_db,
+            sound_speed=speed, transmit=transmit, receive=receive, source_level_db=self.source_level_db,
             bins_are_samples=True)
 
     def noise_level_db(self):

@@ -10,14 +10,14 @@ SUMMER = "0:1513.2, 4:1513, 8:1511.6, 11:1506.4, 14:1500.8, 17:1496.6, 20:1494.2
 def array_scene(shapes, *, sensor=None, water=None, film=None, integrator=None):
     """Load a scene: shapes {id: dict}, and changes to the attributes of the rest."""
     prepare()
-    water = water or {}
+    water, sensor = water or {}, sensor or {}
+    place = {} if "track" in sensor else {"speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -10.0]}
     if not {"profile", "sound_speed"} & set(water):
         water = {"sound_speed": 1500.0, **water}
     return mi.load_dict({
         "type": "scene",
         "integrator": {"type": "sonar_path", **(integrator or {})},
-        "sensor": {"type": "array_sonar", "frequency_khz": 100.0, "speed_knots": 0.0, "heading_deg": 0.0,
-                   "start": [0.0, 0.0, -10.0], "noise": False, **(sensor or {}),
+        "sensor": {"type": "array_sonar", "frequency_khz": 100.0, "noise": False, **place, **sensor,
                    "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **water},
                    "film": {"type": "sonar_film", "range": 30.0, **(film or {})}},
         **shapes}, optimize=False)

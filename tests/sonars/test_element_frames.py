@@ -211,3 +211,13 @@ def test_a_track_flown_at_an_altitude_moves_as_it_is_flown(variant, tmp_path):
         velocity[altitude] = scene.integrator().array_survey(scene, scene.sensors()[0]).velocity
     assert velocity[0.0][:, 2] == pytest.approx(-2 * np.cos(4 * np.arange(0, 2.01, 0.5)), abs=0.05)
     assert velocity[15.0] == pytest.approx(np.broadcast_to([0, 3, 0], (5, 3)), abs=1e-3)
+
+
+def test_steering_knows_the_water_the_track_leads_through(variant, tmp_path):
+    """The mean of the profile is 1500 m/s, the array's water 1530: delays are those of 1530 m/s."""
+    (tmp_path / "line.csv").write_text("time,x,y,z,roll,pitch,heading\n0,0,0,-10,0,0,0\n", encoding="utf-8")
+    scene = array_scene({"bed": bed(30.0)}, water={"profile": "0:1530, 20:1530, 21:1470, 40:1470"},
+                        sensor={"transmit": "line", "transmit_elements": 2, "transmit_pitch": 0.5,
+                                "transmit_steer_deg": "30, 0", "track": str(tmp_path / "line.csv")})
+    survey = scene.integrator().array_survey(scene, scene.sensors()[0])
+    assert survey.transmit.delay == pytest.approx(np.array([-0.25, 0.25]) * 0.5 / 1530, rel=1e-9)
