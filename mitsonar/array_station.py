@@ -20,7 +20,7 @@ from .sonar.element_patterns import element_pressure
 
 __all__ = ["GUARD", "Station", "omni", "pressure"]
 
-GUARD = 2e-9                       # [s] error to be expected of the vector approximation from which on it is not used
+GUARD = 5e-10                      # [s] error to be expected of the vector approximation from which on it is not used
 
 
 class Station:

@@ -268,7 +268,7 @@ class _Run:
         if radius > SMALL_ARRAY and self._doubtful > MOST_DOUBTFUL * max(self._looked_at, 1000):
             raise ValueError(f"the array reaches {radius:.3g} m from its centre, too far for the vector approximation "
                              f"here: for {100 * self._doubtful / self._looked_at:.0f} % of the echoes it may be off by "
-                             f"more than {1e9 * GUARD:.0f} ns, soonest where rays turn or run nearly level; take "
+                             f"more than {1e9 * GUARD:g} ns, soonest where rays turn or run nearly level; take "
                              "return_path=\"eigenray\", a smaller array or a shorter range")
 
     def buffer(self, kernel):
