@@ -54,13 +54,13 @@ class Station:
         if return_path == "vector" and self.array_radius > 0:
             doubtful = self._doubtful(echoes)
             if dr.any(doubtful):
-                every = mi.UInt32(0), late + dr.zeros(mi.Float64, dr.width(doubtful))
+                late = late + dr.zeros(mi.Float64, dr.width(doubtful))
                 exact, rest = dr.compress(doubtful), dr.compress(~doubtful)
                 self.run.count(dr.width(exact), dr.width(doubtful))
-                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, every[1], exact))
+                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, late, exact))
                 if not dr.width(rest):
                     return
-                echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, every[1], rest)
+                echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, late, rest)
         if return_path == "eigenray":
             self._add_exactly(buffer, echoes, element, weight, late)
         else:

@@ -65,6 +65,11 @@ class Fans:
         transmit : Array
         count : int
             At least 2.
+
+        Raises
+        ------
+        ValueError
+            If elements stand so unevenly that a fan would stand for none.
         """
         centred = transmit.position - transmit.position.mean(0)
         along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
@@ -72,11 +77,11 @@ class Fans:
             return cls.from_elements(transmit)
         place = (along - along.min()) / np.ptp(along) * (count - 1)
         share = np.maximum(1 - np.abs(place[None] - np.arange(count)[:, None]), 0)
-        # of elements equally far along (a planar array), the fan starts amid them
-        position = (share @ transmit.position) / share.sum(1, keepdims=True) if share.sum(1).all() else None
-        if position is None:
+        total = share.sum(1, keepdims=True)
+        if not total.all():
             raise ValueError(f"{count} fans were asked for, but some would stand for no element; take fewer")
-        return cls(position=position, share=share)
+        # a fan starts amid the elements it stands for: of a planar array, amid those equally far along
+        return cls(position=share @ transmit.position / total, share=share)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +198,7 @@ class ArraySurvey:
             first = run.buffer(kernel)
             some = classes[:max(1, SUMS_BYTES // (4 * dr.width(first.sums)))]
             classes = classes[len(some):]
-            sums = [(only, buffer) for only, buffer in zip(some, [first, *(run.buffer(kernel) for _ in some[1:])])]
+            sums = list(zip(some, [first, *(run.buffer(kernel) for _ in some[1:])]))
             heard = [run.add(sums, ping, element, return_path, weight=weight[element], delay=transmit.delay[element])
                      for element in np.flatnonzero(weight)]
             for (only, buffer), any_heard in zip(sums, np.any(heard, axis=0)):

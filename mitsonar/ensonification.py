@@ -101,7 +101,6 @@ class Ensonification:
         self.tracer = Tracer(geometry, profile, max_range=self.farthest)
         self.connector = Connector(self.tracer)
         self.profile = profile
-        self._absorption = absorption
         self.loss_db = Absorption(absorption, profile, max(geometry.depth_range[1], 1.0), mi.Float)
 
     def __call__(self, origin, rotation, depth_below, key):
@@ -259,5 +258,5 @@ def _rays(rays, first, second, azimuth, key):
     sine, cosine = dr.sincos(e)
     sine_a, cosine_a = dr.sincos(a)
     direction = mi.Vector3f(sine_a * cosine, cosine_a * cosine, -sine)
-    return direction, cosine * width_a * width_e / float(steps * rows)
+    return direction, cosine * width_a * width_e / dr.opaque(mi.Float, steps * rows)
 
