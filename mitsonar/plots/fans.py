@@ -1,6 +1,7 @@
-"""A fan of beams seen from above: what a forward-looking or sector sonar puts on its screen.
+"""A fan of beams seen across its plane: what a forward-looking, sector or multibeam sonar puts on its screen.
 
-A sample at time t of the beam at azimuth α lies r = c t / 2 from the array, r sin α to starboard and r cos α ahead.
+A sample at time t of the beam at angle α lies r = c t / 2 from the array, r sin α aside and r cos α along the fan's
+middle: to starboard and ahead for a level fan, whose α is the azimuth; to starboard and below for one that looks down.
 """
 import os
 
@@ -14,15 +15,19 @@ __all__ = ["fan", "fan_picture"]
 
 SIZE = 900                         # picture elements of the larger side of the fan
 DARKEST, BRIGHTEST = 5.0, 99.7     # percentiles of the first and the last colour
+WAYS = (("aft", "forward"), ("port", "starboard"), ("up", "down"))               # against and along the body's axes
+TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "port": "to port", "down": "below",
+           "up": "above"}
 
 
 def fan(beams, path, *, ping=0, tvg=True, limits=None, title="", subtitle=""):
-    """Draw the levels of a fan of level beams from above.
+    """Draw the levels of a fan of beams: from above where they are level, from the end where they look down.
 
     Parameters
     ----------
     beams : xarray.DataArray (ping, beam, sample)
-        As beamformers give them [µPa]; with ``azimuth`` [rad] over the beams, rising or falling.
+        As beamformers give them [µPa]; with ``azimuth`` [rad] over the beams, rising or falling. Where ``beam_z`` says
+        that they look down, the angles from below replace the azimuths.
     path : str or path
         A .png, .pdf or .svg to write.
     ping : int
@@ -36,12 +41,14 @@ def fan(beams, path, *, ping=0, tvg=True, limits=None, title="", subtitle=""):
     Raises
     ------
     ValueError
-        If there are fewer than two beams, or no azimuths or no such ping, or the file is of another kind.
+        If there are fewer than two beams, or no azimuths or only one, or no such ping, or the file is of another
+        kind.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    azimuth, slant_range, level = _levels(beams, ping)
-    _draw(azimuth, slant_range, level, path, tvg=tvg, limits=limits, title=title or "fan of beams", subtitle=subtitle)
+    angle, slant_range, level, facing, right = _levels(beams, ping)
+    _draw(angle, slant_range, level, path, tvg=tvg, limits=limits, title=title or "fan of beams", subtitle=subtitle,
+          facing=facing, right=right)
 
 
 def fan_picture(dataset, path, *, ping=0, tvg=True):
@@ -64,14 +71,16 @@ def fan_picture(dataset, path, *, ping=0, tvg=True):
     if dataset.sizes["beam"] < 2:
         raise ValueError("a fan is drawn of two or more beams; this sonar has one.")
     _check_ping(ping, dataset.sizes["ping"])
-    down = float(dataset["beam_z"].mean()) > 0.5 if "beam_z" in dataset.coords else False
+    direction = np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
+    facing = _way(direction.mean(0))
     attrs = dataset.attrs
     words = f"ping {int(dataset['ping'][ping])}, {attrs['frequency'] / 1000:g} kHz, {dataset.sizes['beam']} beams"
-    _draw(dataset["beam"].values, dataset["range"].values, dataset["level"].values[ping], path, tvg=tvg, down=down,
+    _draw(dataset["beam"].values, dataset["range"].values, dataset["level"].values[ping], path, tvg=tvg,
+          facing=facing, right=_way(direction[-1] - direction[0], facing),
           title=os.path.splitext(attrs.get("file") or "array_sonar")[0], subtitle=words)
 
 
-def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle, down=False):
+def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle, facing, right):
     canvas.file_format(path)
     check_writable(path)
     if tvg:
@@ -80,17 +89,18 @@ def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle,
     shown = image[np.isfinite(image)]
     low, high = limits or (np.percentile(shown, DARKEST), np.percentile(shown, BRIGHTEST))
     height, width = image.shape
-    left, right, bottom, top = 84, 128, 62, 86
-    figure = canvas.sheet(left + width + right, bottom + height + top, canvas.PAPER)
-    box = np.array([left, bottom, width, height]) / np.tile(figure.get_size_inches() * canvas.DPI, 2)
+    before, behind, under, over = 84, 128, 62, 86
+    figure = canvas.sheet(before + width + behind, under + height + over, canvas.PAPER)
+    box = np.array([before, under, width, height]) / np.tile(figure.get_size_inches() * canvas.DPI, 2)
     axes = figure.add_axes(box, facecolor=canvas.PAPER)
     drawn = axes.imshow(image, origin="lower", extent=edges, cmap=canvas.COPPER, vmin=low, vmax=high,
                         interpolation="nearest")
-    if down:
+    if facing == "down":
         axes.invert_yaxis()
     _rings(axes, angle, slant_range)
-    axes.set_xlabel("port        ←        [m]        →        starboard", color=canvas.INK, fontsize=11)
-    axes.set_ylabel("below [m]" if down else "ahead [m]", color=canvas.INK, fontsize=11)
+    left = next(way for pair in WAYS if right in pair for way in pair if way != right)
+    axes.set_xlabel(f"{left}        ←        [m]        →        {right}", color=canvas.INK, fontsize=11)
+    axes.set_ylabel(f"{TOWARDS[facing]} [m]", color=canvas.INK, fontsize=11)
     axes.tick_params(colors=canvas.INK, labelsize=10)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -109,17 +119,31 @@ def _check_ping(ping, pings):
         raise ValueError(f"there is no ping {ping}; there are {pings}, the first is 0.")
 
 
+def _way(vector, beside=None):
+    """The name of the body's direction that is nearest to a vector, on another axis than ``beside``."""
+    axis = np.argmax([abs(part) * (beside not in pair) for part, pair in zip(vector, WAYS)])
+    return WAYS[axis][int(vector[axis] > 0)]
+
+
 def _levels(beams, ping):
-    """Rising azimuths [rad], slant ranges [m] and levels (beam, sample) [dB]."""
+    """Rising angles [rad], slant ranges [m], levels (beam, sample) [dB]; where the fan looks, and what is right."""
     if set(beams.dims) != {"ping", "beam", "sample"} or beams.sizes["beam"] < 2:
         raise ValueError(f"a fan is drawn of two or more beams (ping, beam, sample); these are {dict(beams.sizes)}.")
     if "azimuth" not in beams.coords:
         raise ValueError("the beams have no azimuth, so they make no fan; give beamformers level directions.")
     _check_ping(ping, beams.sizes["ping"])
+    angle, facing, right = beams["azimuth"].values, "forward", "starboard"
+    if "beam_z" in beams.coords and float(beams["beam_z"].mean()) > 0.5:
+        aside = max("yx", key=lambda axis: float(np.ptp(beams[f"beam_{axis}"].values)))
+        angle = np.arctan2(beams[f"beam_{aside}"].values, beams["beam_z"].values)
+        facing, right = "down", {"x": "forward", "y": "starboard"}[aside]
+    if np.ptp(angle) < 1e-6:
+        raise ValueError(f"the beams have one azimuth, {np.degrees(angle[0]):.4g} degrees, so they make no fan seen "
+                         "from above; give level directions, or such as look down.")
     pressure = np.abs(beams.isel(ping=ping).transpose("beam", "sample").values.astype(complex))
-    order = np.argsort(beams["azimuth"].values, kind="stable")
+    order = np.argsort(angle, kind="stable")
     slant_range = 0.5 * beams.attrs["sound_speed"] * beams["time"].values
-    return beams["azimuth"].values[order], slant_range, 20 * np.log10(np.maximum(pressure[order], 1e-10))
+    return angle[order], slant_range, 20 * np.log10(np.maximum(pressure[order], 1e-10)), facing, right
 
 
 def _from_above(azimuth, slant_range, level):

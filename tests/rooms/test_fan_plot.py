@@ -20,7 +20,7 @@ def beams(azimuth, sample=300, beam=None, samples=600):
 @pytest.mark.parametrize("beam", [10, 30])
 def test_an_echo_lies_where_its_beam_and_time_say(beam, falling):
     data = beams(np.linspace(-50, 50, 41)[::-1] if falling else np.linspace(-50, 50, 41), beam=beam)
-    azimuth, slant_range, level = room._levels(data, 0)
+    azimuth, slant_range, level, *_ = room._levels(data, 0)
     (left, right, bottom, top), image = room._from_above(azimuth, slant_range, level)
     row, column = np.argwhere(image == np.nanmax(image)).mean(0)              # the middle of the beam's patch
     step = (right - left) / image.shape[1]
@@ -36,10 +36,29 @@ def test_it_is_drawn(tmp_path, suffix):
     assert (tmp_path / f"a.{suffix}").stat().st_size > 5000
 
 
+@pytest.mark.parametrize("axis, right", [("x", "forward"), ("y", "starboard")])
+def test_a_fan_that_looks_down_is_drawn_by_its_angles_from_below(tmp_path, axis, right):
+    angle = np.deg2rad(np.linspace(-60, 60, 31))
+    aside, other = np.sin(angle), "xy".replace(axis, "")
+    data = beams(np.where(aside < 0, -90, 90)).assign_coords(
+        {f"beam_{axis}": ("beam", aside), f"beam_{other}": ("beam", 0 * aside), "beam_z": ("beam", np.cos(angle))})
+    drawn, _, _, *sides = room._levels(data, 0)
+    assert drawn == pytest.approx(angle) and sides == ["down", right]
+    plots.fan(data, tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("vector, name", [([1, 0, 0.3], "forward"), ([-1, 0, 0], "aft"), ([0, 0.9, 0.5], "starboard"),
+                                          ([0, -1, 0], "port"), ([0.2, 0, 1], "down"), ([0, 0, -1], "up")])
+def test_the_sides_of_a_picture_are_named_by_the_body(vector, name):
+    assert room._way(np.array(vector)) == name
+    assert room._way(np.array([0.6, 0.6, 0.52]), beside="forward") == "starboard"
+
+
 @pytest.mark.parametrize("spoil, sentence", [
     (lambda data: data.isel(beam=[0]), "two or more beams"),
     (lambda data: data.drop_vars("azimuth"), "no azimuth"),
     (lambda data: data.rename(sample="range"), "two or more beams"),
+    (lambda data: data.assign_coords(azimuth=("beam", np.full(31, np.pi / 2))), "one azimuth, 90 degrees"),
 ])
 def test_what_is_no_fan_is_refused(tmp_path, spoil, sentence):
     with pytest.raises(ValueError, match=sentence):
