@@ -152,6 +152,8 @@ def _signals(arguments):
 
     path = _scene_file(arguments.scene)
     files.check_writable(arguments.output)
+    if os.path.splitext(arguments.output)[1].lower() != ".nc":
+        raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
     from .elements import element_signals, impulse_response, pings
     from .scene import load_file
 

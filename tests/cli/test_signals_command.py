@@ -108,6 +108,10 @@ def test_wrong_arguments(variant, scene, refusal, arguments, sentence):
     assert sentence in refusal("signals", "array.xml", "-o", "a.nc", *arguments)
 
 
+def test_a_name_that_is_none_of_netcdf(variant, folder, scene, refusal):
+    assert "cannot write a.txt: its name must end in .nc" in refusal("signals", "array.xml", "-o", "a.txt")
+
+
 def test_the_faces_of_a_sidescan_are_elements_too(variant, folder):
     assert cli.main(["signals", "scene.xml", "-o", "a.nc", "--ping", "1", "-D", "range=40"]) == 0
     there = netcdf.read("a.nc")
