@@ -39,7 +39,7 @@ SCENES = {
                           '(did you mean "altitude"?). Known: altitude, beam_width_deg,'),
     "unknown attribute of the water": ([water('<float name="soundspeed" value="1"/>')], 'did you mean "sound_speed"?'),
     "unknown attribute of the film": ([(FILM, '<integer name="width" value="5"/>')], "Known: bins, range, range_min"),
-    "unknown attribute of the integrator": ([(RAYS, '<integer name="max_depth" value="5"/>')], "first_pass, lighting, rays."),
+    "unknown attribute of the integrator": ([(RAYS, '<integer name="max_depth" value="5"/>')], "lighting, rays."),
     "unknown attribute of the material": ([('"mu_db"', '"mu"')], 'lambert "sand": got the float -27.0'),
     "unknown attribute of the seabed": ([('"spacing"', '"spacin"')], 'did you mean "spacing"?'),
     "wrong type": ([(PINGS, '<string name="pings" value="many"/>')],
