@@ -2,7 +2,8 @@
 
 - ``range`` [m, 100], ``range_min`` [m, 0]: slant range window, at the sonar's own sound speed.
 - ``bins`` [800] or ``sample_rate_khz``: number of equal time bins, or how many a millisecond. The signals of an array
-  are complex samples; without either they come at 1.5 times the bandwidth of the pulse.
+  are complex samples; without either they come at 1.5 times what the pulse needs,
+  its bandwidth and 2 / duration, and the Doppler shift.
 
 .. code-block:: xml
 
