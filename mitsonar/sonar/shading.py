@@ -22,6 +22,7 @@ WINDOWS = {
     "gaussian": ("standard deviation in elements",), "tukey": ("tapered share = 0.5",), "general_hamming": ("alpha",),
     "general_gaussian": ("power", "standard deviation in elements"), "dpss": ("time half bandwidth",),
 }
+LARGEST = {"tukey": 1}              # numbers of others are bounded by 0 alone
 
 
 def window_weights(window, elements):
@@ -55,8 +56,15 @@ def window_weights(window, elements):
     needs = f"the numbers ({', '.join(takes)})" if takes else "no numbers"
     if not sum("=" not in number for number in takes) <= len(numbers) <= len(takes):
         raise ValueError(f'window is "{said}", but {name} takes {needs}.')
+    largest = LARGEST.get(name, np.inf)
     try:
         numbers = [int(value) if value.is_integer() else value for value in map(float, numbers)]
+    except (ValueError, TypeError):
+        raise ValueError(f'window is "{said}", but {name} takes {needs}.') from None
+    if any(not 0 <= value <= largest for value in numbers):
+        bound = "of 0 or more" if np.isinf(largest) else f"from 0 to {largest}"
+        raise ValueError(f'window is "{said}", but {name} takes {needs}, {bound}.')
+    try:
         with warnings.catch_warnings():
             # SciPy's advice on spectra below 45 dB of attenuation does not concern arrays.
             warnings.simplefilter("ignore")

@@ -336,7 +336,10 @@ def test_no_pitch(array, words):
     (lambda: line_array(4, 0.1).shaded("hanning"), 'window is "hanning"; give one of boxcar, triang'),
     (lambda: line_array(4, 0.1).shaded("kaiser"), 'window is "kaiser", but kaiser takes the numbers (beta)'),
     (lambda: line_array(4, 0.1).shaded("hann 3"), "hann takes no numbers"),
-    (lambda: line_array(4, 0.1).shaded("taylor four"), 'window "taylor four" leaves nothing of 4 elements'),
+    (lambda: line_array(4, 0.1).shaded("taylor four"), 'window is "taylor four", but taylor takes the numbers'),
+    (lambda: line_array(4, 0.1).shaded("chebwin -30"), 'window is "chebwin -30", but chebwin takes the numbers '
+                                                       '(attenuation in dB), of 0 or more'),
+    (lambda: line_array(4, 0.1).shaded(("tukey", 3)), "tukey takes the numbers (tapered share = 0.5), from 0 to 1"),
     (lambda: line_array(2, 0.1).shaded("hann"), 'window "hann" leaves nothing of 2 elements'),
     (lambda: line_array(4, 0.1).shaded("hann", "hann"), "got 2 windows for 1 axes"),
     (lambda: spherical_array(4, 0.1).shaded("hann"), "stand in no regular order"),
