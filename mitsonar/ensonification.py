@@ -27,6 +27,7 @@ __all__ = ["LIGHTING", "Echoes", "Ensonification"]
 
 LIGHTING = ("scatterers", "rays")
 CELLS_PER_BLOCK = 1 << 19
+MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
 AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn from
 EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
@@ -127,6 +128,10 @@ class Ensonification:
         if self.lighting == "scatterers":
             facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
             stretches = self.scatterers.stretches(facets, origin, self.farthest)
+            cells = int(stretches[2].sum())
+            if cells > MOST_CELLS:
+                raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping, and {MOST_CELLS:.0e} is "
+                                 "the most; take larger cells, a shorter range, or let rays light them")
             for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
                 yield from self._echoes(sources, start, rotation, facet, s)
         else:

@@ -37,6 +37,7 @@ import numpy as np
 
 from mitsonar.plugins.properties import Attributes
 from mitsonar.sonar import PULSES
+from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST
 
@@ -44,6 +45,7 @@ from .array_attributes import read_array
 from .platform import ArrayPlan, Platform
 
 LEVELS_DB = {"minimum": -200, "maximum": 300}
+WINDOW_SAMPLES = 64                # on which a pulse's window is tried
 
 
 class ArraySonar(mi.Sensor):
@@ -149,12 +151,10 @@ class ArraySonar(mi.Sensor):
 
 
 def _window(text):
-    """A window's name, or its name and numbers, as SciPy takes them."""
-    name, *numbers = text.split() or [""]
-    try:
-        return (name, *map(float, numbers)) if numbers else name
-    except ValueError:
-        raise ValueError(f'pulse_window is "{text}"; give a window and its numbers, such as "tukey 0.1".') from None
+    """A window's name, or its name and numbers, as SciPy takes them; what shading would refuse is refused here too."""
+    window_weights(text, WINDOW_SAMPLES)
+    name, *numbers = text.split()
+    return (name, *map(float, numbers)) if numbers else name
 
 
 mi.register_sensor("array_sonar", ArraySonar)
