@@ -52,7 +52,11 @@ def received_signals(survey, pings, *, kernel, return_path, seed=0, progress=Non
         If the sampling rate is below the pulse's bandwidth, or the pulse longer than the record.
     """
     pulse, kept, noise = survey.pulse, survey.samples - survey.lead, survey.noise
-    check_record(pulse, survey.sampling_rate, kept)
+    try:
+        check_record(pulse, survey.sampling_rate, kept)
+    except ValueError as error:
+        raise ValueError(f"{error} In a scene the film's sample_rate_khz or bins set the rate, and its range the "
+                         "record.") from None
     blocks = []
     for number, one in enumerate(pings):
         signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo

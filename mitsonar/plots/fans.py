@@ -52,7 +52,7 @@ def fan(beams, path, *, ping=0, tvg=True, limits=None, title="", subtitle=""):
 
 
 def fan_picture(dataset, path, *, ping=0, tvg=True):
-    """Draw one ping of what `mitsonar.render` gives of an array: see `fan`.
+    """Draw one ping of what `mitsonar.render` gives of an array: its `fan`, or the levels of a single beam over range.
 
     Parameters
     ----------
@@ -64,13 +64,14 @@ def fan_picture(dataset, path, *, ping=0, tvg=True):
     Raises
     ------
     ValueError
-        If there are fewer than two beams or no such ping, or the file is of another kind.
+        If there is no such ping, or the file is of another kind.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    if dataset.sizes["beam"] < 2:
-        raise ValueError("a fan is drawn of two or more beams; this sonar has one.")
     _check_ping(ping, dataset.sizes["ping"])
+    if dataset.sizes["beam"] == 1:
+        _draw_beam(dataset, path, ping)
+        return
     direction = np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
     facing = _way(direction.mean(0))
     attrs = dataset.attrs
@@ -78,6 +79,21 @@ def fan_picture(dataset, path, *, ping=0, tvg=True):
     _draw(dataset["beam"].values, dataset["range"].values, dataset["level"].values[ping], path, tvg=tvg,
           facing=facing, right=_way(direction[-1] - direction[0], facing),
           title=os.path.splitext(attrs.get("file") or "array_sonar")[0], subtitle=words)
+
+
+def _draw_beam(dataset, path, ping):
+    canvas.file_format(path)
+    check_writable(path)
+    figure = canvas.sheet(1100, 500)
+    axes = figure.subplots()
+    axes.plot(dataset["range"].values, dataset["level"].values[ping, 0], color="#1f4e79", linewidth=0.8)
+    axes.set_xlabel("slant range [m]", fontsize=11)
+    axes.set_ylabel("level [dB re 1 µPa]", fontsize=11)
+    axes.grid(alpha=0.25)
+    axes.set_title(f"{os.path.splitext(dataset.attrs.get('file') or 'array_sonar')[0]}, "
+                   f"ping {int(dataset['ping'][ping])}, one beam", fontsize=13)
+    figure.tight_layout()
+    canvas.save(figure, path)
 
 
 def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle, facing, right):

@@ -67,7 +67,7 @@ WRONG = {
     "no elements": ([(LINE, '<string name="receive" value="line"/> <integer name="receive_elements" value="0"/>')],
                     "receive_elements is the integer 0; expected an integer at least 1"),
     "sampling below the bandwidth": ([(FILM, FILM + '<float name="sample_rate_khz" value="4"/>')],
-                                     "sampling rate"),
+                                     "the film's sample_rate_khz or bins set the rate"),
     "pulse longer than the record": ([sensor('<float name="pulse_ms" value="80"/>')], "longer"),
     "an array larger than the approximation allows": (
         [(LINE, '<string name="receive" value="line"/> <integer name="receive_elements" value="2"/>'
@@ -118,6 +118,12 @@ def test_the_faces_of_a_sidescan_are_elements_too(variant, folder):
     assert cli.main(["signals", "scene.xml", "-o", "a.nc", "--ping", "1", "-D", "range=40"]) == 0
     there = netcdf.read("a.nc")
     assert there.sizes["rx"] == 2 and there["ping"].values.tolist() == [1]
+
+
+def test_a_single_element_has_a_picture_too(variant, folder, scene):
+    scene((LINE, ""), ('    <default name="elements" value="3"/>\n', ""))
+    assert cli.main(["render", "array.xml", "-o", "a.exr", "--preview", "a.png"]) == 0
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_fan_of_an_array_is_its_picture(variant, folder, scene, refusal):
