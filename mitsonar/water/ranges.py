@@ -14,16 +14,35 @@ RANGES = {
     "shipping": (0.0, 1.0, ""),
 }
 
+# formula of sound speed -> what it was fitted to, where that is narrower. 1000 bar are 9727 m at the equator; pressure,
+# by gsw, begins 5 m above the still surface.
+SOUND_SPEED_RANGES = {
+    "teos-10": {"depth": (-5.0, 12000.0, "m")},
+    "chen-millero": {"temperature": (0.0, 40.0, "deg C"), "salinity": (0.0, 40.0, "g/kg"),
+                     "depth": (-5.0, 9727.0, "m")},
+    "mackenzie": {"temperature": (-2.0, 30.0, "deg C"), "salinity": (30.0, 40.0, "g/kg"),
+                  "depth": (-20.0, 8000.0, "m")},
+    "medwin": {"temperature": (0.0, 35.0, "deg C"), "depth": (-20.0, 1000.0, "m")},
+    "leroy-robinson-goldsmith": {"temperature": (-1.0, 30.0, "deg C"), "salinity": (0.0, 42.0, "g/kg")},
+}
 
-def checked(formula, **values):
-    """Give the values as float64 arrays, in order, or raise a ValueError naming the first outside `RANGES`."""
+
+def checked(what, ranges=RANGES, **values):
+    """Give the values as float64 arrays, in order, or raise a ValueError naming the first outside ``ranges``."""
     arrays = []
     for name, value in values.items():
-        low, high, unit = RANGES[name]
+        low, high, unit = ranges[name]
         array = np.asarray(value, float)
         bad = ~((array >= low) & (array <= high))  # a NaN is bad too
         if bad.any():
             got, limits = f"{array[bad].flat[0]:g} {unit}".strip(), f"{low:g}..{high:g} {unit}".strip()
-            raise ValueError(f"{formula}: {name} is {got}; it must lie in {limits}.")
+            raise ValueError(f"{what}: {name} is {got}; it must lie in {limits}.")
         arrays.append(array)
     return arrays
+
+
+def chosen(what, formula, formulas):
+    """Give the formula of that name, or raise a ValueError with the names of all."""
+    if formula not in formulas:
+        raise ValueError(f"{what}: formula {formula!r} is unknown; use one of {', '.join(formulas)}.")
+    return formulas[formula]

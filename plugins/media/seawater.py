@@ -1,12 +1,15 @@
 """Seawater (`seawater`): sound speed against depth, absorption, ambient noise.
 
-Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; without any, TEOS-10 computes it from
+Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; without any, a formula computes it from
 ``temperature`` and ``salinity``.
 
 - ``profile``: table, depth [m] : sound speed [m/s], increasing depths; linear between, constant beyond.
 - ``cast``: name of a file `mitsonar.io.casts` reads; its temperature and salinity, if it has them, set absorption.
 - ``sound_speed``: one number [m/s].
-- ``temperature`` [deg C, 10], ``salinity`` [35], ``ph`` [8]: absorption by Francois and Garrison.
+- ``sound_speed_formula`` [teos-10]: of `mitsonar.water.sound_speed`, where none of those is given. Down to 6000 m, or
+  as deep as the formula reaches (``medwin``: 1000 m); constant below.
+- ``temperature`` [deg C, 10], ``salinity`` [35], ``ph`` [8]: for these formulas and absorption.
+- ``absorption_formula`` [francois-garrison]: of `mitsonar.water.absorption_db`.
 - ``absorption_db_per_km``: absorption given instead, the same at all depths.
 - ``wind_speed`` [m/s, 5], ``shipping`` [0..1, 0.5]: ambient noise.
 
@@ -22,9 +25,10 @@ import numpy as np
 
 from mitsonar.io import casts
 from mitsonar.plugins.properties import Attributes
-from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db, sound_speed
+from mitsonar.water import SoundSpeedProfile, absorption, absorption_db, ambient_noise_db, seawater, sound_speed
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import FASTEST, SLOWEST
+from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
@@ -39,7 +43,10 @@ class Seawater(mi.Medium):
         self.ph = attributes.number("ph", 8.0)
         self.wind_speed = attributes.number("wind_speed", 5.0, minimum=0, unit="m/s")
         self.shipping = attributes.number("shipping", 0.5, minimum=0, maximum=1)
+        self.absorption_formula = attributes.text("absorption_formula", "francois-garrison",
+                                                  choices=list(absorption.FORMULAS))
         given_db = attributes.number("absorption_db_per_km", None, minimum=0, unit="dB/km")
+        _only_one(attributes, "absorption_formula", "absorption_db_per_km")
         self.given_absorption_db = None if given_db is None else given_db / 1000
         self.cast = None
         self.profile = self._read_profile(attributes)
@@ -51,12 +58,11 @@ class Seawater(mi.Medium):
         super().__init__(props)
 
     def _read_profile(self, attributes):
-        written = attributes.given("profile", "cast", "sound_speed")
-        if len(written) > 1:
-            raise attributes.error(f"{' and '.join(written)} are given; give one of them.")
+        _only_one(attributes, "profile", "cast", "sound_speed", "sound_speed_formula")
         table = attributes.table("profile", None)
         path = attributes.file("cast", None)
         constant = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
+        formula = attributes.text("sound_speed_formula", "teos-10", choices=list(seawater.FORMULAS))
         try:
             if table is not None:
                 return SoundSpeedProfile(*table)
@@ -65,7 +71,8 @@ class Seawater(mi.Medium):
                 return self.cast.profile
             if constant is not None:
                 return SoundSpeedProfile([0.0], [constant])
-            return SoundSpeedProfile(COLUMN, sound_speed(self.temperature, self.salinity, COLUMN))
+            depth = COLUMN[COLUMN <= {**RANGES, **SOUND_SPEED_RANGES[formula]}["depth"][1]]
+            return SoundSpeedProfile(depth, sound_speed(self.temperature, self.salinity, depth, formula=formula))
         except ValueError as error:
             raise attributes.error(str(error)) from None
 
@@ -76,8 +83,9 @@ class Seawater(mi.Medium):
         if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
             depth = self.profile.depth
             return AbsorptionColumn(depth, absorption_db(frequency, self.cast.temperature, self.cast.salinity,
-                                                         np.maximum(depth, 0), self.ph))
-        return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph))
+                                                         np.maximum(depth, 0), self.ph, self.absorption_formula))
+        return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph,
+                                                      self.absorption_formula))
 
     def mean_absorption(self, top, bottom):
         """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
@@ -112,6 +120,12 @@ class Seawater(mi.Medium):
     def to_string(self):
         speed = self.profile.sound_speed
         return f"Seawater[{len(speed)} nodes, {speed.min():.1f}..{speed.max():.1f} m/s]"
+
+
+def _only_one(attributes, *names):
+    written = attributes.given(*names)
+    if len(written) > 1:
+        raise attributes.error(f"{' and '.join(written)} are given; give one of them.")
 
 
 mi.register_medium("seawater", Seawater)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db, sound_speed
+from mitsonar.water.seawater import FORMULAS
 
 FREQUENCY = 400e3
 CASTAWAY = """% Device,CC1234567
@@ -68,6 +69,26 @@ def test_absorption_given_is_the_same_everywhere(water):
     assert absorption(water(absorption_db_per_km=0), 10) == 0
 
 
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_sound_speed_formula(water, formula):
+    profile = water(sound_speed_formula=formula, temperature=4.0, salinity=34.0).profile
+    assert np.array_equal(profile.sound_speed, sound_speed(4.0, 34.0, profile.depth, formula=formula))
+    assert profile.depth[-1] == (1000 if formula == "medwin" else 6000)
+
+
+@pytest.mark.parametrize("formula", ["francois-garrison", "ainslie-mccolm", "thorp"])
+def test_absorption_formula(water, tmp_path, formula):
+    wanted = absorption_db(FREQUENCY, 4.0, 35.0, 50, 7.7, formula)
+    medium = water(absorption_formula=formula, temperature=4.0, ph=7.7)
+    assert absorption(medium, 50) == pytest.approx(wanted, rel=1e-12)
+    path = tmp_path / "cast.csv"
+    path.write_text(CASTAWAY)
+    medium = water(cast=str(path), absorption_formula=formula)
+    depth = medium.profile.depth
+    wanted = absorption_db(FREQUENCY, [15, 9], [31, 32], depth, 8.0, formula)
+    assert absorption(medium, depth) == pytest.approx(wanted, rel=1e-12)
+
+
 def test_noise(water):
     assert water(wind_speed=9.0, shipping=0.1).noise_level_db(FREQUENCY) == ambient_noise_db(FREQUENCY, 9.0, 0.1)
     assert water().noise_level_db(FREQUENCY) == ambient_noise_db(FREQUENCY, 5.0, 0.5)
@@ -90,6 +111,11 @@ def test_only_one_kind_of_sound_speed(refusal, one, other):
     ({"sound_speed": 3000.0}, "expected a number [m/s] above 300.0 and below 3000.0"),
     ({"profile": "0:1500, 0:1490"}, "sort the nodes and merge repeated depths"),
     ({"cast": "no.csv"}, 'cast names the file "no.csv", which is not there'),
+    ({"sound_speed_formula": "makenzie"}, 'did you mean "mackenzie"?'),
+    ({"absorption_formula": "thorpe"}, 'expected one of "francois-garrison", "ainslie-mccolm", "thorp" (did you mean'),
+    ({"sound_speed_formula": "mackenzie", "salinity": 5.0}, "mackenzie: salinity is 5 g/kg; it must lie in 30.."),
+    ({"sound_speed_formula": "medwin", "sound_speed": 1500.0}, "sound_speed and sound_speed_formula are given"),
+    ({"absorption_formula": "thorp", "absorption_db_per_km": 30.0}, "absorption_formula and absorption_db_per_km are"),
     ({"salt": 1.0}, 'did you mean "salinity"?'),
 ])
 def test_refusals(refusal, attributes, words):

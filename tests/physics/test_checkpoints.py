@@ -1,0 +1,70 @@
+"""Every checked number of a table kept beside the checkout whose formula is one of the water's.
+
+Closed form: the published formulas, computed by other implementations. Bias: none. Tolerances are the table's own,
+those of the digits it was checked to; numbers printed with pressure are asked at the depth of that pressure.
+"""
+import json
+from pathlib import Path
+
+import gsw
+import pytest
+
+from mitsonar.water import absorption_db, sound_speed
+
+TABLE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
+LATITUDE = 45.0
+SPEEDS = {"teos_exact": "teos-10", "wong_zhu": "chen-millero", "mackenzie": "mackenzie", "medwin": "medwin",
+          "leroy2008": "leroy-robinson-goldsmith"}
+
+
+def francois_garrison(f_kHz, T, S, D_m, pH):
+    """Absorption [dB/km]."""
+    return {"alpha": 1000 * absorption_db(1e3 * f_kHz, T, S, D_m, pH, formula="francois-garrison")}
+
+
+def ainslie_mccolm(f_kHz, T, S, z_km, pH):
+    """Absorption [dB/km]."""
+    return 1000 * absorption_db(1e3 * f_kHz, T, S, 1e3 * z_km, pH, formula="ainslie-mccolm")
+
+
+def thorp(f_kHz):
+    """Absorption [dB/km]."""
+    return 1000 * absorption_db(1e3 * f_kHz, formula="thorp")
+
+
+def wong_zhu(T90, S, P_bar):
+    """Sound speed [m/s]."""
+    return sound_speed(T90, S, -gsw.z_from_p(10 * P_bar, LATITUDE), LATITUDE, formula="chen-millero")
+
+
+def speeds(T90, S, z_m, p_dbar, SA):
+    """Sound speed [m/s] by formula."""
+    return {name: sound_speed(T90, S, z_m, formula=formula) for name, formula in SPEEDS.items()}
+
+
+# how the table's name of a formula begins -> what answers it, and the fewest records there are of it
+ANSWERS = {
+    "Francois-Garrison 1982": (francois_garrison, 28),
+    "Ainslie-McColm 1998": (ainslie_mccolm, 28),
+    "Thorp": (thorp, 4),
+    "Chen-Millero, Wong&Zhu 1995": (wong_zhu, 8),
+    "T90 degC, S practical, depth z": (speeds, 7),
+}
+
+
+@pytest.mark.parametrize("formula", ANSWERS)
+def test_every_checked_number(formula, record_property):
+    if not TABLE.is_file():
+        pytest.skip(f"the checked numbers are not beside the checkout ({TABLE})")
+    answer, fewest = ANSWERS[formula]
+    records = [record for record in json.loads(TABLE.read_text()) if record["formula"].startswith(formula)]
+    for record in records:
+        size, *words = record["tolerance"].split()
+        tolerance = {"rel": float(size), "abs": 0.0} if words == ["rel"] else {"rel": 0.0, "abs": float(size)}
+        got, wanted = answer(**record["inputs"]), record["output"]
+        if isinstance(got, dict):
+            wanted = {name: wanted[name] for name in got}
+        assert got == pytest.approx(wanted, **tolerance), record["id"]
+    record_property("records", len(records))
+    print(f"{formula}: {len(records)} records")
+    assert len(records) >= fewest
