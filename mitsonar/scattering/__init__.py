@@ -4,8 +4,11 @@ from .fractal import Fractal
 from .relief import Plane, Relief, Sinusoid, Sum
 from .ripples import Ripples
 from .roughness import RoughnessSpectrum
+from .sediment import SEDIMENTS, Sediment
+from .strength import LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
 # Laws of scattering by the name of their material; each module holds `scattering_strength`.
 LAWS = {"lambert": lambert}
 
-__all__ = ["LAWS", "Fractal", "Plane", "Relief", "Ripples", "RoughnessSpectrum", "Sinusoid", "Sum"]
+__all__ = ["LAWS", "SEDIMENTS", "Fractal", "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum",
+           "Sediment", "Sinusoid", "Sum", "backscatter_strength_db", "bistatic_strength_db"]

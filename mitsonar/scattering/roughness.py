@@ -82,9 +82,7 @@ class RoughnessSpectrum:
         ValueError
             If the sediment is not in the table; the message lists those that are.
         """
-        key = " ".join(name.lower().replace("_", " ").replace("-", " ").split())
-        if key not in W2_CM4_TR9407:
-            raise ValueError(f'no sediment is called "{name}"; known are {", ".join(W2_CM4_TR9407)}.')
+        key = sediment_key(name)
         return cls(w2=w2_from_cm4(W2_CM4_TR9407[key], GAMMA_TR9407), gamma=GAMMA_TR9407, outer_scale=outer_scale)
 
     @classmethod
@@ -121,6 +119,20 @@ class RoughnessSpectrum:
     @property
     def _corner(self):
         return 2 * np.pi / self.outer_scale
+
+
+def sediment_key(name):
+    """Give the name under which the tables hold a sediment: lower case, ``-`` and ``_`` read as a space.
+
+    Raises
+    ------
+    ValueError
+        If the sediment is not in the table; the message lists those that are.
+    """
+    key = " ".join(str(name).lower().replace("_", " ").replace("-", " ").split())
+    if key not in W2_CM4_TR9407:
+        raise ValueError(f'no sediment is called "{name}"; known are {", ".join(W2_CM4_TR9407)}.')
+    return key
 
 
 def w2_from_cm4(w2_cm4, gamma):

@@ -1,0 +1,197 @@
+"""Scattering by a fluid sediment: its rough surface by the small-slope approximation, and the volume below.
+
+    P(θ) = sqrt(κ² - cos² θ),   κ = (1 + iδ)/ν,        y = ρ sin θ / P,        R = (y - 1)/(y + 1)
+    S = cos θ_i cos θ_s cos φ,   ΔK = k sqrt(cos² θ_i - 2 S + cos² θ_s),   ΔK_z = k (sin θ_i + sin θ_s)
+    G = (1/ρ - 1)(S - P_i P_s/ρ) + 1 - κ²/ρ,           A = k²/2 (1 + R_i)(1 + R_s) G
+    C² = 2π w2 Γ(2 - α) 2^(-2α) / [α (1 - α) Γ(1 + α)],     α = γ/2 - 1,   q = C² ΔK_z² ΔK^(-2α) / 2
+
+    σ_rough  = |A|² I(q, α) / (2π ΔK² ΔK_z²)                                        (I: see rough_interface)
+    σ_volume = 10 δ σ2 |1 + R_i|² |1 + R_s|² / [ν ln 10 ρ² Im(P_i + P_s)]           σ = σ_rough + σ_volume
+
+θ_i, θ_s -> ``grazing_in``, ``grazing_out``, φ -> ``azimuth`` (0 forward, π back), k -> ``wavenumber``; ρ, ν of the
+sediment over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ -> ``loss``; σ2 -> ``volume_parameter``;
+w2, γ of the roughness -> ``w2``, ``gamma``. Time factor exp(-iωt). The rough part holds the whole of the
+reflected energy, its near-specular lobe included: never add a specular echo of the same seabed.
+"""
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gamma as gamma_function
+
+from .rough_interface import ALPHA_RANGE, lobe_integral
+from .roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
+
+__all__ = ["SEDIMENTS", "Sediment"]
+
+STEEPEST_ROUGHNESS = 1.0           # root-mean-square slope of the roughness that the sound sees
+HIGHEST_AS_FLUID = 100e3           # [Hz], of rock and cobble
+SMALLEST_SHIFT = 1e-9              # of k: keeps specular and grazing limits finite, at which they are reached to 1e-9
+
+# APL-UW TR 9407 (1994), section IV, Table 2: density ratio, sound speed ratio, loss, volume parameter.
+_ROWS = {
+    ("rough rock", "rock"): (2.5, 2.5, 0.01374, 0.002),
+    ("cobble", "gravel", "pebble"): (2.5, 1.8, 0.01374, 0.002),
+    ("sandy gravel",): (2.492, 1.3370, 0.01705, 0.002),
+    ("very coarse sand",): (2.401, 1.3067, 0.01667, 0.002),
+    ("muddy sandy gravel",): (2.314, 1.2778, 0.01630, 0.002),
+    ("coarse sand", "gravelly sand"): (2.231, 1.2503, 0.01638, 0.002),
+    ("gravelly muddy sand",): (2.151, 1.2241, 0.01645, 0.002),
+    ("medium sand", "sand"): (1.845, 1.1782, 0.01624, 0.002),
+    ("muddy gravel",): (1.615, 1.1396, 0.01610, 0.002),
+    ("fine sand", "silty sand"): (1.451, 1.1073, 0.01602, 0.002),
+    ("muddy sand",): (1.339, 1.0800, 0.01728, 0.002),
+    ("very fine sand",): (1.268, 1.0568, 0.01875, 0.002),
+    ("clayey sand",): (1.224, 1.0364, 0.02019, 0.002),
+    ("coarse silt",): (1.195, 1.0179, 0.02158, 0.002),
+    ("sandy silt", "gravelly mud"): (1.169, 0.9999, 0.01261, 0.002),
+    ("medium silt", "sand silt clay"): (1.149, 0.9885, 0.00676, 0.001),
+    ("silt", "sandy mud"): (1.149, 0.9873, 0.00386, 0.001),
+    ("fine silt", "clayey silt"): (1.148, 0.9861, 0.00306, 0.001),
+    ("sandy clay",): (1.147, 0.9849, 0.00242, 0.001),
+    ("very fine silt",): (1.147, 0.9837, 0.00194, 0.001),
+    ("silty clay",): (1.146, 0.9824, 0.00163, 0.001),
+    ("clay",): (1.145, 0.9800, 0.00148, 0.001),
+}
+_SOLID = ("rough rock", "rock", "cobble", "gravel", "pebble")
+_BOUNDS = {                        # name -> (above, up to); zero loss or roughness would leave 0/0
+    "density_ratio": (0.0, 10.0), "sound_speed_ratio": (0.0, 5.0), "loss": (0.0, 1.0), "w2": (0.0, 1.0),
+    "gamma": tuple(2 + 2 * alpha for alpha in ALPHA_RANGE),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sediment:
+    """Hold what a fluid sediment is to sound, and give its scattering.
+
+    Parameters
+    ----------
+    density_ratio, sound_speed_ratio : float [-]
+        Those of the sediment over those of the water above.
+    loss : float [-]
+        Imaginary over real part of the wavenumber in the sediment; 1 dB per wavelength is 1/54.575.
+    volume_parameter : float [-]
+        Scattering of the volume, per absorption: cross section [1/m] over absorption [dB/m]; 0 for none.
+    w2 : float [m^(4 - gamma)]
+        Strength of the roughness spectrum w2 K^-gamma, whose integral over both wavenumbers is the height variance.
+    gamma : float [-]
+        Its exponent, 2.4..3.9.
+    solid : bool
+        Whether it bears shear waves, which a fluid does not: then it is refused at 100 kHz and above.
+    name : str
+        How errors call it.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range.
+
+    Notes
+    -----
+    Rough surface: Thorsos and Broschat (1995), J. Acoust. Soc. Am. 97, 2082; Jackson and Richardson (2007),
+    High-Frequency Seafloor Acoustics, chapter 13. Volume: Jackson, Winebrenner and Ishimaru (1986), J. Acoust. Soc.
+    Am. 79, 1410. At its best while the roughness seen is gentle (slopes up to 0.3) and the grazing angle is above the
+    slopes: shadows are left out. Rock and cobble bear shear: below 100 kHz, too, they are several dB uncertain.
+    """
+
+    density_ratio: float
+    sound_speed_ratio: float
+    loss: float
+    volume_parameter: float
+    w2: float
+    gamma: float = GAMMA_TR9407
+    solid: bool = False
+    name: str = "sediment"
+
+    def __post_init__(self):
+        for field, (low, high) in _BOUNDS.items():
+            value = getattr(self, field)
+            if not low < value <= high:
+                raise ValueError(f"{self.name}: {field} is {value}; it must be above {low:g} and at most {high:g}.")
+        if not 0 <= self.volume_parameter <= 1:
+            raise ValueError(f"{self.name}: volume_parameter is {self.volume_parameter}; it must lie in 0..1.")
+
+    @classmethod
+    def of(cls, name, **changes):
+        """Give the sediment of TR 9407 called ``name``, such as "medium sand", with ``changes`` to its fields."""
+        return replace(SEDIMENTS[sediment_key(name)], **changes)
+
+    def reflection(self, grazing):
+        """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
+        return self._transmission(np.sin(grazing), self._vertical(np.cos(grazing))) - 1
+
+    def roughness_slope(self, wavenumber):
+        """Give the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
+        return np.sqrt(2 * np.pi * self.w2 * (2 * wavenumber) ** (4 - self.gamma) / (4 - self.gamma))
+
+    def rough_strength(self, grazing_in, grazing_out, azimuth, wavenumber):
+        """Give σ [-] of the surface alone, at any frequency, for angles [rad] and wavenumber [rad/m] that broadcast."""
+        alpha, k = self.gamma / 2 - 1, wavenumber
+        cos_i, cos_s, sin_i, sin_s = np.cos(grazing_in), np.cos(grazing_out), np.sin(grazing_in), np.sin(grazing_out)
+        vertical_i, vertical_s = self._vertical(cos_i), self._vertical(cos_s)
+        scalar = cos_i * cos_s * np.cos(azimuth)
+        # (cos θ_i - cos θ_s)² + 4 cos cos sin²(φ/2): the shift of the transverse wavenumber, without cancellation
+        shift = (cos_i - cos_s) ** 2 + 4 * cos_i * cos_s * np.sin(azimuth / 2) ** 2
+        shift = k**2 * (shift + SMALLEST_SHIFT**2)
+        shift_z = k**2 * ((sin_i + sin_s) ** 2 + SMALLEST_SHIFT**2)
+        rho = self.density_ratio
+        contrast = (1 / rho - 1) * (scalar - vertical_i * vertical_s / rho) + 1 - self._kappa**2 / rho
+        amplitude = 0.5 * k**2 * self._transmission(sin_i, vertical_i) * self._transmission(sin_s, vertical_s)
+        structure = (2 * np.pi * self.w2 * gamma_function(2 - alpha) * 2 ** (-2 * alpha)
+                     / (alpha * (1 - alpha) * gamma_function(1 + alpha)))
+        q = 0.5 * structure * shift_z * shift**-alpha
+        return np.abs(amplitude * contrast) ** 2 * lobe_integral(q, alpha) / (2 * np.pi * shift * shift_z)
+
+    def volume_strength(self, grazing_in, grazing_out):
+        """Give σ [-] of the volume alone, for angles [rad] that broadcast; the same in all azimuths and frequencies."""
+        vertical_i, vertical_s = self._vertical(np.cos(grazing_in)), self._vertical(np.cos(grazing_out))
+        through = (self._transmission(np.sin(grazing_in), vertical_i)
+                   * self._transmission(np.sin(grazing_out), vertical_s))
+        return (10 * self.loss * self.volume_parameter * np.abs(through) ** 2
+                / (self.sound_speed_ratio * np.log(10) * self.density_ratio**2 * (vertical_i + vertical_s).imag))
+
+    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+        """Give σ [-] of surface and volume, for angles [rad], frequency [Hz], sound speed [m/s] that broadcast.
+
+        Raises
+        ------
+        ValueError
+            If the law does not hold for this sediment at a frequency; the message says why.
+        """
+        wavenumber = 2 * np.pi * frequency / sound_speed
+        self._check_law_holds(np.max(frequency, initial=0.0), np.max(wavenumber, initial=0.0))
+        return (self.rough_strength(grazing_in, grazing_out, azimuth, wavenumber)
+                + self.volume_strength(grazing_in, grazing_out))
+
+    def _check_law_holds(self, frequency, wavenumber):
+        slope = self.roughness_slope(wavenumber)
+        if slope > STEEPEST_ROUGHNESS:
+            raise ValueError(
+                f"{self.name} at {frequency / 1e3:g} kHz is too rough for the law of small slopes: its features down "
+                f"to half a wavelength have a root-mean-square slope of {slope:.2g}, and the law holds up to "
+                f"{STEEPEST_ROUGHNESS:g}; take a lower frequency or the law lambert.")
+        if self.solid and frequency >= HIGHEST_AS_FLUID:
+            raise ValueError(
+                f"{self.name} at {frequency / 1e3:g} kHz is not a fluid: it bears shear waves, which this law leaves "
+                f"out; take a frequency below {HIGHEST_AS_FLUID / 1e3:g} kHz or the law lambert.")
+
+    @property
+    def _kappa(self):
+        return (1 + 1j * self.loss) / self.sound_speed_ratio
+
+    def _vertical(self, cosine):
+        """P; the principal root has Im >= 0, for κ² lies in the upper half plane."""
+        return np.sqrt(self._kappa**2 - cosine**2)
+
+    def _transmission(self, sine, vertical):
+        """1 + R, written so that it is finite where P or sin θ is 0."""
+        return 2 * self.density_ratio * sine / (self.density_ratio * sine + vertical)
+
+
+def _sediments():
+    for names, (density, speed, loss, volume) in _ROWS.items():
+        for name in names:
+            yield name, Sediment(density_ratio=density, sound_speed_ratio=speed, loss=loss, volume_parameter=volume,
+                                 w2=w2_from_cm4(W2_CM4_TR9407[name], GAMMA_TR9407), solid=name in _SOLID, name=name)
+
+
+SEDIMENTS = dict(_sediments())     # by name, synonyms included: 23 rows of the table

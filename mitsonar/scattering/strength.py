@@ -1,0 +1,145 @@
+"""Scattering strength of the seabed in decibels, by law.
+
+    S(θ_i, θ_s, φ) = 10 log10 σ,        S_b(θ) = S(θ, θ, π)
+
+σ is the power scattered per area and solid angle over the incident intensity; θ -> ``grazing_in``, ``grazing_out``,
+``grazing_angle``, φ -> ``azimuth``, 0 forward and π back.
+"""
+from dataclasses import MISSING, dataclass, fields
+
+import numpy as np
+
+from . import lambert
+from .sediment import Sediment
+
+__all__ = ["LambertSeabed", "backscatter_strength_db", "bistatic_strength_db"]
+
+LAW_NAMES = ("lambert", "sediment")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LambertSeabed:
+    """Hold a seabed of Lambert's law, the same at all frequencies.
+
+    Parameters
+    ----------
+    mu_db : float [dB]
+        Strength 10 log μ, at most -4.97 dB, with which all that comes in goes out.
+
+    Raises
+    ------
+    ValueError
+        If ``mu_db`` is not finite or too large.
+    """
+
+    mu_db: float
+
+    def __post_init__(self):
+        strongest = 10 * np.log10(lambert.STRONGEST)
+        if not -np.inf < self.mu_db <= strongest:
+            raise ValueError(f"lambert: mu_db is {self.mu_db}; it must be a finite number up to {strongest:.2f} dB, "
+                             "above which more would come back than arrives.")
+
+    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+        """Give σ [-]; of the arguments only the grazing angles [rad] change it, the others give it its shape."""
+        sines = np.broadcast_arrays(np.sin(grazing_in), np.sin(grazing_out), azimuth, frequency, sound_speed)
+        return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
+
+
+def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0, **parameters):
+    """Give the backscatter strength of a seabed.
+
+    Parameters
+    ----------
+    law : str or object
+        "lambert", "sediment", or an object such as ``Sediment.of("medium sand")`` or ``LambertSeabed(mu_db=-27)``.
+    grazing_angle : array [rad]
+        0..π/2, from the plane of the seabed.
+    frequency : array [Hz]
+    sound_speed : array [m/s]
+        Of the water at the seabed. All arrays broadcast.
+    **parameters
+        Of a law given by name: ``mu_db`` of "lambert"; of "sediment" ``sediment``, a name, and fields of ``Sediment``
+        that replace its own, or all those fields without a name.
+
+    Returns
+    -------
+    array [dB re 1 m^2/m^2]
+        -inf at grazing angle 0.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the law does not hold for the sediment at this frequency.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mitsonar.scattering import backscatter_strength_db
+    >>> backscatter_strength_db("sediment", np.radians([20, 45]), 100e3, sediment="medium sand").round(2)
+    array([-24.98, -21.14])
+    """
+    return bistatic_strength_db(law, grazing_angle, grazing_angle, np.pi, frequency, sound_speed=sound_speed,
+                                **parameters)
+
+
+def bistatic_strength_db(law, grazing_in, grazing_out, azimuth, frequency, *, sound_speed=1500.0, **parameters):
+    """Give the scattering strength of a seabed from one direction to another.
+
+    Parameters
+    ----------
+    law, frequency, sound_speed, **parameters
+        As ``backscatter_strength_db`` takes them.
+    grazing_in, grazing_out : array [rad]
+        0..π/2.
+    azimuth : array [rad]
+        Between the ways in and out seen from above: 0 forward, π back.
+
+    Returns
+    -------
+    array [dB re 1 m^2/m^2]
+
+    Raises
+    ------
+    ValueError
+        As ``backscatter_strength_db`` does.
+    """
+    seabed = _seabed(law, parameters)
+    way_in = _checked("grazing angle", grazing_in, 0, np.pi / 2, "rad")
+    way_out = _checked("grazing angle", grazing_out, 0, np.pi / 2, "rad")
+    turn = _checked("azimuth", azimuth, -2 * np.pi, 2 * np.pi, "rad")
+    hertz = _checked("frequency", frequency, 1.0, 1e7, "Hz")
+    speed = _checked("sound_speed", sound_speed, 1000.0, 2000.0, "m/s")
+    with np.errstate(divide="ignore"):  # nothing is scattered along the seabed: -inf dB
+        return 10 * np.log10(seabed.scattering_strength(way_in, way_out, turn, hertz, speed))
+
+
+def _seabed(law, parameters):
+    """The object of a law given by name or as such."""
+    if not isinstance(law, str):
+        if parameters:
+            raise ValueError(f"{law} has its parameters in it; {', '.join(parameters)} must not be given besides.")
+        return law
+    if law not in LAW_NAMES:
+        raise ValueError(f'no law of scattering is called "{law}"; known are {", ".join(LAW_NAMES)}.')
+    kind = LambertSeabed if law == "lambert" else Sediment
+    known = [field.name for field in fields(kind)] + ["sediment"] * (kind is Sediment)
+    unknown = [name for name in parameters if name not in known]
+    if unknown:
+        raise ValueError(f"{law} has no parameter {unknown[0]}; it has {', '.join(known)}.")
+    if "sediment" in parameters:
+        return Sediment.of(parameters["sediment"], **{k: v for k, v in parameters.items() if k != "sediment"})
+    missing = [field.name for field in fields(kind) if field.default is MISSING and field.name not in parameters]
+    if missing:
+        instead = ', or name one by sediment="medium sand"' if kind is Sediment else ""
+        raise ValueError(f"{law} is given too little; give {', '.join(missing)}{instead}.")
+    return kind(**parameters)
+
+
+def _checked(name, value, low, high, unit):
+    """The value as a float64 array; a ValueError names the first outside low..high."""
+    array = np.asarray(value, float)
+    bad = ~((array >= low) & (array <= high))
+    if bad.any():
+        raise ValueError(f"{name} is {array[bad].flat[0]:g} {unit}; it must lie in {low:g}..{high:g} {unit}.")
+    return array
