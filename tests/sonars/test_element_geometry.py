@@ -8,7 +8,7 @@ of a fourfold interpolated record, itself good to 1/100.
 """
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, buried_bed, knots, target
+from array_scene import SUMMER, array_scene, bed, buried_bed, knots, target
 from scipy.signal import resample
 
 import mitsonar
@@ -102,18 +102,19 @@ def test_a_forward_looking_sonar_does_not_stop_and_hop(variant):
     assert peak[0.0] - peak[5.0] == pytest.approx(closer, abs=0.6 / response.attrs["sampling_rate"])
 
 
-@pytest.mark.parametrize("path,within", [("vector", -60), ("paper", -3)])
-def test_return_paths_against_the_eigenray(variant, path, within):
-    """Echoes of a whole bed; the published formula is that far off where water is not of one gradient."""
-    balls = {f"ball {k}": target([6 * np.sin(k), 12 + 2 * k, -12 - 0.9 * k]) for k in range(8)}
+@pytest.mark.parametrize("path,least,most", [("vector", -np.inf, -75), ("paper", -25, -10)])
+def test_return_paths_against_the_eigenray(variant, path, least, most):
+    """Responses of a bed, under way [dB of the exact ones]; where water has layers the published formula is far off."""
     scene = array_scene(
-        {"bed": buried_bed(25.0), **balls}, water={"profile": SUMMER}, integrator={"cell": 2.0},
+        {"bed": bed(30.0, size=60.0)}, water={"profile": SUMMER}, integrator={"cell": 0.2},
         sensor={"speed_knots": 6.0, "transmit": "line", "transmit_elements": 2, "transmit_pitch": 0.3,
-                "receive": "planar", "receive_elements": 5, "receive_rows": 3, "receive_pitch": 0.1,
-                "receive_normal": "forward"})
+                "receive": "planar", "receive_elements": 6, "receive_rows": 3, "receive_pitch": 0.1,
+                "receive_normal": "forward"}, film={"range": 28.0, "range_min": 22.0})
     exact = mitsonar.impulse_response(scene, return_path="eigenray").values
     other = mitsonar.impulse_response(scene, return_path=path).values
-    assert 20 * np.log10(np.linalg.norm(other - exact) / np.linalg.norm(exact)) < within
+    off_db = 20 * np.log10(np.linalg.norm(other - exact) / np.linalg.norm(exact))
+    print(f"{path}: {off_db:.1f} dB")
+    assert least < off_db < most
 
 
 @pytest.mark.parametrize("fans", ["elements", "interpolated"])
