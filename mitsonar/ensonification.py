@@ -239,7 +239,7 @@ class _Lit:
 
     def __init__(self, cells, way):
         self.point, self.uv, self.shape, self.primitive = cells.point, cells.uv, cells.shape, cells.primitive
-        self.arrival_direction = way.arrival_direction
+        self.arrival_direction, self.sound_speed = way.arrival_direction, way.sound_speed
         self.normal = dr.select(dr.dot(cells.normal, way.arrival_direction) > 0, -cells.normal, cells.normal)
 
 

@@ -1,8 +1,13 @@
-"""What surfaces send back: the scattering strength of a hit's material, whatever kind of material it is."""
+"""What surfaces send back and on: the laws of the hits' materials, whatever kind of material each is.
+
+Hits are anything with ``point``, ``normal``, ``arrival_direction``, ``sound_speed``, ``uv``, ``shape`` and
+``primitive`` as `trace.Hits` has them. Materials are mitsonar's own (`plugins.bsdfs.material`) or Mitsuba's, which are
+taken at their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
+"""
 import drjit as dr
 import mitsuba as mi
 
-__all__ = ["scattering_strength"]
+__all__ = ["bistatic_strength", "scattered", "scattering_strength"]
 
 
 def scattering_strength(hits, active, frequency):
@@ -11,8 +16,6 @@ def scattering_strength(hits, active, frequency):
     Parameters
     ----------
     hits
-        Anything with ``point``, ``normal``, ``arrival_direction``, ``uv``, ``shape`` and ``primitive`` as
-        `trace.Hits` has them.
     active : Bool (R,)
     frequency : float [Hz]
 
@@ -20,22 +23,81 @@ def scattering_strength(hits, active, frequency):
     -------
     strength, sin_grazing : Float (R,)
     """
+    si = _interaction(hits, active)
+
+    def strength(material, si, frequency, sound_speed, active):
+        return _strength(material, si, si.wi, frequency, sound_speed, active)
+
+    strength = dr.dispatch(hits.shape.bsdf(), strength, si, dr.opaque(mi.Float, frequency),
+                           mi.Float(hits.sound_speed), active)
+    return strength, mi.Frame3f.cos_theta(si.wi)
+
+
+def bistatic_strength(hits, towards, active, frequency):
+    """Scattering strength of each hit's material towards given directions, Vector3f (R,) in the scene.
+
+    Returns
+    -------
+    strength, sin_grazing : Float (R,)
+        The sine of the angle that sound comes in at; strength is 0 behind the surface.
+    """
+    si = _interaction(hits, active)
+    wo = si.to_local(towards)
+    seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
+    strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
+                           mi.Float(hits.sound_speed), seen)
+    return dr.select(seen, strength, 0), mi.Frame3f.cos_theta(si.wi)
+
+
+def scattered(hits, active, frequency, sample1, sample2):
+    """Draw where sound goes on from each hit.
+
+    Parameters
+    ----------
+    hits
+    active : Bool (R,)
+    frequency : float [Hz]
+    sample1, sample2 : Float, Point2f (R,)
+        In [0, 1).
+
+    Returns
+    -------
+    direction : Vector3f (R,)
+        Scene coordinates.
+    share : Float (R,)
+        σ / (sin θ_i density): what of the power that came in one such draw carries on, on the average over draws
+        the surface's albedo.
+    """
+    si = _interaction(hits, active)
+
+    def on(material, si, frequency, sound_speed, sample1, sample2, active):
+        if not hasattr(material, "drawn_direction"):
+            sample, weight = material.sample(mi.BSDFContext(), si, sample1, sample2, active)
+            return sample.wo, weight[0]
+        wo = material.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active)
+        density = material.direction_density(si, si.wi, wo, frequency, sound_speed, active)
+        strength = material.scattering_strength(si, si.wi, wo, frequency, sound_speed, active)
+        good = active & (density > 0) & (mi.Frame3f.cos_theta(wo) > 0)
+        return wo, dr.select(good, strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi)), 0)
+
+    wo, share = dr.dispatch(hits.shape.bsdf(), on, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed),
+                            sample1, sample2, active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
+    return si.to_world(wo), share
+
+
+def _strength(material, si, wo, frequency, sound_speed, active):
+    if hasattr(material, "scattering_strength"):
+        return material.scattering_strength(si, si.wi, wo, frequency, sound_speed, active)
+    return material.eval(mi.BSDFContext(), si, wo, active)[0] * mi.Frame3f.cos_theta(si.wi)
+
+
+def _interaction(hits, active):
+    """The hits as Mitsuba's materials want them."""
     frame = mi.Frame3f(hits.normal)
-    towards = -hits.arrival_direction
-    sin_grazing = dr.dot(hits.normal, towards)
-    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(sin_grazing))
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(hits.normal))
     si.t = dr.select(active, 1.0, dr.inf)
     si.p = mi.Point3f(hits.point)
     si.n, si.sh_frame, si.uv = hits.normal, frame, hits.uv
     si.shape, si.prim_index = hits.shape, hits.primitive
-    si.wi = frame.to_local(towards)
-    frequency = dr.opaque(mi.Float, frequency)
-
-    def strength(material, si, frequency, active):
-        law = getattr(material, "scattering_strength", None)
-        if law is not None:
-            return law(si, si.wi, si.wi, frequency, active)
-        # a Mitsuba material: its value is f_r cos θ_o, and σ = f_r sin θ_i sin θ_s
-        return material.eval(mi.BSDFContext(), si, si.wi, active)[0] * mi.Frame3f.cos_theta(si.wi)
-
-    return dr.dispatch(hits.shape.bsdf(), strength, si, frequency, active), sin_grazing
+    si.wi = frame.to_local(-hits.arrival_direction)
+    return si

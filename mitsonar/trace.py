@@ -87,8 +87,8 @@ class Geometry:
         self.labels = {number: name for number, name in enumerate(names, 1)}
         number_of = {name: number for number, name in self.labels.items()}
         registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
-        # only materials of Mitsuba's own read textures
-        self.textured = not all(hasattr(shape.bsdf(), "scattering_strength") for shape in shapes)
+        # Mitsuba's own materials may read textures; those of sonar say whether they do
+        self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
         # label, first face, is a mesh, has texture coordinates
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0

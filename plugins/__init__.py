@@ -13,8 +13,9 @@ if __name__ != "mitsonar.plugins":
 
 __all__ = ["install"]
 
-MODULES = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "sensors.sidescan", "sensors.array_sonar",
-           "integrators.sonar_path", "shapes.seabed", "shapes.bathymetry", "shapes.point_target")
+MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lambert", "sensors.sidescan",
+           "sensors.array_sonar", "integrators.sonar_path", "shapes.seabed", "shapes.bathymetry",
+           "shapes.point_target")
 
 _installed = False
 

@@ -1,0 +1,94 @@
+"""What the materials of surfaces share: a law of scattering as a Mitsuba bsdf.
+
+A law says σ(in, out), the power scattered per area and solid angle over the incident intensity. What Mitsuba calls the
+value of a bsdf is f_r cos θ_o = σ / sin θ_i, θ_i the grazing angle that a ray comes in at.
+"""
+import drjit as dr
+import mitsuba as mi
+
+SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them
+
+
+class Material(mi.BSDF):
+    """A surface that scatters by a law; subclasses say which, and how to draw directions from it.
+
+    Directions are local: unit vectors away from the surface, z along its normal on the side the sound is.
+
+    Attributes
+    ----------
+    textured : bool
+        Whether a parameter is read from a texture, so that texture coordinates are needed.
+    """
+
+    textured = False
+
+    def __init__(self, props, *, flags=None):
+        super().__init__(props)
+        if flags is None:
+            flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+        self.m_components = [flags]
+        self.m_flags = flags
+
+    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+        """Give σ [-].
+
+        Parameters
+        ----------
+        si : SurfaceInteraction3f
+            With p, n, sh_frame, uv, shape and prim_index.
+        wi, wo : Vector3f (R,)
+            Towards where sound comes from, and where it goes.
+        frequency, sound_speed : Float [Hz], [m/s]
+            The latter of the water at the surface.
+        active : Bool (R,)
+        """
+        raise NotImplementedError
+
+    def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
+        """Draw a direction that sound goes on in: Vector3f (R,), from Float and Point2f in [0, 1)."""
+        return mi.warp.square_to_cosine_hemisphere(sample2)
+
+    def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
+        """Give the density of `drawn_direction` [1/sr]."""
+        return dr.select(active, mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
+
+    # ---- what Mitsuba asks: lets any of its integrators show the scene
+    def eval(self, ctx, si, wo, active=True):
+        sine = mi.Frame3f.cos_theta(si.wi)
+        active = mi.Bool(active) & (sine * mi.Frame3f.cos_theta(wo) > 0)
+        strength = self.scattering_strength(si, *_upright(si.wi, wo), *_shown(), active)
+        return mi.Spectrum(dr.select(active, strength / dr.maximum(abs(sine), 1e-6), 0))
+
+    def pdf(self, ctx, si, wo, active=True):
+        active = mi.Bool(active) & (mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0)
+        return dr.select(active, self.direction_density(si, *_upright(si.wi, wo), *_shown(), active), 0)
+
+    def eval_pdf(self, ctx, si, wo, active=True):
+        return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        below = mi.Frame3f.cos_theta(si.wi) < 0
+        wi, _ = _upright(si.wi, si.wi)
+        wo = self.drawn_direction(si, wi, *_shown(), sample1, sample2, active)
+        sample = mi.BSDFSample3f()
+        sample.wo = dr.select(below, mi.Vector3f(wo.x, wo.y, -wo.z), wo)
+        sample.pdf = self.pdf(ctx, si, sample.wo, active)
+        sample.eta = 1.0
+        sample.sampled_type = mi.UInt32(+self.m_flags)
+        sample.sampled_component = 0
+        active = mi.Bool(active) & (sample.pdf > 0)
+        value = self.eval(ctx, si, sample.wo, active) / dr.select(active, sample.pdf, 1)
+        return sample, dr.select(active, value, 0)
+
+    def traverse(self, callback):
+        pass
+
+
+def _shown():
+    return dr.opaque(mi.Float, SHOWN_AT[0]), dr.opaque(mi.Float, SHOWN_AT[1])
+
+
+def _upright(wi, wo):
+    """Directions turned so that `wi` lies above the surface."""
+    sign = dr.select(mi.Frame3f.cos_theta(wi) < 0, mi.Float(-1), mi.Float(1))
+    return mi.Vector3f(wi.x, wi.y, wi.z * sign), mi.Vector3f(wo.x, wo.y, wo.z * sign)
