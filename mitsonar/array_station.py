@@ -7,6 +7,8 @@
 Echoes for which the approximation is in doubt by more than `GUARD` at some element, and all of them where that is asked
 for, take an eigenray to every element instead (`exact_returns`).
 """
+from functools import cached_property
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -45,8 +47,11 @@ class Station:
         return (array.position - self.position) @ self.rotation.T
 
     def doppler(self, echoes):
-        """Two-way factor of echoes, Float64; the way back leads as the way out did, to first order."""
-        closing = dr.dot(mi.Vector3f(*_opaque(mi.Float, self.velocity)), echoes.launch_direction)
+        """Two-way factor of echoes, Float64, to first order in the mean of the ways out and back."""
+        towards = echoes.out.launch_direction
+        if not echoes.single:
+            towards = 0.5 * (towards + echoes.back.launch_direction)
+        closing = dr.dot(mi.Vector3f(*_opaque(mi.Float, self.velocity)), towards)
         return two_way_doppler(mi.Float64(closing), dr.opaque(mi.Float64, self.speed))
 
     def add(self, buffer, echoes, element, return_path, *, weight, late):
@@ -74,8 +79,8 @@ class Station:
         off = np.any(transmit.position[element] != self.position)
         farther = self._transmit_delay(echoes, element) if off else None
         # ---- return to the centre, where it is then
-        back = self._back(echoes, return_path, self.velocity, self.turn_rate)
-        total = echoes.travel_time + back.return_time
+        back = self._back(echoes, return_path)
+        total = echoes.arrival + back.return_time
         if farther is not None:
             # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
             velocity = _opaque(lib.Float64, self.velocity)
@@ -85,7 +90,7 @@ class Station:
                                          sampling_rate=survey.sampling_rate)
         factor = self._transmitted(echoes, element, weight)
         if farther is not None:
-            factor *= lib.Float(echoes.travel_time / (echoes.travel_time + farther))
+            factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
         heard, faces = self._heard_from(echoes, total), [] if omni(receive) else receive.faces()
         if len(faces) == 1:
             factor *= self._pressure(receive, heard, *faces[0][1:])
@@ -123,18 +128,19 @@ class Station:
         transmit, receive = survey.transmit, survey.receive
         velocity, turn_rate = _opaque(lib.Float64, self.velocity), _opaque(lib.Float64, self.turn_rate)
         factor, still = self._transmitted(echoes, element, weight), _opaque(lib.Float64, np.zeros(3))
-        out = echoes.travel_time
+        first, place = echoes.out.travel_time, echoes.back.offset
         if np.any(transmit.position[element] != self.position):
             offset = _opaque(lib.Float64, self._offsets(transmit)[element])
-            out = exact_return(table, lib, depth, echoes.offset, mi.Float64(0), offset, still, still, out)
-            factor *= lib.Float(echoes.travel_time / out)
+            first = exact_return(table, lib, depth, echoes.out.offset, mi.Float64(0), offset, still, still, first)
+            factor *= lib.Float(echoes.out.travel_time / first)
+        out = first + echoes.between
         amplitude = tuple(part * factor for part in echoes.amplitude)
-        middle = exact_return(table, lib, depth, echoes.offset, out, still, velocity, turn_rate, out)
+        middle = exact_return(table, lib, depth, place, out, still, velocity, turn_rate, echoes.back.travel_time)
         heard = self._heard_from(echoes, out + middle)
         dr.eval(out, amplitude, middle, heard)
         for row in range(receive.elements):
             offset = _opaque(lib.Float64, self._offsets(receive)[row])
-            back = exact_return(table, lib, depth, echoes.offset, out, offset, velocity, turn_rate, middle)
+            back = exact_return(table, lib, depth, place, out, offset, velocity, turn_rate, middle)
             phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
                                              sampling_rate=survey.sampling_rate)
             spread = lib.Float(middle / back)
@@ -146,25 +152,39 @@ class Station:
 
     def _doubtful(self, echoes):
         """Echoes for which the vector approximation may be off by more than GUARD at some element."""
-        back = self._back(echoes, "vector", self.velocity, self.turn_rate)
-        outermost = np.concatenate([self._offsets(array) for array in (self.survey.transmit, self.survey.receive)])
-        some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
-        fields = vector_element_fields(outermost[some], self.depth, self.survey.profile, self.velocity, self.turn_rate)
-        doubtful = back.expected_error(fields) > dr.opaque(mi.Float, GUARD)
+        error = self._back(echoes, "vector").expected_error(self._outermost)
+        if not echoes.single:
+            error = dr.maximum(error, self._out(echoes).expected_error(self._outermost))
+        doubtful = error > dr.opaque(mi.Float, GUARD)
         dr.eval(doubtful)
         return doubtful
 
-    def _back(self, echoes, method, velocity, turn_rate):
+    @cached_property
+    def _outermost(self):
+        """Fields of the elements farthest out, transmitting and receiving."""
+        outermost = np.concatenate([self._offsets(array) for array in (self.survey.transmit, self.survey.receive)])
+        some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
+        return vector_element_fields(outermost[some], self.depth, self.survey.profile, self.velocity, self.turn_rate)
+
+    def _back(self, echoes, method):
+        """The way back to the array's centre, where that is then."""
+        return self._paths(echoes.back, method, self.velocity, self.turn_rate, echoes.arrival)
+
+    def _out(self, echoes):
+        """The way out, turned round, to the still array."""
+        return self._paths(echoes.out, "vector", np.zeros(3), np.zeros(3), echoes.out.travel_time)
+
+    def _paths(self, leg, method, velocity, turn_rate, elapsed):
         lib = self.run.lib
         velocity, turn_rate = _opaque(lib.Float64, velocity), _opaque(lib.Float64, turn_rate)
-        return return_paths(self.run.light.tracer.table, self.sources.state, mi.UInt32(0), echoes.offset,
-                            echoes.travel_time, echoes.ray_parameter, echoes.spreading_area,
-                            -echoes.launch_direction.z, velocity=velocity, turn_rate=turn_rate, method=method)
+        return return_paths(self.run.light.tracer.table, self.sources.state, mi.UInt32(0), leg.offset,
+                            leg.travel_time, leg.ray_parameter, leg.spreading_area, -leg.launch_direction.z,
+                            velocity=velocity, turn_rate=turn_rate, method=method, elapsed=elapsed)
 
     def _transmit_delay(self, echoes, element):
         """How much later than from the source the scatterers are reached from a transmit element [s], Float64."""
         lib = self.run.lib
-        still = self._back(echoes, "vector", np.zeros(3), np.zeros(3))
+        still = self._out(echoes)
         offset = self._offsets(self.survey.transmit)[element]
         fields = vector_element_fields(offset[None], self.depth, self.survey.profile)
         fields = [dr.opaque(lib.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
@@ -175,7 +195,7 @@ class Station:
         transmit, factor = self.survey.transmit, dr.opaque(mi.Float, weight)
         if omni(transmit):
             return factor
-        return factor * self._pressure(transmit, echoes.launch_direction, transmit.normal[element],
+        return factor * self._pressure(transmit, echoes.out.launch_direction, transmit.normal[element],
                                        transmit.along[element])
 
     def _pressure(self, array, direction, normal, along):
@@ -185,7 +205,7 @@ class Station:
         """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
         elapsed = mi.Float(elapsed)
         moved = mi.Vector3f(*_opaque(mi.Float, self.velocity)) * elapsed
-        towards = dr.normalize(echoes.launch_direction * dr.norm(mi.Vector3f(echoes.offset)) - moved)
+        towards = dr.normalize(echoes.back.launch_direction * dr.norm(mi.Vector3f(echoes.back.offset)) - moved)
         turned = mi.Vector3f(*_opaque(mi.Float, self.turn_rate)) * elapsed
         return towards - dr.cross(turned, towards)
 

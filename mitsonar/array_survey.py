@@ -306,11 +306,11 @@ class _Run:
             yield from self._lit[ping, source]
             return
         self._lit = {place: blocks for place, blocks in self._lit.items() if place[0] == ping}
-        room = KEPT_ECHOES - sum(dr.width(b.travel_time) for blocks in self._lit.values() for b in blocks)
+        room = KEPT_ECHOES - sum(block.count for blocks in self._lit.values() for block in blocks)
         kept = []
         key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + int(source) * 0xC2B2AE35
         for block in self.light(station.origin, station.rotation, float(self.survey.depth_below[ping]), key):
-            room -= dr.width(block.travel_time)
+            room -= block.count
             kept = kept + [block] if kept is not None and room >= 0 else None
             yield block
         if kept is not None:

@@ -9,13 +9,12 @@ e = g |e| is the echo's pressure 1 m from a source of pressure 1 at 1 m, without
 as in `signal.echoes`, g the cell's Gaussian (`scattering.cells`). With enough rays both are the same; the first has
 no noise of sampling and costs what lies within reach, the second costs what is sent.
 """
-from dataclasses import dataclass
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from .connection import Connector
+from .echoes import Echoes, Leg
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .scatterers import TARGET_RADIUS
@@ -23,7 +22,7 @@ from .signal.echoes import Absorption
 from .sonar.launch import draw, quantiles
 from .trace import Tracer
 
-__all__ = ["LIGHTING", "Echoes", "Ensonification"]
+__all__ = ["LIGHTING", "Ensonification"]
 
 LIGHTING = ("scatterers", "rays")
 CELLS_PER_BLOCK = 1 << 19
@@ -32,41 +31,6 @@ AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn fr
 EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
 FAINTEST = 1e-3                    # beam intensity that directions count with at least, relative to the strongest
-
-
-@dataclass(frozen=True, kw_only=True)
-class Echoes:
-    """Echoes of one block, on the device, as they leave their scatterers.
-
-    Attributes
-    ----------
-    offset : Array3f64 (R,) [m]
-        Scatterer minus source, scene coordinates.
-    travel_time, ray_parameter : Float64 (R,) [s], [s/m]
-    spreading_area : Float (R,) [m²/sr]
-        Of the way out.
-    launch_direction : Vector3f (R,)
-    energy : Float (R,)
-        |e|² [-], on the average over the cells' chance.
-    amplitude : (Float, Float) (R,)
-        Real and imaginary part of e [-].
-    """
-
-    offset: object
-    travel_time: object
-    ray_parameter: object
-    spreading_area: object
-    launch_direction: object
-    energy: object
-    amplitude: tuple
-
-    def chosen(self, index):
-        """The echoes with these numbers, UInt32."""
-        def pick(array):
-            return dr.gather(type(array), array, index)
-
-        return Echoes(**{name: tuple(map(pick, value)) if isinstance(value, tuple) else pick(value)
-                         for name, value in vars(self).items()})
 
 
 class Ensonification:
@@ -186,15 +150,13 @@ class Ensonification:
         return ratio * ratio * dr.exp(loss_db * float(-np.log(10) / 10)) / way.spreading_area
 
     def _kept(self, origin, point, way, energy, amplitude, lit):
-        echoes = Echoes(offset=point - origin, travel_time=way.travel_time, ray_parameter=way.ray_parameter,
-                        spreading_area=way.spreading_area, launch_direction=way.launch_direction,
-                        energy=energy, amplitude=amplitude)
-        dr.eval(vars(echoes), lit)
+        leg = Leg.along(way, origin, point)
+        echoes = Echoes(out=leg, back=leg, between=dr.zeros(mi.Float64, dr.width(lit)), energy=energy,
+                        amplitude=amplitude).evaluated()
+        dr.eval(lit)
         index = dr.compress(lit)
         if dr.width(index):
-            kept = echoes.chosen(index)
-            dr.eval(vars(kept))
-            yield kept
+            yield echoes.chosen(index).evaluated()
 
     # ---- rays that find cells
 

@@ -49,7 +49,7 @@ def published_time(travel_time, effective_speed, vector, velocity, faster):
     return time, speed, climb
 
 
-def paper_centre_return(travel_time, displacement, velocity, speed_at):
+def paper_centre_return(travel_time, displacement, velocity, speed_at, elapsed=None):
     """Find when and from where the echo meets the array's centre.
 
     Parameters
@@ -61,6 +61,8 @@ def paper_centre_return(travel_time, displacement, velocity, speed_at):
     velocity : triple [m/s]
     speed_at : callable
         Height above the origin [m] -> sound speed [m/s].
+    elapsed : float64 (H,) [s] or None
+        From the ping to when the hit sends the echo back; None: the travel time.
 
     Returns
     -------
@@ -75,8 +77,9 @@ def paper_centre_return(travel_time, displacement, velocity, speed_at):
     xp = library(travel_time)
     here = speed_at(0 * travel_time)
     effective = xp.sqrt(sum(component * component for component in displacement)) / travel_time
-    start = [component + v * travel_time for component, v in zip(displacement, velocity)]
-    time, speed, climb = published_time(travel_time, effective, start, velocity, lambda rise: speed_at(rise) - here)
+    elapsed = travel_time if elapsed is None else elapsed
+    start = [component + v * elapsed for component, v in zip(displacement, velocity)]
+    time, speed, climb = published_time(elapsed, effective, start, velocity, lambda rise: speed_at(rise) - here)
     x, y, z = (component + v * time for component, v in zip(start, velocity))
     across = xp.sqrt(x * x + y * y)
     length = xp.sqrt(across * across + z * z)

@@ -69,7 +69,7 @@ class ReturnPaths(Record):
 
 
 def return_paths(table, source, fan, displacement, travel_time, ray_parameter, spreading_area, launch_sine, *,
-                 velocity, turn_rate, method="vector"):
+                 velocity, turn_rate, method="vector", elapsed=None):
     """Carry the echoes of traced hits back to the centre of the moving, turning array.
 
     Parameters
@@ -87,6 +87,8 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
     velocity, turn_rate : triples of opaque Float64 [m/s], [rad/s]
         Of the platform, scene coordinates.
     method : {"vector", "paper"}
+    elapsed : Float64 (H,) [s] or None
+        From the ping to when the hit sends the echo back; None: the travel time.
 
     Returns
     -------
@@ -94,6 +96,7 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
     """
     lib = table.lib
     F, wide = lib.Float, lib.Float64
+    elapsed = travel_time if elapsed is None else elapsed
     z0, c0, moments0 = source.gather(lib, fan)
     up = dr.select(launch_sine >= 0, wide(1), wide(-1))          # a ray launched down comes up again
     x = dr.sqrt(dr.fma(displacement.x, displacement.x, displacement.y * displacement.y))
@@ -105,16 +108,17 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
         scale = dr.rcp(dr.select(upright, 1, x))
         bearing = dr.select(upright, 1, displacement.x * scale), dr.select(upright, 0, displacement.y * scale)
         time, leg, vector, rise = centre_return(exact, travel_time, bearing, up, velocity,
-                                                _slice_to(table, z0, moments0))
+                                                _slice_to(table, z0, moments0), elapsed)
         # the vector has the ray's p, but the sound speed of the leg
         bend = table.at(z0 - rise)[0] / leg.speed
         cosine = dr.sqrt(dr.maximum(1 - dr.square(bend * leg.horizontal), 0))
         direction = vector[0] * bend, vector[1] * bend, up * cosine
     else:
         time, leg, vector, rise = paper_centre_return(
-            travel_time, (-displacement.x, -displacement.y, -displacement.z), velocity, lambda h: table.at(z0 - h)[0])
+            travel_time, (-displacement.x, -displacement.y, -displacement.z), velocity, lambda h: table.at(z0 - h)[0],
+            elapsed)
         direction = vector
-    fields = hit_fields(leg, vector, rise, travel_time + time, velocity, turn_rate, c0)
+    fields = hit_fields(leg, vector, rise, elapsed + time, velocity, turn_rate, c0)
     return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
                        direction=tuple(F(component) for component in direction), rough=rough)
 

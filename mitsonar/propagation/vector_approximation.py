@@ -135,7 +135,7 @@ def matched_leg(range_per_parameter, second, third, ray_parameter, speed):
     return Leg(y / speed, speed, p * speed, u * speed, 0.5 * g * p**3 / (speed * speed))
 
 
-def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
+def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to, elapsed=None):
     """Follow the platform to where the echo meets the array's centre, and match the leg to there.
 
     Parameters
@@ -151,6 +151,8 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
     velocity : triple of float or float64 [m/s]
     slice_to : callable
         Height above the origin [m] -> mean [s²/m²] and variance [s⁴/m⁴] of 1/c² from the origin to there.
+    elapsed : float64 (H,) [s] or None
+        From the ping to when the hit sends the echo back; None: the travel time.
 
     Returns
     -------
@@ -166,7 +168,7 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to):
     xp = library(travel_time)
     vx, vy, vz = velocity
     n = (-bearing[0] * leg.horizontal, -bearing[1] * leg.horizontal, upwards * leg.vertical)
-    wait = 2 * travel_time
+    wait = travel_time + (travel_time if elapsed is None else elapsed)
     inverse = 1 / xp.maximum(leg.length, 1e-9)
     square = vx * vx + vy * vy + vz * vz
     toward = n[0] * vx + n[1] * vy + n[2] * vz

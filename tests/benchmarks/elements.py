@@ -80,7 +80,7 @@ def by_elements(arguments):
 
         cost = measuring.rounds({"light": lambda plan=plan: lit(plan), "carry": carry,
                                  "read": buffer.read, "all": anew}, arguments.rounds)
-        count = sum(dr.width(block.travel_time) for block in echoes)
+        count = sum(block.count for block in echoes)
         wall = {name: 1e3 * np.median(seconds.wall) for name, seconds in cost.items()}
         rows.append([elements, f"{count:,}", *(f"{wall[name]:.1f}" for name in ("light", "carry", "read", "all")),
                      f"{1e3 * np.median(cost['all'].cpu):.1f}", f"{count * elements / wall['carry'] / 1e3:.0f}"])
@@ -98,7 +98,7 @@ def lighting(arguments):
         total = np.zeros(len(gates) - 1)
         for block in lit(plan):
             # without the cells' chance: |e|² over |g|² is what was lit
-            total += np.histogram(2 * block.travel_time.numpy(), gates, weights=block.energy.numpy())[0]
+            total += np.histogram(2 * block.out.travel_time.numpy(), gates, weights=block.energy.numpy())[0]
         return total
 
     plans = {f"scatterers, cells of {arguments.cell} m": survey(arguments)}
@@ -111,7 +111,7 @@ def lighting(arguments):
     for name, plan in plans.items():
         error = 10 * np.log10(energies(plan)[heard] / truth[heard])
         rows.append([name, f"{1e3 * np.median(cost[name].wall):.0f}", f"{1e3 * np.median(cost[name].cpu):.0f}",
-                     f"{sum(dr.width(block.travel_time) for block in lit(plan)):,}",
+                     f"{sum(block.count for block in lit(plan)):,}",
                      f"{np.sqrt(np.mean(error ** 2)):.3f}", f"{np.abs(error).max():.3f}"])
     print(measuring.machine() + "\n")
     measuring.table(["lit by", "wall [ms]", "CPU over threads [ms]", "echoes", "level, rms error [dB]",

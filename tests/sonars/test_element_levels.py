@@ -56,8 +56,8 @@ def echoes(scene, key=7):
                            frequency=survey.frequency, window=(survey.start, survey.time[-1]), margin=0.0,
                            lighting=survey.lighting, rays=survey.rays, pattern=None)
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
-    found = [(block.travel_time.numpy(), sum(part.numpy().astype(float) ** 2 for part in block.amplitude),
-              origin + block.offset.numpy().T)
+    found = [(block.out.travel_time.numpy(), sum(part.numpy().astype(float) ** 2 for part in block.amplitude),
+              origin + block.out.offset.numpy().T)
              for block in light(origin, rotation, float(survey.depth_below[0]), key)]
     return (np.concatenate(column) for column in zip(*found))
 

@@ -40,7 +40,7 @@ def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, lighting):
     light = survey._run.light
     energy = np.zeros((2, 2))
     for block in light(survey.track.position[0], survey.track.rotation()[0], float(survey.depth_below[0]), 3):
-        x, y, _ = block.offset.numpy()
+        x, y, _ = block.out.offset.numpy()
         np.add.at(energy, ((x > 0).astype(int), (y > 0).astype(int)),
                   sum(part.numpy().astype(float) ** 2 for part in block.amplitude))
     towards = mi.Ray3f(mi.Point3f([-3, -3, 3, 3], [-3, 3, -3, 3], -10), mi.Vector3f(0, 0, -1))

@@ -19,7 +19,7 @@ FLOORS = """
     imaging
     io
     trace
-    materials connection scatterers
+    materials connection scatterers echoes
     ensonification array_station array_survey array_signals
     survey
     plugins

@@ -1,0 +1,99 @@
+"""Echoes on their way: legs between a source and points of the scene, and what comes back along them.
+
+Sound leaves the source along `out`, may go on from point to point for a time `between`, and comes back along `back`:
+
+    p(t) = Re[e s(t - τ) e^(i2πf₀(t - τ))],     τ = out + between + back
+
+e -> ``amplitude``: the echo's pressure 1 m from a source of pressure 1 at 1 m, without the patterns of the elements.
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+
+__all__ = ["Echoes", "Leg"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg:
+    """Exact eigenrays from a source to points, on the device.
+
+    Attributes
+    ----------
+    offset : Array3f64 (R,) [m]
+        Point minus source, scene coordinates.
+    travel_time, ray_parameter : Float64 (R,) [s], [s/m]
+    spreading_area : Float (R,) [m²/sr]
+        On the way from the source.
+    launch_direction : Vector3f (R,)
+        Unit, at the source.
+    """
+
+    offset: object
+    travel_time: object
+    ray_parameter: object
+    spreading_area: object
+    launch_direction: object
+
+    @classmethod
+    def along(cls, way, origin, point):
+        """The legs of a `connection.Connection`."""
+        return cls(offset=point - origin, travel_time=way.travel_time, ray_parameter=way.ray_parameter,
+                   spreading_area=way.spreading_area, launch_direction=way.launch_direction)
+
+    def chosen(self, index):
+        """The legs with these numbers, UInt32."""
+        return Leg(**{name: dr.gather(type(value), value, index) for name, value in vars(self).items()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Echoes:
+    """Echoes of one block, on the device, as they leave their last scatterers.
+
+    Attributes
+    ----------
+    out, back : Leg
+        To what sound met first, and to where it comes from last: one and the same where it met nothing else.
+    between : Float64 (R,) [s]
+        From the one to the other.
+    energy : Float (R,)
+        |e|² [-], on the average over the cells' chance.
+    amplitude : (Float, Float) (R,)
+        Real and imaginary part of e [-].
+    path : str
+        The bounces, see `paths`.
+    """
+
+    out: Leg
+    back: Leg
+    between: object
+    energy: object
+    amplitude: tuple
+    path: str = "b"
+
+    @property
+    def single(self):
+        """Whether sound comes back from where it met something first."""
+        return self.out is self.back
+
+    @property
+    def arrival(self):
+        """When the last scatterer is reached [s], Float64."""
+        return self.out.travel_time if self.single else self.out.travel_time + self.between
+
+    @property
+    def count(self):
+        """How many."""
+        return dr.width(self.energy)
+
+    def evaluated(self):
+        """The same, computed."""
+        dr.eval(vars(self.out), vars(self.back), self.between, self.energy, self.amplitude)
+        return self
+
+    def chosen(self, index):
+        """The echoes with these numbers, UInt32."""
+        out = self.out.chosen(index)
+        return Echoes(out=out, back=out if self.single else self.back.chosen(index), path=self.path,
+                      between=dr.gather(type(self.between), self.between, index),
+                      energy=dr.gather(type(self.energy), self.energy, index),
+                      amplitude=tuple(dr.gather(type(part), part, index) for part in self.amplitude))
