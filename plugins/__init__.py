@@ -13,9 +13,10 @@ if __name__ != "mitsonar.plugins":
 
 __all__ = ["install"]
 
-MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lambert", "sensors.sidescan",
+MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lambert", "bsdfs.smooth",
+           "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance", "sensors.sidescan",
            "sensors.array_sonar", "integrators.sonar_path", "shapes.seabed", "shapes.bathymetry",
-           "shapes.point_target")
+           "shapes.point_target", "shapes.sea_surface")
 
 _installed = False
 

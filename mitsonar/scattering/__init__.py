@@ -4,11 +4,14 @@ from .fractal import Fractal
 from .relief import Plane, Relief, Sinusoid, Sum
 from .ripples import Ripples
 from .roughness import RoughnessSpectrum
+from .sea_surface import SeaSurface, bubble_loss_db
 from .sediment import SEDIMENTS, Sediment
+from .spheres import sphere_target_strength_db
 from .strength import LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
 # Laws of scattering by the name of their material; each module holds `scattering_strength`.
 LAWS = {"lambert": lambert}
 
 __all__ = ["LAWS", "SEDIMENTS", "Fractal", "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum",
-           "Sediment", "Sinusoid", "Sum", "backscatter_strength_db", "bistatic_strength_db"]
+           "Sediment", "Sinusoid", "Sum", "backscatter_strength_db", "bistatic_strength_db",
+           "sphere_target_strength_db"]

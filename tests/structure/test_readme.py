@@ -17,6 +17,7 @@ NEEDED = {
     "seabed": {"depth": 10.0},
     "array_sonar": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
     "point_target": {"position": [0.0, 0.0, -5.0]},
+    "impedance": {"density": 1100.0, "sound_speed": 1600.0},
     "bathymetry": {"filename": str(SCENES / "bathymetry" / "sandwaves.tif")},
 }
 NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not

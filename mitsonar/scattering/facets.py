@@ -1,0 +1,121 @@
+"""Smooth facets: Kirchhoff's integral over flat triangles, coherent, with the phase exact.
+
+A source at range r_s and a receiver at r_r hear a facet of reflection coefficient R as
+
+    p = f e^(-ik(r_s + r_r)) / (r_s r_r),    f = (ik/4π) R (n·u_s + n·u_r) ∫ e^(ik(u_s + u_r)·x) dS
+
+k -> ``wavenumber`` [rad/m], u_s and u_r unit vectors towards source and receiver, x from the point that the ranges are
+taken to; f -> scattering length [m], whose square is the backscattering cross-section. Time goes as e^(+iωt). Over a
+triangle the phase is linear, and the integral is the area times a mean that depends on the phases φ at the three
+corners alone: Gordon's sum over edges (W. B. Gordon, 1975, IEEE Trans. Antennas Propag. 23, 590) taken in the triangle
+of the barycentric coordinates, (0, 0), (1, 0), (0, 1),
+
+    <e^iφ> = 2 / (i |w|²) Σ_edges (w·(Δ × n)) sinc(w·Δ/2) e^(iφ_middle),    w = (φ_b - φ_a, φ_c - φ_a)
+
+and for small phases its series, 2 Σ i^n h_n / (n + 2)!, h_n the complete symmetric polynomials of the corners' phases.
+"""
+import drjit as dr
+import numpy as np
+
+__all__ = ["phase_mean", "scattering_length", "triangle_integral"]
+
+SMALL = 0.5                        # |w|² of the phases [rad²] below which the series is taken, 1e-7 exact there
+
+
+def phase_mean(a, b, c):
+    """Mean of e^iφ over triangles in which φ is linear.
+
+    Parameters
+    ----------
+    a, b, c : array (...) or Dr.Jit array [rad]
+        φ at the corners.
+
+    Returns
+    -------
+    real, imaginary : arrays [-]
+    """
+    middle = (a + b + c) * (1 / 3)
+    a, b, c = a - middle, b - middle, c - middle
+    p, q = b - a, c - a
+    square = p * p + q * q
+    small = square < SMALL
+    e2, e3 = a * b + b * c + c * a, a * b * c
+    near = (1 + e2 * (1 / 12) + e2 * e2 * (1 / 360) + (e2 * e2 * e2 - e3 * e3) * (1 / 20160),
+            -e3 * (1 / 60) - e2 * e3 * (1 / 1260))
+    real, imaginary = 0, 0
+    for weight, turned, phase in ((-q, p, a + b), (p + q, q - p, b + c), (-p, q, c + a)):
+        sine, cosine = _sincos(0.5 * phase)
+        weight = weight * _sinc(0.5 * turned)
+        real, imaginary = real + weight * cosine, imaginary + weight * sine
+    scale = 2 / _where(small, 1, square)
+    real, imaginary = _where(small, near[0], imaginary * scale), _where(small, near[1], -real * scale)
+    sine, cosine = _sincos(middle)
+    return real * cosine - imaginary * sine, real * sine + imaginary * cosine
+
+
+def triangle_integral(corners, w):
+    """∫ e^(iw·x) dS over triangles.
+
+    Parameters
+    ----------
+    corners : (..., 3, 3) [m]
+        Corner, component.
+    w : (..., 3) [rad/m]
+
+    Returns
+    -------
+    complex (...) [m²]
+    """
+    corners = np.asarray(corners, float)
+    phase = np.einsum("...ij,...j->...i", corners, np.asarray(w, float))
+    real, imaginary = phase_mean(*np.moveaxis(phase, -1, 0))
+    return _area(corners) * (real + 1j * imaginary)
+
+
+def scattering_length(corners, wavenumber, towards_source, towards_receiver=None, *, reflection=1.0):
+    """Far-field scattering length of lit facets together.
+
+    Parameters
+    ----------
+    corners : (F, 3, 3) [m]
+        Corner, component, from the point that ranges are taken to.
+    wavenumber : float [rad/m]
+    towards_source, towards_receiver : (3,)
+        Unit; without a receiver it is where the source is. Facets count from whichever side the source lights them.
+    reflection : complex or (F,) [-]
+        In the convention e^(+iωt).
+
+    Returns
+    -------
+    complex [m]
+        f; 20 log |f| is the target strength.
+    """
+    corners, source = np.asarray(corners, float), np.asarray(towards_source, float)
+    receiver = source if towards_receiver is None else np.asarray(towards_receiver, float)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-300)
+    lit = normal @ source
+    cosines = np.sign(lit) * (lit + normal @ receiver)
+    integral = triangle_integral(corners, wavenumber * (source + receiver))
+    return complex(np.sum(1j * wavenumber / (4 * np.pi) * reflection * cosines * integral))
+
+
+def _area(corners):
+    return 0.5 * np.linalg.norm(np.cross(corners[..., 1, :] - corners[..., 0, :],
+                                         corners[..., 2, :] - corners[..., 0, :]), axis=-1)
+
+
+def _sincos(x):
+    return dr.sincos(x) if dr.is_array_v(x) else (np.sin(x), np.cos(x))
+
+
+def _where(condition, a, b):
+    return dr.select(condition, a, b) if dr.is_array_v(condition) else np.where(condition, a, b)
+
+
+def _sinc(x):
+    """sin(x) / x."""
+    if not dr.is_array_v(x):
+        return np.sinc(np.asarray(x) / np.pi)
+    flat = abs(x) < 1e-3
+    return dr.select(flat, 1 - x * x * (1 / 6), dr.sin(x) / dr.select(flat, 1, x))

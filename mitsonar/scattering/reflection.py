@@ -1,0 +1,39 @@
+"""Plane waves reflected by smooth surfaces.
+
+    R = (y - 1) / (y + 1),    y = ρ sin θ / P,    P = √(κ² - cos²θ),    κ = (1 + iδ) / ν
+
+ρ, ν density and sound speed of what lies behind over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ the
+imaginary over the real part of its wavenumber -> ``loss``; θ grazing angle -> ``sin_grazing`` (Rayleigh's coefficient
+of a fluid; Jackson and Richardson, 2007, ch. 8). The formula is that of e^(-iωt); given is its conjugate, for time goes
+as e^(+iωt) in mitsonar. A rigid surface has R = 1, a soft one (pressure release, air) R = -1.
+"""
+import drjit as dr
+import numpy as np
+
+__all__ = ["WATER_DENSITY", "fluid_reflection"]
+
+WATER_DENSITY = 1025.0             # [kg/m³]
+
+
+def fluid_reflection(sin_grazing, density_ratio, sound_speed_ratio, loss=0.0):
+    """Reflection coefficient of a fluid half-space.
+
+    Parameters
+    ----------
+    sin_grazing, density_ratio, sound_speed_ratio, loss : array or Dr.Jit array [-]
+
+    Returns
+    -------
+    real, imaginary : arrays [-]
+        Of R for e^(+iωt).
+    """
+    sqrt = dr.sqrt if any(map(dr.is_array_v, (sin_grazing, density_ratio, sound_speed_ratio, loss))) else np.sqrt
+    # P² = x + iy with y >= 0: both parts of its root are positive
+    x = (1 - loss * loss) / (sound_speed_ratio * sound_speed_ratio) - (1 - sin_grazing * sin_grazing)
+    y = 2 * loss / (sound_speed_ratio * sound_speed_ratio)
+    size = sqrt(x * x + y * y)
+    real, imaginary = sqrt(abs(0.5 * (size + x))), sqrt(abs(0.5 * (size - x)))
+    top = density_ratio * sin_grazing
+    below = (top + real) * (top + real) + imaginary * imaginary
+    # (top - P) / (top + P), conjugate
+    return ((top - real) * (top + real) - imaginary * imaginary) / below, 2 * top * imaginary / below

@@ -1,0 +1,35 @@
+"""What perfectly smooth materials share: no scattering of their own, a reflection coefficient for their facets' echoes.
+
+Their facets echo coherently (`mitsonar.smooth_targets`): highlights where a surface is met at right angles, mirrors,
+corners. Rough sound, as rays of energy, they neither scatter nor send on.
+"""
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.plugins.bsdfs.material import Material
+
+
+class Smooth(Material):
+    """A smooth surface; subclasses say how it reflects."""
+
+    smooth = True
+
+    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+        """None in any direction."""
+        return dr.zeros(mi.Float, dr.width(wi))
+
+    def reflection(self, si, sin_grazing, frequency, sound_speed, active=True):
+        """Give the reflection coefficient in the convention e^(+iωt).
+
+        Parameters
+        ----------
+        si : SurfaceInteraction3f
+        sin_grazing, frequency, sound_speed : Float [-], [Hz], [m/s]
+            The last of the water at the surface.
+        active : Bool (R,)
+
+        Returns
+        -------
+        real, imaginary : Float (R,)
+        """
+        raise NotImplementedError
