@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import gamma as gamma_function
 from scipy.special import hankel1
 
-__all__ = ["ALPHA_RANGE", "lobe_integral"]
+__all__ = ["ALPHA_RANGE", "lobe_integral", "log_lobe"]
 
 ALPHA_RANGE = (0.2, 0.95)          # where the table is accurate: γ = 2.4..3.9
 SMALLEST_Q = 1e-7                  # the perturbation limit holds to 1e-7 below
@@ -45,10 +45,14 @@ def lobe_integral(q, alpha):
     table.
     """
     log_q = np.log(q)
+    return np.exp(log_lobe(log_q, alpha) - log_q / alpha)
+
+
+def log_lobe(log_q, alpha):
+    """Give ln F = ln q / α + ln I(q, α), which is bounded above, to 1e-6; see `lobe_integral`."""
     spline, low, high = _table(float(alpha))
     inside = np.clip(log_q, low, high)
-    beyond = np.where(log_q < low, 1.0, -1 / alpha) * (log_q - inside)
-    return np.exp(spline(inside) + beyond)
+    return spline(inside) + inside / alpha + np.where(log_q < low, 1 + 1 / alpha, 0.0) * (log_q - inside)
 
 
 @lru_cache(maxsize=64)

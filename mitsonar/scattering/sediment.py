@@ -1,12 +1,6 @@
-"""Scattering by a fluid sediment: its rough surface by the small-slope approximation, and the volume below.
+"""Sediments by name and by parameters: a rough fluid's surface (`small_slope`) and the volume below (`fluid`).
 
-    P(θ) = sqrt(κ² - cos² θ),   κ = (1 + iδ)/ν,        y = ρ sin θ / P,        R = (y - 1)/(y + 1)
-    S = cos θ_i cos θ_s cos φ,   ΔK = k sqrt(cos² θ_i - 2 S + cos² θ_s),   ΔK_z = k (sin θ_i + sin θ_s)
-    G = (1/ρ - 1)(S - P_i P_s/ρ) + 1 - κ²/ρ,           A = k²/2 (1 + R_i)(1 + R_s) G
-    C² = 2π w2 Γ(2 - α) 2^(-2α) / [α (1 - α) Γ(1 + α)],     α = γ/2 - 1,   q = C² ΔK_z² ΔK^(-2α) / 2
-
-    σ_rough  = |A|² I(q, α) / (2π ΔK² ΔK_z²)                                        (I: see rough_interface)
-    σ_volume = 10 δ σ2 |1 + R_i|² |1 + R_s|² / [ν ln 10 ρ² Im(P_i + P_s)]           σ = σ_rough + σ_volume
+    σ = σ_rough + σ_volume
 
 θ_i, θ_s -> ``grazing_in``, ``grazing_out``, φ -> ``azimuth`` (0 forward, π back), k -> ``wavenumber``; ρ, ν of the
 sediment over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ -> ``loss``; σ2 -> ``volume_parameter``;
@@ -16,16 +10,17 @@ reflected energy, its near-specular lobe included: never add a specular echo of 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gamma as gamma_function
 
-from .rough_interface import ALPHA_RANGE, lobe_integral
+from .arithmetic import NUMPY, power
+from .fluid import Fluid
+from .rough_interface import ALPHA_RANGE, log_lobe
 from .roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
+from .small_slope import lobe_factor
 
 __all__ = ["SEDIMENTS", "Sediment"]
 
 STEEPEST_ROUGHNESS = 1.0           # root-mean-square slope of the roughness that the sound sees
 HIGHEST_AS_FLUID = 100e3           # [Hz], of rock and cobble
-SMALLEST_SHIFT = 1e-9              # of k: keeps specular and grazing limits finite, at which they are reached to 1e-9
 
 # APL-UW TR 9407 (1994), section IV, Table 2: density ratio, sound speed ratio, loss, volume parameter.
 _ROWS = {
@@ -117,7 +112,8 @@ class Sediment:
 
     def reflection(self, grazing):
         """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
-        return self._transmission(np.sin(grazing), self._vertical(np.cos(grazing))) - 1
+        sine = np.sin(grazing)
+        return self._fluid.transmission(sine, self._fluid.vertical(sine)) - 1
 
     def roughness_slope(self, wavenumber):
         """Give the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
@@ -125,29 +121,15 @@ class Sediment:
 
     def rough_strength(self, grazing_in, grazing_out, azimuth, wavenumber):
         """Give σ [-] of the surface alone, at any frequency, for angles [rad] and wavenumber [rad/m] that broadcast."""
-        alpha, k = self.gamma / 2 - 1, wavenumber
         cos_i, cos_s, sin_i, sin_s = np.cos(grazing_in), np.cos(grazing_out), np.sin(grazing_in), np.sin(grazing_out)
-        vertical_i, vertical_s = self._vertical(cos_i), self._vertical(cos_s)
-        scalar = cos_i * cos_s * np.cos(azimuth)
         # (cos θ_i - cos θ_s)² + 4 cos cos sin²(φ/2): the shift of the transverse wavenumber, without cancellation
         shift = (cos_i - cos_s) ** 2 + 4 * cos_i * cos_s * np.sin(azimuth / 2) ** 2
-        shift = k**2 * (shift + SMALLEST_SHIFT**2)
-        shift_z = k**2 * ((sin_i + sin_s) ** 2 + SMALLEST_SHIFT**2)
-        rho = self.density_ratio
-        contrast = (1 / rho - 1) * (scalar - vertical_i * vertical_s / rho) + 1 - self._kappa**2 / rho
-        amplitude = 0.5 * k**2 * self._transmission(sin_i, vertical_i) * self._transmission(sin_s, vertical_s)
-        structure = (2 * np.pi * self.w2 * gamma_function(2 - alpha) * 2 ** (-2 * alpha)
-                     / (alpha * (1 - alpha) * gamma_function(1 + alpha)))
-        q = 0.5 * structure * shift_z * shift**-alpha
-        return np.abs(amplitude * contrast) ** 2 * lobe_integral(q, alpha) / (2 * np.pi * shift * shift_z)
+        factor = lobe_factor(np, log_lobe, shift, sin_i + sin_s, wavenumber, self.w2, self.gamma)
+        return power(self._fluid.amplitude(sin_i, sin_s, cos_i * cos_s * np.cos(azimuth))) * factor
 
     def volume_strength(self, grazing_in, grazing_out):
         """Give σ [-] of the volume alone, for angles [rad] that broadcast; the same in all azimuths and frequencies."""
-        vertical_i, vertical_s = self._vertical(np.cos(grazing_in)), self._vertical(np.cos(grazing_out))
-        through = (self._transmission(np.sin(grazing_in), vertical_i)
-                   * self._transmission(np.sin(grazing_out), vertical_s))
-        return (10 * self.loss * self.volume_parameter * np.abs(through) ** 2
-                / (self.sound_speed_ratio * np.log(10) * self.density_ratio**2 * (vertical_i + vertical_s).imag))
+        return self._fluid.volume_strength(np.sin(grazing_in), np.sin(grazing_out))
 
     def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
         """Give σ [-] of surface and volume, for angles [rad], frequency [Hz], sound speed [m/s] that broadcast.
@@ -175,16 +157,9 @@ class Sediment:
                 f"out; take a frequency below {HIGHEST_AS_FLUID / 1e3:g} kHz or the law lambert.")
 
     @property
-    def _kappa(self):
-        return (1 + 1j * self.loss) / self.sound_speed_ratio
-
-    def _vertical(self, cosine):
-        """P; the principal root has Im >= 0, for κ² lies in the upper half plane."""
-        return np.sqrt(self._kappa**2 - cosine**2)
-
-    def _transmission(self, sine, vertical):
-        """1 + R, written so that it is finite where P or sin θ is 0."""
-        return 2 * self.density_ratio * sine / (self.density_ratio * sine + vertical)
+    def _fluid(self):
+        return Fluid(arithmetic=NUMPY, density_ratio=self.density_ratio, sound_speed_ratio=self.sound_speed_ratio,
+                     loss=self.loss, volume_parameter=self.volume_parameter)
 
 
 def _sediments():

@@ -1,0 +1,34 @@
+"""One text of a law for two kinds of arrays: float64 in NumPy, float32 on the device, differentiable there.
+
+Laws take an `Arithmetic` first and use what both array modules call the same: sqrt, exp, log, minimum, maximum, and of
+complex numbers ``real`` and ``imag``. Only how complex numbers are made differs.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["NUMPY", "Arithmetic", "power"]
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """Hold what a law computes with.
+
+    Parameters
+    ----------
+    module : module
+        ``numpy`` or ``drjit``.
+    complex : callable(real, imaginary)
+        Makes complex arrays: of Dr.Jit the type ``Complex2f``.
+    """
+
+    module: object
+    complex: object
+
+
+NUMPY = Arithmetic(np, lambda real, imaginary: real + 1j * imaginary)
+
+
+def power(number):
+    """Give |z|² of complex numbers of either kind."""
+    return number.real * number.real + number.imag * number.imag

@@ -1,0 +1,69 @@
+"""A fluid half-space to sound: what passes its flat surface, what its roughness and its volume scatter.
+
+    P(θ) = sqrt(κ² - cos² θ),   κ = (1 + iδ)/ν,     1 + R = 2 ρ sin θ / (ρ sin θ + P)
+    G = (1/ρ - 1)(S - P_i P_s/ρ) + 1 - κ²/ρ,        S = cos θ_i cos θ_s cos φ
+    a = (1 + R_i)(1 + R_s) G                         (σ_rough = |a|² times the lobe's factor, see `small_slope`)
+    σ_volume = 10 δ σ2 |1 + R_i|² |1 + R_s|² / [ν ln 10 ρ² Im(P_i + P_s)]
+
+ρ, ν -> ``density_ratio``, ``sound_speed_ratio``, δ -> ``loss``, σ2 -> ``volume_parameter``; sin θ -> ``sine``,
+S -> ``scalar``; each a number or an array. Time factor exp(-iωt).
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arithmetic import power
+
+__all__ = ["Fluid"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fluid:
+    """Hold the parameters of a fluid sediment, numbers or arrays of the kind that `arithmetic` computes with.
+
+    Parameters
+    ----------
+    arithmetic : Arithmetic
+    density_ratio, sound_speed_ratio : array [-]
+        Those of the sediment over those of the water.
+    loss : array [-]
+        Imaginary over real part of the wavenumber.
+    volume_parameter : array [-]
+        Volume cross section [1/m] over absorption [dB/m].
+    """
+
+    arithmetic: object
+    density_ratio: object
+    sound_speed_ratio: object
+    loss: object
+    volume_parameter: object
+
+    def vertical(self, sine):
+        """P; the principal root has Im >= 0, for κ² lies in the upper half plane."""
+        real, imaginary = self._kappa_square()
+        return self.arithmetic.module.sqrt(self.arithmetic.complex(real - 1 + sine * sine, imaginary))
+
+    def transmission(self, sine, vertical):
+        """1 + R, written so that it is finite where P or sin θ is 0."""
+        through = self.density_ratio * sine
+        return 2 * through / (through + vertical)
+
+    def amplitude(self, sine_in, sine_out, scalar):
+        """Give a [-], complex, of the rough surface."""
+        rho = self.density_ratio
+        vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
+        real, imaginary = self._kappa_square()
+        contrast = ((1 / rho - 1) * (scalar - vertical_in * vertical_out / rho)
+                    + self.arithmetic.complex(1 - real / rho, -imaginary / rho))
+        return self.transmission(sine_in, vertical_in) * self.transmission(sine_out, vertical_out) * contrast
+
+    def volume_strength(self, sine_in, sine_out):
+        """Give σ [-] of the volume, the same in all azimuths and at all frequencies."""
+        vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
+        through = power(self.transmission(sine_in, vertical_in)) * power(self.transmission(sine_out, vertical_out))
+        return ((10 / np.log(10)) * self.loss * self.volume_parameter * through
+                / (self.sound_speed_ratio * self.density_ratio * self.density_ratio * (vertical_in + vertical_out).imag))
+
+    def _kappa_square(self):
+        square = self.sound_speed_ratio * self.sound_speed_ratio
+        return (1 - self.loss * self.loss) / square, 2 * self.loss / square
