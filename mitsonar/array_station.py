@@ -7,6 +7,7 @@
 Echoes for which the approximation is in doubt by more than `GUARD` at some element, and all of them where that is asked
 for, take an eigenray to every element instead (`exact_returns`).
 """
+from dataclasses import dataclass
 from functools import cached_property
 
 import drjit as dr
@@ -15,6 +16,7 @@ import numpy as np
 
 from .propagation.exact_returns import exact_return
 from .propagation.return_paths import return_paths
+from .propagation.two_point import source_state
 from .propagation.vector_approximation import ELEMENT_FIELDS, difference_of, vector_difference, vector_element_fields
 from .signal.accumulation import centre
 from .signal.doppler import two_way_doppler
@@ -23,6 +25,30 @@ from .sonar.element_patterns import element_pressure
 __all__ = ["GUARD", "Station", "omni", "pressure"]
 
 GUARD = 5e-10                      # [s] error to be expected of the vector approximation from which on it is not used
+
+
+UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """The platform and the water as legs see them: as they are, or unfolded about the surface and seen as an image."""
+
+    table: object
+    profile: object
+    state: object                  # `SourceState` of the depth
+    depth: float
+    rotation: np.ndarray           # body to scene
+    velocity: np.ndarray
+    turn_rate: np.ndarray
+
+    def offsets(self, array, position):
+        """Elements from the source, which stands at `position` in the body: (E, 3)."""
+        return (array.position - position) @ self.rotation.T
+
+    def opaque_motion(self, kind):
+        """Velocity and turn rate as triples on the device."""
+        return _opaque(kind, self.velocity), _opaque(kind, self.turn_rate)
 
 
 class Station:
@@ -40,19 +66,30 @@ class Station:
         # what stands off the track's point is carried round it as the platform turns
         self.velocity = survey.velocity[ping] + np.cross(self.turn_rate, self.rotation @ position)
         self.speed = float(survey.profile.at(self.depth))
-        self.array_radius = max(np.linalg.norm(self._offsets(array), axis=1).max()
+        self.array_radius = max(np.linalg.norm(array.position - position, axis=1).max()
                                 for array in (survey.transmit, survey.receive))
 
-    def _offsets(self, array):
-        return (array.position - self.position) @ self.rotation.T
+    @cached_property
+    def _direct(self):
+        return _View(table=self.run.light.tracer.table, profile=self.survey.profile, state=self.sources.state,
+                     depth=self.depth, rotation=self.rotation, velocity=self.velocity, turn_rate=self.turn_rate)
+
+    @cached_property
+    def _image(self):
+        table = self.run.light.free_rays.table(folded=True)
+        # a rate of turn is an axial vector: its image turns the other way
+        return _View(table=table, profile=self.survey.profile.mirrored(), depth=-self.depth,
+                     state=source_state(table, np.array([-self.depth])), rotation=UPSIDE_DOWN @ self.rotation,
+                     velocity=UPSIDE_DOWN @ self.velocity, turn_rate=-UPSIDE_DOWN @ self.turn_rate)
+
+    def _view(self, leg):
+        return self._image if leg.folded else self._direct
 
     def doppler(self, echoes):
         """Two-way factor of echoes, Float64, to first order in the mean of the ways out and back."""
-        towards = echoes.out.launch_direction
-        if not echoes.single:
-            towards = 0.5 * (towards + echoes.back.launch_direction)
-        closing = dr.dot(mi.Vector3f(*_opaque(mi.Float, self.velocity)), towards)
-        return two_way_doppler(mi.Float64(closing), dr.opaque(mi.Float64, self.speed))
+        closing = sum(dr.dot(mi.Vector3f(*_opaque(mi.Float, self._view(leg).velocity)), leg.launch_direction)
+                      for leg in (echoes.out, echoes.back))
+        return two_way_doppler(mi.Float64(0.5 * closing), dr.opaque(mi.Float64, self.speed))
 
     def add(self, buffer, echoes, element, return_path, *, weight, late):
         """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements."""
@@ -76,6 +113,7 @@ class Station:
         run, survey, lib = self.run, self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
         # ---- transmit: the still array, by reciprocity
+        view = self._view(echoes.back)
         off = np.any(transmit.position[element] != self.position)
         farther = self._transmit_delay(echoes, element) if off else None
         # ---- return to the centre, where it is then
@@ -83,7 +121,7 @@ class Station:
         total = echoes.arrival + back.return_time
         if farther is not None:
             # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
-            velocity = _opaque(lib.Float64, self.velocity)
+            velocity = _opaque(lib.Float64, view.velocity)
             closing = sum(lib.Float64(n) * v for n, v in zip(back.direction, velocity))
             total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
         phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
@@ -93,16 +131,16 @@ class Station:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
         heard, faces = self._heard_from(echoes, total), [] if omni(receive) else receive.faces()
         if len(faces) == 1:
-            factor *= self._pressure(receive, heard, *faces[0][1:])
-        offsets, motion = self._offsets(receive), (survey.profile, self.velocity, self.turn_rate)
-        elements = ELEMENT_FIELDS[return_path](offsets, self.depth, *motion)
+            factor *= self._pressure(view, receive, heard, *faces[0][1:])
+        offsets, motion = view.offsets(receive, self.position), (view.profile, view.velocity, view.turn_rate)
+        elements = ELEMENT_FIELDS[return_path](offsets, view.depth, *motion)
         difference = difference_of(return_path, offsets, *motion)
         hit_fields = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))]
         hits, fields = len(back.hit_fields), len(elements)
         each_face = len(faces) > 1
         if each_face:
             hit_fields += [*heard, *_opaque(lib.Float, (run.wavelength, receive.length, receive.height))]
-            elements = [*elements, *(receive.normal @ self.rotation.T).T, *(receive.along @ self.rotation.T).T]
+            elements = [*elements, *(receive.normal @ view.rotation.T).T, *(receive.along @ view.rotation.T).T]
 
         def delay(hit, element):
             return difference(hit[:hits], element[:fields])
@@ -124,69 +162,74 @@ class Station:
     def _add_exactly(self, buffer, echoes, element, weight, late):
         """By an eigenray for every echo and element."""
         survey, lib = self.survey, self.run.lib
-        table, depth = self.run.light.tracer.table, dr.opaque(lib.Float64, self.depth)
         transmit, receive = survey.transmit, survey.receive
-        velocity, turn_rate = _opaque(lib.Float64, self.velocity), _opaque(lib.Float64, self.turn_rate)
+        away, view = self._view(echoes.out), self._view(echoes.back)
+        depth = dr.opaque(lib.Float64, view.depth)
+        velocity, turn_rate = view.opaque_motion(lib.Float64)
         factor, still = self._transmitted(echoes, element, weight), _opaque(lib.Float64, np.zeros(3))
         first, place = echoes.out.travel_time, echoes.back.offset
         if np.any(transmit.position[element] != self.position):
-            offset = _opaque(lib.Float64, self._offsets(transmit)[element])
-            first = exact_return(table, lib, depth, echoes.out.offset, mi.Float64(0), offset, still, still, first)
+            offset = _opaque(lib.Float64, away.offsets(transmit, self.position)[element])
+            first = exact_return(away.table, lib, dr.opaque(lib.Float64, away.depth), echoes.out.offset, mi.Float64(0),
+                                 offset, still, still, first)
             factor *= lib.Float(echoes.out.travel_time / first)
         out = first + echoes.between
         amplitude = tuple(part * factor for part in echoes.amplitude)
-        middle = exact_return(table, lib, depth, place, out, still, velocity, turn_rate, echoes.back.travel_time)
+        middle = exact_return(view.table, lib, depth, place, out, still, velocity, turn_rate, echoes.back.travel_time)
         heard = self._heard_from(echoes, out + middle)
         dr.eval(out, amplitude, middle, heard)
         for row in range(receive.elements):
-            offset = _opaque(lib.Float64, self._offsets(receive)[row])
-            back = exact_return(table, lib, depth, place, out, offset, velocity, turn_rate, middle)
+            offset = _opaque(lib.Float64, view.offsets(receive, self.position)[row])
+            back = exact_return(view.table, lib, depth, place, out, offset, velocity, turn_rate, middle)
             phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
                                              sampling_rate=survey.sampling_rate)
             spread = lib.Float(middle / back)
             if not omni(receive):
-                spread *= self._pressure(receive, heard, receive.normal[row], receive.along[row])
+                spread *= self._pressure(view, receive, heard, receive.normal[row], receive.along[row])
             buffer.add(amplitude=tuple(part * spread for part in amplitude), phase=phase, sample=sample,
                        fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
                        difference=lambda hit, element: element[0], rows=[row])
 
     def _doubtful(self, echoes):
         """Echoes for which the vector approximation may be off by more than GUARD at some element."""
-        error = self._back(echoes, "vector").expected_error(self._outermost)
+        error = self._back(echoes, "vector").expected_error(self._outermost(self._view(echoes.back)))
         if not echoes.single:
-            error = dr.maximum(error, self._out(echoes).expected_error(self._outermost))
+            error = dr.maximum(error, self._out(echoes).expected_error(self._outermost(self._view(echoes.out))))
         doubtful = error > dr.opaque(mi.Float, GUARD)
         dr.eval(doubtful)
         return doubtful
 
-    @cached_property
-    def _outermost(self):
+    def _outermost(self, view):
         """Fields of the elements farthest out, transmitting and receiving."""
-        outermost = np.concatenate([self._offsets(array) for array in (self.survey.transmit, self.survey.receive)])
+        outermost = np.concatenate([view.offsets(array, self.position)
+                                    for array in (self.survey.transmit, self.survey.receive)])
         some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
-        return vector_element_fields(outermost[some], self.depth, self.survey.profile, self.velocity, self.turn_rate)
+        return vector_element_fields(outermost[some], view.depth, view.profile, view.velocity, view.turn_rate)
 
     def _back(self, echoes, method):
         """The way back to the array's centre, where that is then."""
-        return self._paths(echoes.back, method, self.velocity, self.turn_rate, echoes.arrival)
+        view = self._view(echoes.back)
+        return self._paths(view, echoes.back, method, view.velocity, view.turn_rate, echoes.arrival)
 
     def _out(self, echoes):
         """The way out, turned round, to the still array."""
-        return self._paths(echoes.out, "vector", np.zeros(3), np.zeros(3), echoes.out.travel_time)
+        return self._paths(self._view(echoes.out), echoes.out, "vector", np.zeros(3), np.zeros(3),
+                           echoes.out.travel_time)
 
-    def _paths(self, leg, method, velocity, turn_rate, elapsed):
+    def _paths(self, view, leg, method, velocity, turn_rate, elapsed):
         lib = self.run.lib
         velocity, turn_rate = _opaque(lib.Float64, velocity), _opaque(lib.Float64, turn_rate)
-        return return_paths(self.run.light.tracer.table, self.sources.state, mi.UInt32(0), leg.offset,
-                            leg.travel_time, leg.ray_parameter, leg.spreading_area, -leg.launch_direction.z,
-                            velocity=velocity, turn_rate=turn_rate, method=method, elapsed=elapsed)
+        return return_paths(view.table, view.state, mi.UInt32(0), leg.offset, leg.travel_time, leg.ray_parameter,
+                            leg.spreading_area, -leg.launch_direction.z, velocity=velocity, turn_rate=turn_rate,
+                            method=method, elapsed=elapsed)
 
     def _transmit_delay(self, echoes, element):
         """How much later than from the source the scatterers are reached from a transmit element [s], Float64."""
         lib = self.run.lib
         still = self._out(echoes)
-        offset = self._offsets(self.survey.transmit)[element]
-        fields = vector_element_fields(offset[None], self.depth, self.survey.profile)
+        view = self._view(echoes.out)
+        offset = view.offsets(self.survey.transmit, self.position)[element]
+        fields = vector_element_fields(offset[None], view.depth, view.profile)
         fields = [dr.opaque(lib.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
         return lib.Float64(vector_difference(still.hit_fields, fields))
 
@@ -195,18 +238,19 @@ class Station:
         transmit, factor = self.survey.transmit, dr.opaque(mi.Float, weight)
         if omni(transmit):
             return factor
-        return factor * self._pressure(transmit, echoes.out.launch_direction, transmit.normal[element],
-                                       transmit.along[element])
+        return factor * self._pressure(self._view(echoes.out), transmit, echoes.out.launch_direction,
+                                       transmit.normal[element], transmit.along[element])
 
-    def _pressure(self, array, direction, normal, along):
-        return pressure(array, direction, self.run.wavelength, self.rotation @ normal, self.rotation @ along)
+    def _pressure(self, view, array, direction, normal, along):
+        return pressure(array, direction, self.run.wavelength, view.rotation @ normal, view.rotation @ along)
 
     def _heard_from(self, echoes, elapsed):
         """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
-        elapsed = mi.Float(elapsed)
-        moved = mi.Vector3f(*_opaque(mi.Float, self.velocity)) * elapsed
+        view, elapsed = self._view(echoes.back), mi.Float(elapsed)
+        velocity, turn_rate = view.opaque_motion(mi.Float)
+        moved = mi.Vector3f(*velocity) * elapsed
         towards = dr.normalize(echoes.back.launch_direction * dr.norm(mi.Vector3f(echoes.back.offset)) - moved)
-        turned = mi.Vector3f(*_opaque(mi.Float, self.turn_rate)) * elapsed
+        turned = mi.Vector3f(*turn_rate) * elapsed
         return towards - dr.cross(turned, towards)
 
 

@@ -12,7 +12,7 @@ import mitsuba as mi
 from .propagation.aiming import CLOSE_ENOUGH, aim
 from .propagation.two_point import to_hit
 
-__all__ = ["Connection", "Connector"]
+__all__ = ["LIFT", "LIFT_PER_RANGE", "Connection", "Connector"]
 
 LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of the surface it is to reach
 

@@ -25,7 +25,10 @@ class Leg:
     spreading_area : Float (R,) [m²/sr]
         On the way from the source.
     launch_direction : Vector3f (R,)
-        Unit, at the source.
+        Unit, at the source; of folded legs at its image, which looks down.
+    folded : bool
+        By way of the flat surface. The leg is then that from the source's image above the surface, and so are
+        `offset` and `launch_direction`, in water unfolded about the surface (`free_rays`).
     """
 
     offset: object
@@ -33,16 +36,27 @@ class Leg:
     ray_parameter: object
     spreading_area: object
     launch_direction: object
+    folded: bool = False
 
     @classmethod
-    def along(cls, way, origin, point):
-        """The legs of a `connection.Connection`."""
+    def along(cls, way, origin, point, folded=False):
+        """The legs of a `connection.Connection`; `origin` is the image's where they are folded."""
+        launch = way.launch_direction
+        if folded:
+            launch = type(launch)(launch.x, launch.y, -launch.z)
         return cls(offset=point - origin, travel_time=way.travel_time, ray_parameter=way.ray_parameter,
-                   spreading_area=way.spreading_area, launch_direction=way.launch_direction)
+                   spreading_area=way.spreading_area, launch_direction=launch, folded=folded)
+
+    @property
+    def sent_towards(self):
+        """Unit vectors at the source itself, folded or not."""
+        launch = self.launch_direction
+        return type(launch)(launch.x, launch.y, -launch.z) if self.folded else launch
 
     def chosen(self, index):
         """The legs with these numbers, UInt32."""
-        return Leg(**{name: dr.gather(type(value), value, index) for name, value in vars(self).items()})
+        return Leg(folded=self.folded, **{name: dr.gather(type(value), value, index)
+                                          for name, value in vars(self).items() if name != "folded"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +101,8 @@ class Echoes:
 
     def evaluated(self):
         """The same, computed."""
-        dr.eval(vars(self.out), vars(self.back), self.between, self.energy, self.amplitude)
+        dr.eval([value for leg in (self.out, self.back) for name, value in vars(leg).items() if name != "folded"],
+                self.between, self.energy, self.amplitude)
         return self
 
     def chosen(self, index):

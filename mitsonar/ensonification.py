@@ -15,6 +15,7 @@ import numpy as np
 
 from .connection import Connector
 from .echoes import Echoes, Leg
+from .free_rays import FreeRays
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .scatterers import TARGET_RADIUS
@@ -64,7 +65,7 @@ class Ensonification:
         self.farthest = 0.5 * window[1] * fastest + margin
         self.lib = arrays_of(mi.Float)
         self.tracer = Tracer(geometry, profile, max_range=self.farthest)
-        self.connector = Connector(self.tracer)
+        self.connector, self.free_rays = Connector(self.tracer), FreeRays(self.tracer)
         self.profile = profile
         self.loss_db = Absorption(absorption, profile, max(geometry.depth_range[1], 1.0), mi.Float)
 

@@ -193,7 +193,7 @@ class Tracer:
         o = mi.Point3f(origin)
         valid, pi, chord = _first_hit(self.geometry.scene, sources.fans, o, source, launch_angle, heading,
                                       mi.Bool(active), self.geometry.only_meshes)
-        point, facet_normal, uv = self._rebuild(pi, chord, o, heading, valid)
+        point, facet_normal, uv, label = self.rebuilt(pi, chord, o, heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
@@ -208,14 +208,12 @@ class Tracer:
         launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
-        row = dr.reinterpret_array(mi.UInt32, _solid(pi))
-        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=uv,
-                    label=dr.gather(mi.UInt32, self.geometry.rows, 4 * row, valid),
+        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=uv, label=label,
                     travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, arrival_direction=arrival)
 
-    def _rebuild(self, pi, chord, origin, heading, valid):
-        """Hit point in float64, facet normal and texture coordinates."""
+    def rebuilt(self, pi, chord, origin, heading, valid):
+        """Hit point in float64, facet normal, texture coordinates and label of intersections with chords."""
         geometry, wide = self.geometry, self.lib.Array3f64
         row = dr.reinterpret_array(mi.UInt32, _solid(pi))
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
@@ -243,7 +241,7 @@ class Tracer:
             uv = dr.select(mesh, uv, si.uv)
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
-        return point, normal, uv
+        return point, normal, uv, dr.gather(mi.UInt32, geometry.rows, 4 * row, valid)
 
 
 def _solid(pi):

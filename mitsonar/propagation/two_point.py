@@ -23,7 +23,7 @@ from .device import upload
 from .fans import arc_step, first_layer, wavefront_step
 from .record import Record
 
-__all__ = ["SourceState", "source_state", "to_hit", "walk"]
+__all__ = ["SourceState", "arc_length", "arc_time", "source_state", "to_hit", "walk"]
 
 SERIES_LIMIT = 2e-6
 FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
@@ -104,7 +104,7 @@ def _series(table, lib, p, x, z, z0, moments0):
     return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
 
 
-def _arc_time(c1, c2, g, d2):
+def arc_time(c1, c2, g, d2):
     """Two-point time in one layer, (d/√(c1c2)) asinh(u)/u with u² = g² d²/(4 c1 c2)."""
     product = c1 * c2
     u2 = 0.25 * g * g * d2 / product
@@ -116,7 +116,7 @@ def _arc_time(c1, c2, g, d2):
     return dr.sqrt(d2 / product) * ratio
 
 
-def _arc_length(curvature, d2):
+def arc_length(curvature, d2):
     """Length of an arc over its chord, d asin(w)/w with w² = κ² d²/4."""
     w2 = 0.25 * curvature * curvature * d2
     ratio = 35 / 1152 + w2 * 63 / 2816
@@ -150,8 +150,8 @@ def walk(table, lib, z0, c0, s0, p, x, active):
         c2 = dr.select(ends, dr.fma(g, descent, c1), c2)
         z2 = dr.select(ends, z + descent, z2)
         d2 = advance * advance + descent * descent
-        t += _arc_time(c1, c2, g, d2)
-        arc += _arc_length(curvature, d2)
+        t += arc_time(c1, c2, g, d2)
+        arc += arc_length(curvature, d2)
         v = wavefront_step(v, s, s2, descent, c1, c2, g, p, s0 / c0)
         r += advance
         z, s, c, g_end, k = F(z2), F(s2), F(c2), F(g), k2

@@ -38,14 +38,17 @@ class Absorption:
     deepest : float [m]
         Of source and scene.
     like : Dr.Jit array or type
+    top : float [m]
+        Shallowest depth asked for.
     """
 
-    def __init__(self, column, profile, deepest, like):
+    def __init__(self, column, profile, deepest, like, top=0.0):
         self.lib = lib = arrays_of(like)
         deepest = max(float(deepest), 1.0)
-        integrals, c_r = column_integrals(column, profile, deepest, ABSORPTION_STEPS)
+        integrals, c_r = column_integrals(column, profile, deepest, ABSORPTION_STEPS, top)
         self.table = upload(lib.Float, integrals.astype(np.float32))
-        self.steps_per_metre = dr.opaque(lib.Float, ABSORPTION_STEPS / deepest)
+        self.top = dr.opaque(lib.Float, top)
+        self.steps_per_metre = dr.opaque(lib.Float, ABSORPTION_STEPS / (deepest - top))
         self.c2 = dr.opaque(lib.Float, c_r ** 2)
         dr.eval(self.table)
 
@@ -63,7 +66,7 @@ class Absorption:
         return 2 * mean * arc_length
 
     def _at(self, z):
-        place = dr.clip(z * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
+        place = dr.clip((z - self.top) * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
         index = self.lib.UInt32(place)
         low, high = (dr.gather(self.lib.Array4f, self.table, index + i) for i in (0, 1))
         return low + (high - low) * (place - self.lib.Float(index))

@@ -41,13 +41,19 @@ class AbsorptionColumn:
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "absorption_db", alpha)
 
+    def mirrored(self):
+        """The column below the surface, and above it the same upside down."""
+        below = self.depth > 0
+        depth, alpha = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.absorption_db[below]]
+        return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
+
     def at(self, depth):
         """Absorption [dB/m] at depths [m]."""
         return np.interp(depth, self.depth, self.absorption_db)
 
 
-def column_integrals(column, profile, deepest, steps):
-    """Integrals from the surface down, at `steps` + 1 equal depths from 0 to `deepest` [m].
+def column_integrals(column, profile, deepest, steps, top=0.0):
+    """Integrals down from `top`, at `steps` + 1 equal depths from there to `deepest` [m].
 
     Parameters
     ----------
@@ -55,6 +61,7 @@ def column_integrals(column, profile, deepest, steps):
     profile : SoundSpeedProfile
     deepest : float [m]
     steps : int
+    top : float [m]
 
     Returns
     -------
@@ -62,9 +69,9 @@ def column_integrals(column, profile, deepest, steps):
         ∫ α dz, ∫ α e dz, ∫ e dz and α itself.
     c_r : float [m/s]
     """
-    z = np.linspace(0, deepest, steps + 1)
+    z = np.linspace(top, deepest, steps + 1)
     nodes = np.concatenate([column.depth, profile.depth])
-    fine = np.unique(np.concatenate([z, nodes[(nodes > 0) & (nodes < deepest)]]))
+    fine = np.unique(np.concatenate([z, nodes[(nodes > top) & (nodes < deepest)]]))
     alpha, speed = column.at(fine), profile.at(fine)
     c_r = float(speed.mean())
     e = (speed / c_r) ** 2 - 1

@@ -48,6 +48,12 @@ class SoundSpeedProfile:
         """Make the profile of water with one sound speed [m/s] everywhere."""
         return cls([0.0], [sound_speed])
 
+    def mirrored(self):
+        """Make the profile of this water below the surface, and above it of the same water upside down."""
+        below = self.depth > 0
+        depth, speed = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.sound_speed[below]]
+        return type(self)(np.r_[-depth[:0:-1], depth], np.r_[speed[:0:-1], speed])
+
     def at(self, depth):
         """Give the sound speed [m/s] at ``depth`` [m], any shape."""
         return np.interp(depth, self.depth, self.sound_speed)

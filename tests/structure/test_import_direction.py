@@ -19,13 +19,14 @@ FLOORS = """
     imaging
     io
     trace
-    materials connection scatterers echoes
+    materials connection scatterers echoes free_rays paths bounces
     ensonification array_station array_survey array_signals
     survey
     plugins
     scene rendering elements
     plots doctor
     published
+    validation
     sweep
     bootstrap cli
     __main__
