@@ -1,7 +1,7 @@
-"""The command line: render, signals, plot, published, doctor, demo.
+"""The command line: render, signals, plot, published, validate, doctor, demo.
 
-Exit codes: 0 done, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
-interrupted leaves no file, nor half of one.
+Exit codes: 0 done, 1 where `validate` finds too large an error, 2 for what the user can mend, 128 + n where signal n
+ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.
 """
 import argparse
 import datetime
@@ -121,6 +121,12 @@ def _parser():
                            help="figure or numbers; default: say the result here")
     published.set_defaults(run=_published)
 
+    validate = commands.add_parser("validate", help="compare with closed forms, published numbers and exact eigenrays")
+    validate.add_argument("-o", "--output", metavar="FOLDER", help="write report.md and pictures into it; default: none")
+    validate.add_argument("--only", nargs="+", metavar="NAME", help="of the comparisons; default: all")
+    validate.add_argument("--quick", action="store_true", help="fewer rays and sediments: a minute in place of several")
+    validate.set_defaults(run=_validate)
+
     demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
     demo.add_argument("--seed", type=_whole, default=0, metavar="N")
     demo.set_defaults(run=_demo)
@@ -191,6 +197,17 @@ def _published(arguments):
         return
     published.write(arguments.result, arguments.output)
     _announce(arguments.output)
+
+
+def _validate(arguments):
+    from .validation import validate
+
+    _set_up(None)
+    holds = validate(arguments.only, quick=arguments.quick, folder=arguments.output,
+                     say=lambda text: print(text, flush=True))
+    if arguments.output is not None:
+        _announce(os.path.join(arguments.output, "report.md"))
+    return 0 if holds else 1
 
 
 def _doctor(arguments):

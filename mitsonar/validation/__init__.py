@@ -1,0 +1,62 @@
+"""Every comparison of mitsonar with closed forms, published numbers and exact eigenrays, by one command.
+
+Each member of `CASES` is a module with a `Case`; it stands on everything below, renders scenes of its own where the
+whole chain is compared, and gives rows of got, expected and allowed.
+"""
+import time
+
+from . import beams, rays, report, sediments, vectors, water
+from .case import Case, Line, Panel, Row, Table
+
+__all__ = ["CASES", "Case", "Line", "Panel", "Row", "Table", "validate"]
+
+CASES = {
+    "water": water.CASE,
+    "rays": rays.CASE,
+    "vectors": vectors.CASE,
+    "sediments": sediments.CASE,
+    "beams": beams.CASE,
+}
+
+
+def validate(names=None, *, quick=False, folder=None, say=print):
+    """Run comparisons, say what they find as they go, and write a report.
+
+    Parameters
+    ----------
+    names : sequence of str, optional
+        Of `CASES`; all by default, in that order.
+    quick : bool
+        Fewer rays, angles and sediments: under a minute in place of several.
+    folder : str or path, optional
+        Of the report; none is written without.
+    say : callable(str)
+        Called with the lines of every case.
+
+    Returns
+    -------
+    bool
+        Whether all errors are within what is allowed.
+
+    Raises
+    ------
+    ValueError
+        If there is no such case, or the folder holds something else.
+    FileNotFoundError, PermissionError, OSError
+        If the report cannot be written.
+    """
+    for name in names or ():
+        if name not in CASES:
+            raise ValueError(f"there is no comparison {name!r}; give some of {', '.join(CASES)}")
+    if folder is not None:
+        report.check_folder(folder)
+    found = {}
+    for name, case in CASES.items():
+        if names and name not in names:
+            continue
+        start = time.monotonic()
+        found[name] = case.run(quick)
+        say(report.lines(name, case, found[name], time.monotonic() - start))
+    if folder is not None:
+        report.write(folder, found, CASES, quick)
+    return all(table.holds for table in found.values())

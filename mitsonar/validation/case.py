@@ -1,0 +1,128 @@
+"""What a comparison is: a case with rows of got and expected numbers, and panels of curves to look at.
+
+A row holds if |got - expected| is at most what is allowed; its ``share`` is the error over that.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Case", "Line", "Panel", "Row", "Table", "worst"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """Hold one number that was computed, and the number it should be.
+
+    Parameters
+    ----------
+    label : str
+    got, expected : float [unit]
+    allowed : float [unit]
+        The largest error, either way, that passes.
+    unit : str
+        "-" for pure numbers.
+    """
+
+    label: str
+    got: float
+    expected: float
+    allowed: float
+    unit: str
+
+    @property
+    def error(self):
+        """Got minus expected [unit]."""
+        return self.got - self.expected
+
+    @property
+    def share(self):
+        """The error over what is allowed [-]; infinite where nothing was got."""
+        return abs(self.error) / self.allowed if np.isfinite(self.error) else np.inf
+
+    @property
+    def holds(self):
+        """Tell whether the error is within what is allowed."""
+        return self.share <= 1
+
+
+@dataclass(frozen=True)
+class Line:
+    """Hold a curve of a panel; ``style`` is "-" for what is expected and "." for what was got."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    style: str = "-"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Hold a set of axes: their words, their lines, and whether x or y is logarithmic ("x", "y", "xy" or "")."""
+
+    title: str
+    x_label: str
+    y_label: str
+    lines: tuple
+    logarithmic: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Hold what a case found: its rows, panels that show them (at least one of each), and sentences about what is not
+    there."""
+
+    rows: tuple
+    panels: tuple
+    notes: tuple = ()
+
+    @property
+    def holds(self):
+        """Tell whether every row holds."""
+        return all(row.holds for row in self.rows)
+
+    @property
+    def share(self):
+        """The largest error over what is allowed [-]."""
+        return max(row.share for row in self.rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """Hold a comparison.
+
+    Parameters
+    ----------
+    title : str
+        What is compared, in a line.
+    text : str
+        Geometry, equation, source, and why that much error is allowed; Markdown.
+    run : callable(quick) -> Table
+        With ``quick`` fewer rays, angles or sediments.
+    """
+
+    title: str
+    text: str
+    run: Callable
+
+
+def worst(label, got, expected, allowed, unit):
+    """Make the row of the number that errs most among arrays of them, told with how many they are.
+
+    Parameters
+    ----------
+    label : str
+    got, expected : array [unit]
+        They broadcast.
+    allowed : float [unit]
+    unit : str
+
+    Returns
+    -------
+    Row
+    """
+    got, expected = (np.ravel(one) for one in np.broadcast_arrays(np.asarray(got, float), expected))
+    error = np.abs(got - expected)
+    k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
+    return Row(f"{label} (worst of {got.size})" if got.size > 1 else label, float(got[k]), float(expected[k]), allowed,
+               unit)

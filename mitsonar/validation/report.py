@@ -1,0 +1,162 @@
+"""The report: a line per number on the terminal, and a folder with report.md and a picture for every case.
+
+The folder is written beside its place under another name and takes its place when it is complete.
+"""
+import os
+import secrets
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from .. import __version__
+from ..io.files import check_writable
+
+__all__ = ["check_folder", "lines", "write"]
+
+REPORT = "report.md"
+LABEL = 68                         # characters of a row's label on the terminal
+MOST_DECIMALS = 7                  # more are written as powers of ten
+
+
+def lines(name, case, table, seconds):
+    """Say what a case found.
+
+    Parameters
+    ----------
+    name : str
+    case : Case
+    table : Table
+    seconds : float [s]
+        What it took.
+
+    Returns
+    -------
+    str
+        A heading, a line for every row, and the verdict.
+    """
+    said = [f"{name}: {case.title}",
+            f"  {'':{LABEL}}{'got':>16}{'expected':>16}{'error':>11}{'allowed':>10}"]
+    for row in table.rows:
+        got, expected, error, allowed = _numbers(row)
+        mark = "" if row.holds else "   TOO MUCH"
+        said.append(f"  {row.label:{LABEL}}{got:>16}{expected:>16}{error:>11}{allowed:>10} {row.unit}{mark}")
+    said += [f"  {note}" for note in table.notes]
+    return "\n".join([*said, f"  {_verdict(table)} ({seconds:.1f} s)", ""])
+
+
+def _verdict(table):
+    beyond = sum(not row.holds for row in table.rows)
+    if beyond:
+        return f"{beyond} of {len(table.rows)} beyond what is allowed"
+    return f"all {len(table.rows)} within what is allowed; the worst takes {100 * table.share:.0f} % of it"
+
+
+def _numbers(row):
+    """Got, expected, error and allowed as text, to a tenth of what is allowed."""
+    decimals = max(0, 1 - int(np.floor(np.log10(row.allowed))))
+    if decimals > MOST_DECIMALS:
+        return f"{row.got:.10g}", f"{row.expected:.10g}", f"{row.error:.1e}", f"{row.allowed:.1e}"
+    return f"{row.got:.{decimals}f}", f"{row.expected:.{decimals}f}", f"{row.error:+.{decimals}f}", f"{row.allowed:g}"
+
+
+def check_folder(folder):
+    """Check that a report can be put into ``folder``, before any work is spent on it.
+
+    Parameters
+    ----------
+    folder : str or path
+        It may not exist yet, be empty, or hold an older report, which will be replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        Absolute, symbolic links resolved.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+        If the folder around it does not exist or may not be written to.
+    ValueError
+        If it is a file, or holds anything but a report.
+    """
+    if os.fspath(folder) == "":
+        raise ValueError("cannot write '': it names no folder; give the name of one for the report.")
+    target = Path(os.path.realpath(folder))
+    if target.exists() and not target.is_dir():
+        raise ValueError(f"cannot write {folder}: it is a file; give the name of a folder for the report.")
+    check_writable(target.parent / f".{target.name}")
+    if target.is_dir():
+        others = sorted(entry.name for entry in target.iterdir() if not _is_ours(entry, target))
+        if others:
+            raise ValueError(f"cannot write {folder}: the folder holds {others[0]}, which is no part of a report; give "
+                             "the name of a new or an empty folder.")
+    return target
+
+
+def _is_ours(entry, folder):
+    """Whether a file may be one of an older report: report.md, or a picture beside it."""
+    return entry.is_file() and (entry.name == REPORT or entry.suffix == ".png" and (folder / REPORT).is_file())
+
+
+def write(folder, found, cases, quick):
+    """Write the report and its pictures, whole or not at all.
+
+    Parameters
+    ----------
+    folder : str or path
+    found : dict of str to Table
+        By the name of the case.
+    cases : dict of str to Case
+    quick : bool
+        Whether these are the numbers of the quick run.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, ValueError
+        As `check_folder`.
+    """
+    from ..plots import canvas
+    from .drawing import draw
+
+    target = check_folder(folder)
+    mark = secrets.token_hex(4)
+    fresh, stale = (target.with_name(f".{target.name[:100]}.{mark}.{age}") for age in ("new", "old"))
+    fresh.mkdir()
+    try:
+        for name, table in found.items():
+            canvas.save(draw(cases[name], table), fresh / f"{name}.png")
+        (fresh / REPORT).write_text(_markdown(found, cases, quick), encoding="utf-8")
+        if target.exists():
+            os.replace(target, stale)
+        os.replace(fresh, target)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+        if stale.exists() and not target.exists():
+            os.replace(stale, target)
+        shutil.rmtree(stale, ignore_errors=True)
+
+
+def _markdown(found, cases, quick):
+    rows = [row for table in found.values() for row in table.rows]
+    beyond = sum(not row.holds for row in rows)
+    all_in_all = f"{beyond} of them beyond" if beyond else "all within"
+    text = [f"# How exact mitsonar {__version__} is", "",
+            f"Written by `mitsonar validate{' --quick' if quick else ''}`: {len(rows)} numbers, "
+            f"{all_in_all} what is allowed. An error is got minus expected; *of allowed* is the largest error of a case "
+            "over what is allowed there.", "",
+            "| case | what | numbers | of allowed | verdict |", "|---|---|---|---|---|"]
+    text += [f"| [{name}](#{name}) | {cases[name].title} | {len(table.rows)} | {100 * table.share:.0f} % | "
+             f"{_word(table.holds)} |" for name, table in found.items()]
+    for name, table in found.items():
+        text += ["", f"## {name}", "", f"**{cases[name].title}.** {cases[name].text}", "",
+                 "| what | got | expected | error | allowed | unit | verdict |", "|---|---|---|---|---|---|---|"]
+        text += [f"| {row.label.replace('|', chr(92) + '|')} | {' | '.join(_numbers(row))} | {row.unit} | "
+                 f"{_word(row.holds)} |" for row in table.rows]
+        text += [line for note in table.notes for line in ("", note)]
+        text += ["", f"![{cases[name].title}]({name}.png)"]
+    return "\n".join([*text, ""])
+
+
+def _word(holds):
+    return "within" if holds else "**beyond**"
