@@ -6,8 +6,30 @@ taken at their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
 """
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
-__all__ = ["bistatic_strength", "scattered", "scattering_strength"]
+__all__ = ["bistatic_strength", "check", "scattered", "scattering_strength"]
+
+
+def check(geometry, profile, frequency):
+    """Ask every material of a scene whether its law holds.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    profile : SoundSpeedProfile
+    frequency : float [Hz]
+
+    Raises
+    ------
+    ValueError
+        If one does not; the message says which and why.
+    """
+    slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
+    for shape in geometry.scene.shapes():
+        material = shape.bsdf()
+        if hasattr(material, "check"):
+            material.check(frequency, slowest)
 
 
 def scattering_strength(hits, active, frequency):

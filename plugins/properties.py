@@ -156,6 +156,15 @@ class Attributes:
         except RuntimeError:
             raise self._mismatch(name, expected) from None
 
+    def number_or_texture(self, name, default=REQUIRED, **bounds):
+        """Read a finite number within bounds as a float, or a nested texture as it is."""
+        if name not in self.props or self.props.type(name).name not in _OBJECTS:
+            return self.number(name, default, **bounds)
+        self._asked.add(name)
+        if not isinstance(self.props[name], mi.Texture):
+            raise self._mismatch(name, "a number or a texture")
+        return self.props[name]
+
     def object(self, kind, default=REQUIRED):
         """Read the first nested object of a Mitsuba class such as ``mi.Medium``, whatever its name."""
         for name in self.props.keys():

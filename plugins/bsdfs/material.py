@@ -29,6 +29,20 @@ class Material(mi.BSDF):
         self.m_components = [flags]
         self.m_flags = flags
 
+    def check(self, frequency, sound_speed):
+        """Refuse what the law does not hold for, before a run.
+
+        Parameters
+        ----------
+        frequency, sound_speed : float [Hz], [m/s]
+            The latter the lowest of the water at the scene's depths.
+
+        Raises
+        ------
+        ValueError
+            If the law does not hold.
+        """
+
     def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
         """Give σ [-].
 

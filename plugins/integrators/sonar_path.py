@@ -23,6 +23,7 @@ import os
 import mitsuba as mi
 import numpy as np
 
+from mitsonar import materials
 from mitsonar.array_signals import LEAD, received_signals
 from mitsonar.array_survey import ArraySurvey, Fans
 from mitsonar.ensonification import LIGHTING
@@ -70,6 +71,7 @@ class SonarPath(mi.SamplingIntegrator):
         track, sonar, below = sensor.plan(geometry, _origin(scene))
         window, bins = sensor.film().window(sonar.sound_speed)
         _check_size(track.pings, bins, window, sonar.pulse_length)
+        materials.check(geometry, sensor.water.profile, sonar.frequency)
         return Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
                       absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
                       rays=self.rays, first_pass=self.first_pass)
@@ -97,6 +99,7 @@ class SonarPath(mi.SamplingIntegrator):
         geometry = Geometry(scene)
         plan = sensor.array_plan(geometry, _origin(scene))
         pulse, speed = plan.pulse, plan.sound_speed
+        materials.check(geometry, sensor.water.profile, pulse.frequency)
         # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
         doppler = 2 * float(np.linalg.norm(plan.velocity, axis=1).max()) * pulse.frequency / speed
         start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate + 3 * doppler,

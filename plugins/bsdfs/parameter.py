@@ -1,0 +1,49 @@
+"""A parameter of a law at a place: one number, a number for each class of a map, or a texture."""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.propagation.device import upload
+
+__all__ = ["Parameter"]
+
+
+class Parameter:
+    """Give a parameter at surface interactions.
+
+    Parameters
+    ----------
+    value : float, array (C,) or mi.Texture
+        For all places, for those of each class, or as it varies.
+    low, high : float
+        What textures are clipped to.
+
+    Attributes
+    ----------
+    textured : bool
+        Whether the value is a texture.
+    """
+
+    def __init__(self, value, low=-np.inf, high=np.inf):
+        self.textured = isinstance(value, mi.Texture)
+        self.low, self.high = low, high
+        self.classes = 1 if self.textured else np.size(value)
+        self.value = value if self.textured else upload(mi.Float, np.asarray(value, np.float32))
+        self.keep()
+
+    def keep(self):
+        """Have numbers stay variables of kernels, after they were changed too."""
+        if not self.textured:
+            dr.make_opaque(self.value)
+
+    def traverse(self, name, callback):
+        """Show the value to `mi.traverse`."""
+        callback.put(name, self.value, mi.ParamFlags.Differentiable)
+
+    def __call__(self, si, number, active):
+        """Value at interactions `si`, Float; `number`, UInt32, is that of each one's class."""
+        if self.textured:
+            return dr.clip(self.value.eval_1(si, active), self.low, self.high)
+        if self.classes == 1:
+            return self.value
+        return dr.gather(mi.Float, self.value, number, active)
