@@ -17,7 +17,7 @@ from .rough_interface import ALPHA_RANGE, log_lobe
 from .roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
 from .small_slope import lobe_factor
 
-__all__ = ["SEDIMENTS", "Sediment"]
+__all__ = ["BOUNDS", "SEDIMENTS", "Sediment"]
 
 STEEPEST_ROUGHNESS = 1.0           # root-mean-square slope of the roughness that the sound sees
 HIGHEST_AS_FLUID = 100e3           # [Hz], of rock and cobble
@@ -48,9 +48,9 @@ _ROWS = {
     ("clay",): (1.145, 0.9800, 0.00148, 0.001),
 }
 _SOLID = ("rough rock", "rock", "cobble", "gravel", "pebble")
-_BOUNDS = {                        # name -> (above, up to); zero loss or roughness would leave 0/0
-    "density_ratio": (0.0, 10.0), "sound_speed_ratio": (0.0, 5.0), "loss": (0.0, 1.0), "w2": (0.0, 1.0),
-    "gamma": tuple(2 + 2 * alpha for alpha in ALPHA_RANGE),
+BOUNDS = {                         # name -> (above, up to); zero loss or roughness would leave 0/0
+    "density_ratio": (0.0, 10.0), "sound_speed_ratio": (0.0, 5.0), "loss": (0.0, 1.0), "volume_parameter": (0.0, 1.0),
+    "w2": (0.0, 1.0), "gamma": tuple(2 + 2 * alpha for alpha in ALPHA_RANGE),
 }
 
 
@@ -98,12 +98,11 @@ class Sediment:
     name: str = "sediment"
 
     def __post_init__(self):
-        for field, (low, high) in _BOUNDS.items():
+        for field, (low, high) in BOUNDS.items():
             value = getattr(self, field)
-            if not low < value <= high:
-                raise ValueError(f"{self.name}: {field} is {value}; it must be above {low:g} and at most {high:g}.")
-        if not 0 <= self.volume_parameter <= 1:
-            raise ValueError(f"{self.name}: volume_parameter is {self.volume_parameter}; it must lie in 0..1.")
+            if not (low < value <= high or field == "volume_parameter" and value == 0):
+                least = "at least" if field == "volume_parameter" else "above"
+                raise ValueError(f"{self.name}: {field} is {value}; it must be {least} {low:g} and at most {high:g}.")
 
     @classmethod
     def of(cls, name, **changes):
@@ -140,11 +139,12 @@ class Sediment:
             If the law does not hold for this sediment at a frequency; the message says why.
         """
         wavenumber = 2 * np.pi * frequency / sound_speed
-        self._check_law_holds(np.max(frequency, initial=0.0), np.max(wavenumber, initial=0.0))
+        self.check(np.max(frequency, initial=0.0), np.max(wavenumber, initial=0.0))
         return (self.rough_strength(grazing_in, grazing_out, azimuth, wavenumber)
                 + self.volume_strength(grazing_in, grazing_out))
 
-    def _check_law_holds(self, frequency, wavenumber):
+    def check(self, frequency, wavenumber):
+        """Raise `ValueError` if the law does not hold at a frequency [Hz] and its wavenumber [rad/m] in the water."""
         slope = self.roughness_slope(wavenumber)
         if slope > STEEPEST_ROUGHNESS:
             raise ValueError(

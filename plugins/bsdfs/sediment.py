@@ -1,0 +1,172 @@
+"""Fluid sediment (`sediment`): rough surface by small slopes, and volume; any frequency, both directions free.
+
+- ``sediment`` ["medium sand"]: of the 23 of TR 9407, by name
+- ``density_ratio``, ``sound_speed_ratio``, ``loss``, ``volume_parameter``, ``w2`` [m^(4 - γ)], ``gamma``: numbers or
+  textures in place of the sediment's own; see `mitsonar.scattering.Sediment`. Textures are clipped to the valid range.
+- ``sediment_class``: texture of class numbers, from 0, with ``classes``: "clay, medium sand, coarse sand"; in place of
+  ``sediment``. ``class_scale`` [1]: what the texture is multiplied by first, 255 for images of 8 bits.
+
+Textures of parameters are best ``raw``, those of classes also ``filter_type`` nearest; ``mesh_attribute`` takes what
+facets or nodes of a mesh carry.
+
+.. code-block:: xml
+
+    <bsdf type="sediment" id="map">
+        <string name="classes" value="clay, medium sand, sandy gravel"/>
+        <texture name="sediment_class" type="mesh_attribute"><string name="name" value="face_sediment"/></texture>
+        <float name="volume_parameter" value="0.003"/>
+    </bsdf>
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.plugins.bsdfs.material import Material
+from mitsonar.plugins.bsdfs.parameter import Parameter
+from mitsonar.plugins.properties import Attributes
+from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.scattering import Sediment
+from mitsonar.scattering.arithmetic import Arithmetic, power
+from mitsonar.scattering.fluid import Fluid
+from mitsonar.scattering.lobe_table import LobeTable
+from mitsonar.scattering.sediment import BOUNDS
+from mitsonar.scattering.small_slope import lobe_density, lobe_factor, lobe_shift, lobe_width
+
+FLUID = "density_ratio", "sound_speed_ratio", "loss", "volume_parameter"
+LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1e-12}      # of textures
+SHARES = 0.1, 0.9                  # bounds of the share of draws that goes to the lobe
+
+
+class SedimentBed(Material):
+    """See the module's text."""
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        self.named, self.number = _named(attributes)
+        written = {}
+        for name, (low, high) in BOUNDS.items():
+            least = {"minimum": low} if name == "volume_parameter" else {"above": low}
+            written[name] = attributes.number_or_texture(name, None, maximum=high, **least)
+        attributes.finish()
+        super().__init__(props)
+        fixed = {name: value for name, value in written.items() if isinstance(value, float)}
+        self.sediments = [Sediment.of(name, **fixed) for name in self.named]
+        self.varying = [name for name, value in written.items() if isinstance(value, mi.Texture)]
+        self.parameters = {}
+        for name, (low, high) in BOUNDS.items():
+            value = written[name]
+            if not isinstance(value, mi.Texture):
+                value = np.array([getattr(sediment, name) for sediment in self.sediments])
+                value = value[:1] if np.ptp(value) == 0 else value
+            self.parameters[name] = Parameter(value, LEAST.get(name, low), high)
+        self.textured = self.number is not None or bool(self.varying)
+        self.lib = arrays_of(mi.Float)
+        self.arithmetic = Arithmetic(dr, self.lib.Complex2f)
+        self._tabulate()
+
+    def _tabulate(self):
+        gamma = self.parameters["gamma"]
+        alpha = None if gamma.textured or gamma.classes > 1 else 0.5 * gamma.value - 1
+        self.log_lobe = LobeTable(self.lib, upload, alpha)
+
+    def traverse(self, callback):
+        for name, parameter in self.parameters.items():
+            parameter.traverse(name, callback)
+        if self.number is not None:
+            callback.put("sediment_class", self.number[0], mi.ParamFlags.NonDifferentiable)
+
+    def parameters_changed(self, keys):
+        for parameter in self.parameters.values():
+            parameter.keep()
+        self._tabulate()
+
+    def check(self, frequency, sound_speed):
+        """Refuse frequencies at which the law holds for none, or not all, of the sediments as they are written."""
+        for sediment in self.sediments:
+            sediment.check(frequency, 2 * np.pi * frequency / sound_speed)
+
+    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+        """σ of surface and volume."""
+        fluid, w2, gamma = self._at(si, active)
+        sin_i, sin_s = _sines(wi, wo)
+        x, y = wi.x + wo.x, wi.y + wo.y
+        factor = lobe_factor(dr, self.log_lobe, x * x + y * y, sin_i + sin_s, _wavenumber(frequency, sound_speed), w2,
+                             gamma)
+        amplitude = fluid.amplitude(sin_i, sin_s, -(wi.x * wo.x + wi.y * wo.y))
+        return dr.select(active, power(amplitude) * factor + fluid.volume_strength(sin_i, sin_s), 0)
+
+    # ---- drawing: the lobe about the specular direction, as `small_slope` draws it, or a cosine for the volume
+    def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
+        width, alpha, share = self._lobe(si, wi, frequency, sound_speed, active)
+        sine, _ = _sines(wi, wi)
+        x, y, z = lobe_shift(dr, wi.x, wi.y, sine, width, alpha, sample2.x, sample2.y)
+        return dr.select(sample1 < share, mi.Vector3f(x, y, z), mi.warp.square_to_cosine_hemisphere(sample2))
+
+    def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
+        width, alpha, share = self._lobe(si, wi, frequency, sound_speed, active)
+        sin_i, sin_s = _sines(wi, wo)
+        lobe = lobe_density(dr, wi.x, wi.y, sin_i, wo.x, wo.y, width, alpha) * sin_s
+        density = share * lobe + (1 - share) * mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        return dr.select(active & (wo.z > 0), density, 0)
+
+    def _lobe(self, si, wi, frequency, sound_speed, active):
+        """Width and exponent of the lobe that directions are drawn from, and its share of the draws."""
+        fluid, w2, gamma = self._at(si, active)
+        sine, _ = _sines(wi, wi)
+        width = lobe_width(dr, self.log_lobe, sine, _wavenumber(frequency, sound_speed), w2, gamma)
+        reflected = power(fluid.transmission(sine, fluid.vertical(sine)) - 1)
+        diffuse = np.pi * fluid.volume_strength(sine, mi.Float(0.7)) / dr.maximum(sine, 1e-4)
+        share = dr.clip(reflected / (reflected + diffuse), *SHARES)
+        return width, 0.5 * gamma - 1, share
+
+    def _at(self, si, active):
+        """Parameters at interactions: fluid, w2 and γ."""
+        number = mi.UInt32(0)
+        if self.number is not None:
+            texture, scale = self.number
+            number = mi.UInt32(dr.clip(dr.round(texture.eval_1(si, active) * scale), 0, len(self.named) - 1))
+        value = {name: parameter(si, number, active) for name, parameter in self.parameters.items()}
+        return Fluid(arithmetic=self.arithmetic, **{name: value[name] for name in FLUID}), value["w2"], value["gamma"]
+
+    def to_string(self):
+        return f"Sediment[{', '.join(self.named)}]"
+
+
+def _named(attributes):
+    """Names of the sediments, and the texture of class numbers with its scale, or None."""
+    texture = attributes.number_or_texture("sediment_class", None)
+    classes = attributes.text("classes", None)
+    scale = attributes.number("class_scale", 1.0, above=0)
+    if isinstance(texture, float):
+        raise attributes.error("sediment_class is a number; give a texture of class numbers, or one sediment by name.")
+    together = attributes.given("sediment", "classes")
+    if len(together) > 1:
+        raise attributes.error("sediment and classes are written; give one of them.")
+    if (texture is None) != (classes is None):
+        given, missing = ("classes", "sediment_class") if texture is None else ("sediment_class", "classes")
+        raise attributes.error(f"{given} is written without {missing}; give both, or one sediment by name.")
+    if texture is None:
+        if attributes.given("class_scale"):
+            raise attributes.error("class_scale is written without sediment_class; leave it out.")
+        names = [attributes.text("sediment", "medium sand")]
+    else:
+        attributes.text("sediment", None)
+        names = [name.strip() for name in classes.split(",")]
+    for name in names:
+        try:
+            Sediment.of(name)
+        except ValueError as error:
+            raise attributes.error(str(error)) from None
+    return names, None if texture is None else (texture, scale)
+
+
+def _sines(wi, wo):
+    """Sines of the grazing angles; a hit on an edge may look from below by rounding."""
+    return dr.maximum(mi.Frame3f.cos_theta(wi), 0), dr.maximum(mi.Frame3f.cos_theta(wo), 0)
+
+
+def _wavenumber(frequency, sound_speed):
+    return (2 * np.pi) * frequency / sound_speed
+
+
+mi.register_bsdf("sediment", SedimentBed)
