@@ -13,5 +13,5 @@ from .strength import LambertSeabed, backscatter_strength_db, bistatic_strength_
 LAWS = {"lambert": lambert}
 
 __all__ = ["LAWS", "SEDIMENTS", "Fractal", "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum",
-           "Sediment", "Sinusoid", "Sum", "backscatter_strength_db", "bistatic_strength_db",
-           "sphere_target_strength_db"]
+           "SeaSurface", "Sediment", "Sinusoid", "Sum", "backscatter_strength_db", "bistatic_strength_db",
+           "bubble_loss_db", "sphere_target_strength_db"]

@@ -1,4 +1,4 @@
-"""Scattering strength of the seabed in decibels, by law.
+"""Scattering strength of the seabed and the sea surface in decibels, by law.
 
     S(θ_i, θ_s, φ) = 10 log10 σ,        S_b(θ) = S(θ, θ, π)
 
@@ -10,11 +10,10 @@ from dataclasses import MISSING, dataclass, fields
 import numpy as np
 
 from . import lambert
+from .sea_surface import SeaSurface
 from .sediment import Sediment
 
 __all__ = ["LambertSeabed", "backscatter_strength_db", "bistatic_strength_db"]
-
-LAW_NAMES = ("lambert", "sediment")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,21 +45,25 @@ class LambertSeabed:
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
 
 
+KINDS = {"lambert": LambertSeabed, "sediment": Sediment, "sea_surface": SeaSurface}
+
+
 def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0, **parameters):
-    """Give the backscatter strength of a seabed.
+    """Give the backscatter strength of a seabed or the sea surface.
 
     Parameters
     ----------
     law : str or object
-        "lambert", "sediment", or an object such as ``Sediment.of("medium sand")`` or ``LambertSeabed(mu_db=-27)``.
+        "lambert", "sediment", "sea_surface", or an object such as ``Sediment.of("medium sand")``,
+        ``LambertSeabed(mu_db=-27)`` or ``SeaSurface(wind_speed=8)``.
     grazing_angle : array [rad]
-        0..π/2, from the plane of the seabed.
+        0..π/2, from the plane of the surface.
     frequency : array [Hz]
     sound_speed : array [m/s]
-        Of the water at the seabed. All arrays broadcast.
+        Of the water at the surface. All arrays broadcast.
     **parameters
         Of a law given by name: ``mu_db`` of "lambert"; of "sediment" ``sediment``, a name, and fields of ``Sediment``
-        that replace its own, or all those fields without a name.
+        that replace its own, or all those fields without a name; ``wind_speed`` [m/s] of "sea_surface".
 
     Returns
     -------
@@ -84,7 +87,7 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
 
 
 def bistatic_strength_db(law, grazing_in, grazing_out, azimuth, frequency, *, sound_speed=1500.0, **parameters):
-    """Give the scattering strength of a seabed from one direction to another.
+    """Give the scattering strength of a seabed or the sea surface from one direction to another.
 
     Parameters
     ----------
@@ -120,9 +123,9 @@ def _seabed(law, parameters):
         if parameters:
             raise ValueError(f"{law} has its parameters in it; {', '.join(parameters)} must not be given besides.")
         return law
-    if law not in LAW_NAMES:
-        raise ValueError(f'no law of scattering is called "{law}"; known are {", ".join(LAW_NAMES)}.')
-    kind = LambertSeabed if law == "lambert" else Sediment
+    if law not in KINDS:
+        raise ValueError(f'no law of scattering is called "{law}"; known are {", ".join(KINDS)}.')
+    kind = KINDS[law]
     known = [field.name for field in fields(kind)] + ["sediment"] * (kind is Sediment)
     unknown = [name for name in parameters if name not in known]
     if unknown:

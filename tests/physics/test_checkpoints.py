@@ -1,4 +1,4 @@
-"""Every checked number of a table kept beside the checkout whose formula is one of the water's.
+"""Every checked number of a table kept beside the checkout whose formula is one of ours.
 
 Closed form: the published formulas, computed by other implementations. Bias: none. Tolerances are the table's own,
 those of the digits it was checked to; numbers printed with pressure are asked at the depth of that pressure.
@@ -7,8 +7,10 @@ import json
 from pathlib import Path
 
 import gsw
+import numpy as np
 import pytest
 
+from mitsonar.scattering import backscatter_strength_db, bubble_loss_db
 from mitsonar.water import absorption_db, sound_speed
 
 TABLE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
@@ -42,6 +44,16 @@ def speeds(T90, S, z_m, p_dbar, SA):
     return {name: sound_speed(T90, S, z_m, formula=formula) for name, formula in SPEEDS.items()}
 
 
+def surface_loss(U_ms, f_kHz, grazing_deg):
+    """Loss of a bounce [dB]."""
+    return bubble_loss_db(np.radians(grazing_deg), 1e3 * f_kHz, U_ms)
+
+
+def surface_strength(U_ms, f_kHz, grazing_deg):
+    """Backscatter strength [dB]."""
+    return {"total_dB": backscatter_strength_db("sea_surface", np.radians(grazing_deg), 1e3 * f_kHz, wind_speed=U_ms)}
+
+
 # how the table's name of a formula begins -> what answers it, and the fewest records there are of it
 ANSWERS = {
     "Francois-Garrison 1982": (francois_garrison, 28),
@@ -49,6 +61,8 @@ ANSWERS = {
     "Thorp": (thorp, 4),
     "Chen-Millero, Wong&Zhu 1995": (wong_zhu, 8),
     "T90 degC, S practical, depth z": (speeds, 7),
+    "surface bubble loss": (surface_loss, 4),
+    "APL-UW surface backscatter": (surface_strength, 21),
 }
 
 

@@ -1,0 +1,65 @@
+"""Sea surface seen from below (`windy_sea`): bubbles, facets and ripples that the wind makes.
+
+- ``wind_speed`` [m/s, 5]: at 10 m height, at most 60; 0: a mirror that turns pressure over and scatters nothing.
+
+The law is `mitsonar.scattering.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is extrapolated
+beyond. The shape `sea_surface` has it.
+
+.. code-block:: xml
+
+    <bsdf type="windy_sea"><float name="wind_speed" value="8"/></bsdf>
+"""
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.plugins.bsdfs.material import Material
+from mitsonar.plugins.properties import Attributes
+from mitsonar.scattering import sea_surface
+
+STRONGEST_WIND = 60.0              # [m/s]
+
+
+class WindySea(Material):
+    """See the module's text.
+
+    Attributes
+    ----------
+    mirror : bool
+        Whether there is no wind: sound goes on in the mirror direction alone.
+    """
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        self.wind_speed = attributes.number("wind_speed", 5.0, minimum=0, maximum=STRONGEST_WIND, unit="m/s")
+        attributes.finish()
+        super().__init__(props)
+        self.mirror = self.wind_speed == 0
+        self.roughness = sea_surface.Roughness(
+            *(dr.opaque(mi.Float, value) for value in sea_surface.roughness(self.wind_speed)))
+
+    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+        """σ of the law."""
+        if self.mirror:
+            return dr.zeros(mi.Float, dr.width(wo))
+        return dr.select(active, sea_surface.strength(dr, self.roughness, wi, wo, frequency, sound_speed), 0)
+
+    def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
+        """Draw from the lobe of facets, and now and then from a cosine for bubbles and ripples."""
+        if self.mirror:
+            return mi.Vector3f(-wi.x, -wi.y, wi.z)
+        facet = mi.Vector3f(*sea_surface.facet_direction(dr, self.roughness.slope_variance, wi, sample2.x, sample2.y))
+        return dr.select(sample1 < sea_surface.FACET_SHARE, facet, mi.warp.square_to_cosine_hemisphere(sample2))
+
+    def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
+        """Density of that mixture; a mirror has none."""
+        if self.mirror:
+            return dr.zeros(mi.Float, dr.width(wo))
+        share = sea_surface.FACET_SHARE
+        facets = sea_surface.facet_density(dr, self.roughness.slope_variance, wi, wo)
+        return dr.select(active, share * facets + (1 - share) * mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
+
+    def to_string(self):
+        return f"WindySea[wind {self.wind_speed:g} m/s]"
+
+
+mi.register_bsdf("windy_sea", WindySea)
