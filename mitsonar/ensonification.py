@@ -20,7 +20,7 @@ from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .scatterers import TARGET_RADIUS
 from .signal.echoes import Absorption
-from .sonar.launch import draw, quantiles
+from .sonar.launch import Strata, draw, quantiles
 from .trace import Tracer
 
 __all__ = ["LIGHTING", "Ensonification"]
@@ -210,12 +210,9 @@ def _rays(rays, first, second, azimuth, key):
     """Stratified draws through the quantile tables of azimuth, and of elevation within each cell of azimuth."""
     steps = max(4, 4 * round(np.sqrt(rays / 4) / 2))
     rows = max(4, 4 * round(rays / (4 * steps)))
-    index = dr.arange(mi.UInt32, steps * rows)
-    per_tile_row = dr.opaque(mi.UInt32, rows // 4)
-    # neighbours in 4 x 4 tiles: one packet of rays is one small patch of seabed
-    tile, inner = index // 16, index & 15
-    tile_a = tile // per_tile_row
-    i, j = 4 * tile_a + (inner >> 2), 4 * (tile - tile_a * per_tile_row) + (inner & 3)
+    strata = Strata(arrays_of(mi.Float), 1, steps, rows)
+    index = dr.arange(mi.UInt32, strata.rays)
+    _, _, i, j = strata.split(index)
     x, y = mi.sample_tea_32(index, dr.opaque(mi.UInt32, key & 0xFFFFFFFF))
     below = float(np.nextafter(np.float32(1), np.float32(0)))
     x = dr.minimum((mi.Float(i) + mi.Float(x >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, steps), below)

@@ -89,22 +89,29 @@ def scattered(hits, active, frequency, sample1, sample2):
     share : Float (R,)
         σ / (sin θ_i density): what of the power that came in one such draw carries on, on the average over draws
         the surface's albedo.
+    mirrored : Bool (R,)
+        Whether the surface is smooth, and knows no other direction.
     """
     si = _interaction(hits, active)
 
     def on(material, si, frequency, sound_speed, sample1, sample2, active):
         if not hasattr(material, "drawn_direction"):
             sample, weight = material.sample(mi.BSDFContext(), si, sample1, sample2, active)
-            return sample.wo, weight[0]
+            return sample.wo, weight[0], mi.Bool(False)
+        if getattr(material, "smooth", False):
+            real, imaginary = material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
+            return mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z), real * real + imaginary * imaginary, mi.Bool(True)
         wo = material.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active)
         density = material.direction_density(si, si.wi, wo, frequency, sound_speed, active)
         strength = material.scattering_strength(si, si.wi, wo, frequency, sound_speed, active)
         good = active & (density > 0) & (mi.Frame3f.cos_theta(wo) > 0)
-        return wo, dr.select(good, strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi)), 0)
+        share = strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi))
+        return wo, dr.select(good, share, 0), mi.Bool(False)
 
-    wo, share = dr.dispatch(hits.shape.bsdf(), on, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed),
-                            sample1, sample2, active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
-    return si.to_world(wo), share
+    wo, share, mirrored = dr.dispatch(hits.shape.bsdf(), on, si, dr.opaque(mi.Float, frequency),
+                                      mi.Float(hits.sound_speed),
+                                      sample1, sample2, active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
+    return si.to_world(wo), share, mirrored
 
 
 def _strength(material, si, wo, frequency, sound_speed, active):

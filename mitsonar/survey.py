@@ -23,7 +23,7 @@ from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
 from .scatterers import TARGET_RADIUS
-from .sonar.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
+from .sonar.launch import CELLS, Strata, along_quantiles, draw, first_quantiles, refine_quantiles
 from .trace import Tracer
 
 __all__ = ["Survey"]
@@ -209,17 +209,9 @@ class _Block:
 
     def _launch(self, place, quantiles, grid, salt):
         """Draw the rays of a pass: `grid` strata in φ and u for each row (ping and side)."""
-        steps_phi, steps_u = grid
-        index = dr.arange(mi.UInt32, place.rows * steps_phi * steps_u)
-        n_phi, n_u = dr.opaque(mi.UInt32, steps_phi), dr.opaque(mi.UInt32, steps_u)
-        per_row = n_phi * n_u
-        row = index // per_row
-        within = index - row * per_row
-        # neighbours in 4 x 4 tiles: one packet of rays is one small patch of seabed
-        tile, inner = within // 16, within & 15
-        tiles_u = n_u // 4
-        tile_phi = tile // tiles_u
-        i_phi, i_u = 4 * tile_phi + (inner >> 2), 4 * (tile - tile_phi * tiles_u) + (inner & 3)
+        strata = Strata(self.lib, place.rows, *grid)
+        n_phi, n_u, per_row = strata.first, strata.second, strata.per_row
+        row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
         key = dr.gather(mi.UInt32, place.key, row) ^ dr.opaque(mi.UInt32, (self.seed * 0x9E3779B1 + salt) & 0xFFFFFFFF)
         a, b = mi.sample_tea_32(within, key)
         # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may

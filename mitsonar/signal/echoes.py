@@ -107,15 +107,18 @@ class EchoSums:
     labels : int
         Number of shapes.
     bins : int
+    paths : int
+        Number of paths; one is not told apart.
     """
 
-    def __init__(self, lib, rows, labels, bins):
-        self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
+    def __init__(self, lib, rows, labels, bins, paths=1):
+        self.lib, self.rows, self.labels, self.bins, self.paths = lib, rows, labels, bins, paths
         self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
         self.depth = dr.zeros(lib.UInt64, sum_size(rows * bins))
         self.count = dr.zeros(lib.UInt64, sum_size(rows * bins))
+        self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
 
-    def add(self, *, row, label, bin, units, height, in_beam, active):
+    def add(self, *, row, label, bin, units, height, in_beam, active, path=None, counted=True):
         """Scatter echoes into their bins.
 
         Parameters
@@ -129,16 +132,25 @@ class EchoSums:
         in_beam : Bool (R,)
             The ray lies in the main lobe.
         active : Bool (R,)
+        path : UInt32 (R,) or None
+            Number of the path from 1, where there is more than one.
+        counted : bool
+            Whether they are rays that arrive from where they hit, which light the bins.
         """
         lib = self.lib
         U = lib.UInt64
         units = dr.minimum(units, LARGEST)
         bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
         place = row * bins + bin
-        dr.scatter_add(self.energy, U(units + 0.5), (row * labels + (label - 1)) * bins + bin, active)
+        whole = U(units + 0.5)
+        dr.scatter_add(self.energy, whole, (row * labels + (label - 1)) * bins + bin, active)
+        if self.path_energy is not None:
+            paths = dr.opaque(lib.UInt32, self.paths)
+            dr.scatter_add(self.path_energy, whole, (row * paths + (path - 1)) * bins + bin, active)
         # a quarter: depths must not overflow before the energies they are divided by
         dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25 + 0.5), place, active)
-        dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
+        if counted:
+            dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
 
     def read(self, unit, depth_range):
         """Give the sums as physical arrays.
@@ -153,7 +165,8 @@ class EchoSums:
         -------
         dict of (rows, bins) arrays
             ``intensity`` [µPa²] float64, ``label`` uint32, 0 where no ray of the main lobe arrives, ``depth`` [m]
-            float32, NaN where no echo, ``rays`` and ``rays_in_beam`` uint32.
+            float32, NaN where no echo, ``rays`` and ``rays_in_beam`` uint32; ``path_intensity`` (rows, paths, bins)
+            [µPa²] where there is more than one path.
         """
         shape = (self.rows, self.bins)
         def values(sums, *shape):
@@ -165,7 +178,10 @@ class EchoSums:
         height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
         count = values(self.count, *shape)
         top, bottom = depth_range
-        return {"intensity": total * unit[None],
+        by_path = {}
+        if self.path_energy is not None:
+            by_path["path_intensity"] = values(self.path_energy, self.rows, self.paths, self.bins) * unit
+        return {"intensity": total * unit[None], **by_path,
                 # in a shadow side lobes bring what little there is: it has no label
                 "label": np.where((count >> np.uint64(32) > 0) & (total > 0), strongest, np.uint32(0)),
                 "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),

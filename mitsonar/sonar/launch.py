@@ -16,12 +16,44 @@ rays go, never what they weigh, so the estimate stays unbiased.
 import drjit as dr
 import numpy as np
 
-__all__ = ["CELLS", "along_quantiles", "draw", "first_quantiles", "quantiles", "refine_quantiles"]
+__all__ = ["CELLS", "Strata", "along_quantiles", "draw", "first_quantiles", "quantiles", "refine_quantiles"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
 WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam
 KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
+
+
+class Strata:
+    """Rays of some rows, numbered so that neighbours in 4 x 4 strata follow each other: one packet of rays is then one
+    small patch of seabed.
+
+    Parameters
+    ----------
+    lib : Dr.Jit namespace
+    rows, first, second : int
+        Rows, and strata of the two coordinates of direction in each, multiples of 4.
+    """
+
+    def __init__(self, lib, rows, first, second):
+        self.lib, self.rows, self.shape = lib, rows, (first, second)
+        self.first, self.second = (dr.opaque(lib.UInt32, count) for count in (first, second))
+        self.per_row = self.first * self.second
+        self.rays = rows * first * second
+
+    def split(self, index):
+        """Row, number within it, and strata (i, j) of rays, UInt32."""
+        row = index // self.per_row
+        within = index - row * self.per_row
+        tile, inner = within // 16, within & 15
+        across = self.second // 4
+        tile_i = tile // across
+        return row, within, 4 * tile_i + (inner >> 2), 4 * (tile - tile_i * across) + (inner & 3)
+
+    def index(self, row, i, j):
+        """Number of the ray of a row in strata (i, j)."""
+        tile = (i // 4) * (self.second // 4) + j // 4
+        return row * self.per_row + 16 * tile + 4 * (i & 3) + (j & 3)
 
 
 def quantiles(edges, density, cells=CELLS):

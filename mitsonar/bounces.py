@@ -1,0 +1,296 @@
+"""Paths of more than one bounce, from the first hits of a bundle of rays.
+
+A path of n bounces is put together from two bundles of rays that leave the sonar: ray i goes on from its hit by
+bounces drawn from the law of each surface until it has made n - 1, ray j makes one, and the two ends are connected
+along the exact bent ray. Both ends of the path then lie where the beams look, however narrow they are. With
+β the solid angle of a ray times the shares of power its bounces carried on,
+
+    e² = β_i (σ_i / sin θ_i) (1 / A_ij) (σ_j / sin θ_j) ΔΩ_j (c_j / c_0)² 10^(-ᾱ L / 10) / q_ij
+
+σ_i, σ_j towards each other, θ grazing angles that sound came in at, A_ij spreading area between the ends, c sound speeds
+at j and at the source, q_ij the chance that i was paired with j: half of the partners are drawn evenly, half near i.
+(Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
+A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
+
+What only mirrors cannot be an end of a connection. Smooth targets send rays on, and what they hit is connected to the
+sonar; a flat sea surface is unfolded (`free_rays`): each end is seen by way of it as well, and so are ends from each
+other.
+"""
+from dataclasses import dataclass, fields, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .echoes import Leg
+from .materials import bistatic_strength, scattered
+from .paths import Paths
+
+__all__ = ["Bounces", "Ghosts"]
+
+EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
+GRAZING = 1e-6                     # sine below which nothing is lit
+PARTNER_SALT, LOBE_SALT = 0x2C1B3C6D, 0x297A2D39
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ghosts:
+    """Echoes that have bounced more than once, or by way of the surface, one an entry.
+
+    Attributes
+    ----------
+    energy : Float (R,)
+        e² but for absorption and patterns [-].
+    loss_db : Float (R,)
+        Absorption over the whole path.
+    out, back : Leg
+    between : Float64 (R,) [s]
+    code : UInt32 (R,)
+        See `paths`.
+    label : UInt32 (R,)
+        Of what the echo comes back from last.
+    depth : Float (R,) [m]
+        Where it does.
+    active : Bool (R,)
+    """
+
+    energy: object
+    loss_db: object
+    out: object
+    back: object
+    between: object
+    code: object
+    label: object
+    depth: object
+    active: object
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ends:
+    """Where rays are after some bounces, as `materials` looks at hits, and how they came there."""
+
+    valid: object
+    point: object
+    normal: object
+    arrival_direction: object
+    sound_speed: object
+    uv: object
+    shape: object
+    primitive: object
+    label: object
+    solid_angle: object            # ΔΩ, times the shares of power carried on [sr]
+    patch: object                  # what of the surface the ray stands for, at its first hit [m²]
+    between: object                # from the first hit on [s]
+    loss_db: object
+    code: object
+    leg: object
+
+    def chosen(self, index):
+        return _Ends(**{field.name: value.chosen(index) if isinstance(value, Leg) else
+                        dr.gather(type(value), value, index)
+                        for field in fields(self) for value in [getattr(self, field.name)]})
+
+
+class Bounces:
+    """Make the ghosts of a scene.
+
+    Parameters
+    ----------
+    free_rays : FreeRays
+    absorption, folded_absorption : callable
+        As `signal.echoes.Absorption`, of the water and of the water unfolded.
+    frequency : float [Hz]
+    paths : Paths
+    surface_label : int
+        Label of the sea surface, 0 if there is none.
+    mirror : bool
+        Whether it is flat.
+    """
+
+    def __init__(self, free_rays, absorption, folded_absorption, *, frequency, paths, surface_label, mirror):
+        self.free_rays, self.absorption, self.folded_absorption = free_rays, absorption, folded_absorption
+        self.frequency, self.paths, self.mirror = frequency, paths, mirror
+        self.surface = dr.opaque(mi.UInt32, surface_label)
+        self._smooth = any(getattr(shape.bsdf(), "smooth", False)
+                           for shape in free_rays.tracer.geometry.scene.shapes())
+
+    def __call__(self, hits, solid_angle, origin, source_speed, strata, key, homeward):
+        """Follow and connect a bundle of rays.
+
+        Parameters
+        ----------
+        hits : trace.Hits
+        solid_angle : Float (R,) [sr]
+        origin : Array3f64 (R,) [m]
+            Where each ray left.
+        source_speed : Float (R,) [m/s]
+        strata : Strata
+            How the rays are numbered; partners are of the same row.
+        key : UInt32
+            Of the chance in partners and lobes.
+        homeward : callable(point, normal, active) -> Connection
+            From where ray i left to a point.
+
+        Yields
+        ------
+        Ghosts
+        """
+        direct = self._first(hits, solid_angle, origin)
+        views = [direct]
+        if self.mirror:
+            views.append(self._folded(direct, origin))
+            yield from self._by_the_mirror(*views, source_speed)
+        for a in views:
+            for bounces in range(2, self.paths.max_depth + 1):
+                partner, chance = _partners(strata, key ^ mi.UInt32(PARTNER_SALT + bounces))
+                for b in views:
+                    b = b.chosen(partner)
+                    for folded in (False, True)[:len(views)]:
+                        yield self._connected(a, b, chance, source_speed, folded)
+                if bounces < self.paths.max_depth or self._smooth:
+                    a, mirrored = self._on(a, key ^ mi.UInt32(LOBE_SALT + bounces))
+                    if self._smooth:
+                        yield from self._home(replace(a, valid=a.valid & mirrored), origin, source_speed, homeward)
+
+    def _loss_db(self, z0, z1, way, folded=False):
+        """Absorption of one way [dB]."""
+        absorption = self.folded_absorption if folded else self.absorption
+        return 0.5 * absorption(mi.Float(z0), mi.Float(z1), way.arc_length, mi.Float(way.ray_parameter))
+
+    def _first(self, hits, solid_angle, origin):
+        leg = Leg.along(hits, origin, hits.point)
+        sine = -dr.dot(hits.normal, hits.arrival_direction)
+        valid = hits.valid & (sine > GRAZING)
+        patch = hits.spreading_area * solid_angle / dr.maximum(sine, GRAZING)
+        return _evaluated(_Ends(
+            valid=valid, point=hits.point, normal=hits.normal, arrival_direction=hits.arrival_direction,
+            sound_speed=hits.sound_speed, uv=hits.uv, shape=hits.shape, primitive=hits.primitive, label=hits.label,
+            solid_angle=solid_angle, patch=patch, between=dr.zeros(mi.Float64, dr.width(solid_angle)),
+            loss_db=self._loss_db(-origin.z, -hits.point.z, hits),
+            code=Paths.extended(mi.UInt32(1), hits.label == self.surface), leg=leg))
+
+    def _folded(self, ends, origin):
+        """The same points, met by way of the mirror."""
+        none = mi.Vector3f(0, 0, 0)
+        way = self.free_rays.connect(origin, none, ends.point, ends.normal, ends.valid, folded=True)
+        image = type(origin)(origin.x, origin.y, -origin.z)
+        sine = -dr.dot(ends.normal, way.arrival_direction)
+        leg = Leg.along(way, image, ends.point, folded=True)
+        code = Paths.extended(Paths.extended(dr.ones(mi.UInt32, dr.width(sine)), mi.Bool(True)), mi.Bool(False))
+        return _evaluated(replace(
+            ends, valid=ends.valid & way.free & (sine > GRAZING), arrival_direction=way.arrival_direction, leg=leg,
+            solid_angle=ends.patch * sine / way.spreading_area, code=code,
+            loss_db=self._loss_db(origin.z, -ends.point.z, way, folded=True)))
+
+    def _by_the_mirror(self, direct, folded, source_speed):
+        """One bounce off a surface, and the mirror before or after it or both."""
+        ratio = mi.Float(direct.sound_speed) / source_speed
+        for out, back, bounces in ((direct, folded, 2), (folded, direct, 2), (folded, folded, 3)):
+            if bounces > self.paths.max_depth:
+                continue
+            strength, _ = bistatic_strength(out, -back.arrival_direction, out.valid & back.valid, self.frequency)
+            energy = out.patch * strength * ratio * ratio / (out.leg.spreading_area * back.leg.spreading_area)
+            code = out.code if back is direct else Paths.extended(out.code, mi.Bool(True))
+            yield self._ghosts(energy, out, back, out.between, code, out.valid & back.valid)
+
+    def _connected(self, a, b, chance, source_speed, folded):
+        active = a.valid & b.valid
+        way = self.free_rays.connect(a.point, a.normal, b.point, b.normal, active, folded=folded)
+        active &= way.free
+        strength_a, sine_a = bistatic_strength(a, way.launch_direction, active, self.frequency)
+        strength_b, sine_b = bistatic_strength(b, -way.arrival_direction, active, self.frequency)
+        ratio = mi.Float(b.sound_speed) / source_speed
+        area = way.spreading_area + b.patch * (1 / np.pi)
+        energy = a.solid_angle * strength_a / dr.maximum(sine_a, GRAZING)
+        energy *= b.solid_angle * strength_b / dr.maximum(sine_b, GRAZING)
+        energy *= ratio * ratio / (area * chance)
+        start = a.point.z if folded else -a.point.z
+        loss_db = self._loss_db(start, -b.point.z, way, folded)
+        code = Paths.extended(a.code, mi.Bool(True)) if folded else a.code
+        code = _joined(code, b.code)
+        active &= code < (2 << self.paths.max_depth)
+        return self._ghosts(energy, a, b, a.between + way.travel_time, code, active, loss_db)
+
+    def _on(self, ends, key):
+        """Bounce once more, and whether that was a mirror's."""
+        width = dr.width(ends.solid_angle)
+        first, second = mi.sample_tea_32(dr.arange(mi.UInt32, width), key)
+        third, _ = mi.sample_tea_32(second, ~key)
+        direction, share, mirrored = scattered(ends, ends.valid, self.frequency, _unit(first),
+                                               mi.Point2f(_unit(second), _unit(third)))
+        active = ends.valid & (share > 0)
+        hits = self.free_rays.hit(ends.point, ends.normal, direction, active)
+        sine = -dr.dot(hits.normal, hits.arrival_direction)
+        return _evaluated(replace(
+            ends, valid=active & hits.valid & (sine > GRAZING), point=hits.point, normal=hits.normal,
+            arrival_direction=hits.arrival_direction, sound_speed=hits.sound_speed, uv=hits.uv, shape=hits.shape,
+            primitive=hits.primitive, label=hits.label, solid_angle=ends.solid_angle * share,
+            between=ends.between + hits.travel_time, code=Paths.extended(ends.code, hits.label == self.surface),
+            loss_db=ends.loss_db + self._loss_db(-ends.point.z, -hits.point.z, hits))), mirrored
+
+    def _home(self, ends, origin, source_speed, homeward):
+        """What a smooth target has sent rays to, connected to the sonar; and the same paths the other way round."""
+        way = homeward(ends.point, ends.normal, ends.valid)
+        active = ends.valid & way.free
+        strength, sine = bistatic_strength(ends, -way.arrival_direction, active, self.frequency)
+        ratio = mi.Float(ends.sound_speed) / source_speed
+        energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * ratio * ratio / way.spreading_area
+        back = replace(ends, leg=Leg.along(way, origin, ends.point),
+                       loss_db=self._loss_db(-origin.z, -ends.point.z, way))
+        active &= ends.code < (2 << self.paths.max_depth)
+        for one, other in ((ends, back), (back, ends)):
+            yield self._ghosts(energy, one, other, ends.between, ends.code, active)
+
+    def _ghosts(self, energy, out, back, between, code, active, loss_db=0.0):
+        active = active & (energy > 0) & dr.isfinite(energy)
+        return Ghosts(energy=energy, loss_db=out.loss_db + back.loss_db + loss_db, out=out.leg, back=back.leg,
+                      between=between, code=code, label=back.label, depth=mi.Float(-back.point.z), active=active)
+
+
+def _evaluated(ends):
+    leg = [value for name, value in vars(ends.leg).items() if name != "folded"]
+    dr.eval([value for name, value in vars(ends).items() if name != "leg"], leg)
+    return ends
+
+
+def _joined(code, last):
+    """Codes of paths that go on with the bounces of `last` in reverse, as one that came from the other end made them."""
+    # the last bounce of `last` comes first on the way back; all its bounces but the final lie nearer the sonar
+    for _ in range(2):
+        more = last > 1
+        code = dr.select(more, 2 * code + (last & 1), code)
+        last = dr.select(more, last >> 1, last)
+    return code
+
+
+def _partners(strata, key):
+    """A partner of the same row for every ray, and the chance with which it was drawn."""
+    index = dr.arange(mi.UInt32, strata.rays)
+    row, _, i, j = strata.split(index)
+    first, second = mi.sample_tea_32(index, key)
+    third, fourth = mi.sample_tea_32(first, ~key)
+    even = _unit(third) < EVEN_SHARE
+    chosen = []
+    for place, count, bits, sign in ((i, strata.first, first, fourth & 1), (j, strata.second, second, fourth & 2)):
+        u = _unit(bits)
+        wide = dr.minimum(mi.UInt32(u * mi.Float(count)), count - 1)
+        # distances m with chance log((m + 2) / (m + 1)): all scales alike
+        most = mi.Float(count >> 1)
+        step = dr.minimum(mi.UInt32(dr.exp(u * dr.log(most + 2)) - 1), count >> 1)
+        near = dr.select(sign != 0, place + step, place + count - step)
+        near = dr.select(near >= count, near - count, near)
+        chosen.append(dr.select(even, wide, near))
+    chance = mi.Float(1)
+    for place, partner, count in zip((i, j), chosen, (strata.first, strata.second)):
+        apart = dr.select(partner > place, partner - place, place - partner)
+        apart = dr.minimum(apart, count - apart)
+        m, most = mi.Float(apart), mi.Float(count >> 1)
+        both_signs = (apart > 0) & (apart < (count >> 1))
+        chance *= dr.log((m + 2) / (m + 1)) / dr.log(most + 2) * dr.select(both_signs, mi.Float(0.5), mi.Float(1))
+    chance = EVEN_SHARE / mi.Float(strata.per_row) + (1 - EVEN_SHARE) * chance
+    return strata.index(row, *chosen), chance
+
+
+def _unit(bits):
+    """[0, 1) from 32 random bits."""
+    return mi.Float(bits >> 8) * 2.0 ** -24
