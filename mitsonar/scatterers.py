@@ -1,7 +1,7 @@
 """The scatterers of a scene: cells of its facets (`scattering.cells`) that a ping may hear, list by list.
 
-A rectangle counts as two facets; of what has no facets (a sphere) no cell can be told, and it is refused. Point
-targets are scatterers of their own, with a target strength in place of an area and no chance in their phase.
+Shapes without facets are given some (`tessellation`). Point targets are scatterers of their own, with a target strength
+in place of an area and no chance in their phase. Smooth surfaces have no scatterers (`smooth_targets`).
 """
 from dataclasses import dataclass
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from .propagation.device import arrays_of, upload
 from .scattering.cells import cell_of, divisions, gaussian, hashed, place, shape_key
+from .tessellation import Grids, grid_of
 
 __all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
 
@@ -18,7 +19,6 @@ PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
 TARGET_RADIUS = 0.02               # [m] about a point target that is left out of its own shadow
 LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
 MOST_CUTS = 32768                  # s and n² are 32-bit
-QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,9 +79,12 @@ class Scatterers:
         self.targets = geometry.targets()
         vertices = geometry.vertices.numpy().reshape(-1, 4)
         faces = geometry.faces.numpy().reshape(-1, 4).copy()
-        quads, quad_faces, rows = _rectangles(geometry, len(vertices), len(faces))
-        if len(quads):
-            vertices, faces = np.concatenate([vertices, quads]), np.concatenate([faces, quad_faces])
+        grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
+        meshed, meshed_faces, rows = len(vertices), len(faces), []
+        for index, shape, grid in grids:
+            rows.append((index, shape, len(faces), len(grid.faces)))
+            faces = np.concatenate([faces, _four_wide(grid.faces + np.uint32(len(vertices)), np.uint32)])
+            vertices = np.concatenate([vertices, _four_wide(grid.vertices, np.float32)])
         corner = vertices[faces[:, :3], :3].astype(float)                                        # (F, 3, 3)
         side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(1)
         self.cuts = divisions(side, cell_size)
@@ -102,15 +105,19 @@ class Scatterers:
             some = slice(first, first + count)
             facts[some] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
                                     np.zeros(count)], 1)
-            self.scattering[some] = not hasattr(shape, "target_strength_db")
-            self.rows[index] = first, (index, shape) in geometry.others
+            self.scattering[some] = not (hasattr(shape, "target_strength_db")
+                                         or getattr(shape.bsdf(), "smooth", False))
+            self.rows[index] = first, first >= meshed_faces
             facts[some, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
+        self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
+                            len(self.rows))
         self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
         self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
         self._texcoords = None
         if geometry.textured:
             texcoords = np.zeros((len(vertices), 2), np.float32)
-            texcoords[len(vertices) - len(quads):] = np.tile(0.5 * (QUAD[:, :2] + 1), (len(quads) // 4, 1))
+            if grids:
+                texcoords[meshed:] = np.concatenate([grid.texcoords for *_, grid in grids])
             if geometry.texcoords is not None:
                 own = geometry.texcoords.numpy().reshape(-1, 2)
                 texcoords[:len(own)] = own
@@ -172,12 +179,14 @@ class Scatterers:
         """Facet and s of the cell that each of some `trace.Hits` lies in, UInt32 (R,)."""
         registry = dr.reinterpret_array(mi.UInt32, hits.shape)
         row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
-        first, is_quad = row[0], row[1] != 0
-        facet = first + dr.select(is_quad, 0, hits.primitive)
+        facet, is_quad = row[0] + hits.primitive, row[1] != 0
+        if self.geometry.others:
+            quad, _ = self._grids.first_of(registry, hits.point, hits.valid & is_quad)
+            facet = dr.select(is_quad, quad, facet)
         a, b, c = self._corners(facet, hits.valid)[:3]
         u, v = _barycentric(hits.point, a, b, c)
-        # a rectangle is (a, b, c) and (a, c, d); beyond the side a c, u is negative
-        facet = dr.select(is_quad & (u < 0), facet + 1, facet)
+        # a quad is (a, b, c) and (a, c, d); beyond the side a c, u is negative. At a sphere's pole a is b.
+        facet = dr.select(is_quad & ((u < 0) | (dr.squared_norm(b - a) < 1e-16)), facet + 1, facet)
         a, b, c, n = self._corners(facet, hits.valid)
         u, v = _barycentric(hits.point, a, b, c)
         u, v = dr.clip(u, 0, 1), dr.clip(v, 0, 1)
@@ -218,20 +227,9 @@ class Scatterers:
         return dr.select(mapped, a * (1 - u - v) + b * u + c * v, mi.Point2f(u, v))
 
 
-def _rectangles(geometry, first_vertex, first_face):
-    """Vertices (V, 4) and faces (F, 4) of the scene's rectangles, and their rows as `Geometry.meshes` has them."""
-    vertices, faces, rows = [np.zeros((0, 4), np.float32)], [np.zeros((0, 4), np.uint32)], []
-    for index, shape in geometry.others:
-        if shape.class_name() != "Rectangle":
-            raise ValueError(f"the shape \"{shape.id()}\" is a {shape.class_name().lower()}, which has no facets to "
-                             "carry fixed scatterers; put a mesh (ply, obj) in its place")
-        to_world = np.array(mi.traverse(shape)["to_world"].matrix, float).reshape(4, 4)
-        corner = QUAD @ to_world[:3, :3].T + to_world[:3, 3]
-        vertices.append(np.concatenate([corner, np.zeros((4, 1))], 1).astype(np.float32))
-        faces.append(first_vertex + np.array([[0, 1, 2, 0], [0, 2, 3, 0]], np.uint32))
-        rows.append((index, shape, first_face, 2))
-        first_vertex, first_face = first_vertex + 4, first_face + 2
-    return np.concatenate(vertices), np.concatenate(faces), rows
+def _four_wide(rows, kind):
+    """Rows of three as rows of four, so that one is one aligned packet."""
+    return np.concatenate([rows, np.zeros((len(rows), 1))], 1).astype(kind)
 
 
 def _barycentric(point, a, b, c):

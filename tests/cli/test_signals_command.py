@@ -76,8 +76,9 @@ WRONG = {
           '<spectrum name="profile" value="0:1520, 8:1520, 12:1480, 30:1478"/>')],
         "too far for the vector approximation here"),
     "cells too small": ([(CELL, '<float name="cell" value="0.00001"/>')], "take larger cells"),
-    "a sphere": ([("</scene>", '<shape type="sphere" id="ball"><float name="radius" value="1"/></shape></scene>')],
-                 'the shape "ball" is a sphere, which has no facets'),
+    "an instance": ([("</scene>", '<shape type="shapegroup" id="group"><shape type="cube"/></shape>'
+                                  '<shape type="instance" id="box"><ref id="group"/></shape></scene>')],
+                    'the shape "box" is of the kind instance, which has no facets'),
     "fan_count alone": ([(CELL, CELL + '<integer name="fan_count" value="3"/>')], "only counts with fans"),
     "bandwidth of a cw": ([sensor('<string name="pulse" value="cw"/><float name="bandwidth_khz" value="3"/>')],
                           "bandwidth_khz is given, but a cw pulse"),

@@ -19,6 +19,7 @@ FLOORS = """
     imaging
     io
     trace
+    tessellation
     materials connection scatterers echoes free_rays paths bounces
     ensonification array_station array_survey array_signals
     survey
