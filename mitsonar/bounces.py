@@ -126,8 +126,8 @@ class Bounces:
         source_speed : Float (R,) [m/s]
         strata : Strata
             How the rays are numbered; partners are of the same row.
-        key : UInt32
-            Of the chance in partners and lobes.
+        key : UInt32 (R,)
+            Of the chance in partners and lobes; the same for all rays of a row.
         homeward : callable(point, normal, active) -> Connection
             From where ray i left to a point.
 
@@ -148,7 +148,7 @@ class Bounces:
                     for folded in (False, True)[:len(views)]:
                         yield self._connected(a, b, chance, source_speed, folded)
                 if bounces < self.paths.max_depth or self._smooth:
-                    a, mirrored = self._on(a, key ^ mi.UInt32(LOBE_SALT + bounces))
+                    a, mirrored = self._on(a, strata, key ^ mi.UInt32(LOBE_SALT + bounces))
                     if self._smooth:
                         yield from self._home(replace(a, valid=a.valid & mirrored), origin, source_speed, homeward)
 
@@ -211,10 +211,9 @@ class Bounces:
         active &= code < (2 << self.paths.max_depth)
         return self._ghosts(energy, a, b, a.between + way.travel_time, code, active, loss_db)
 
-    def _on(self, ends, key):
+    def _on(self, ends, strata, key):
         """Bounce once more, and whether that was a mirror's."""
-        width = dr.width(ends.solid_angle)
-        first, second = mi.sample_tea_32(dr.arange(mi.UInt32, width), key)
+        first, second = mi.sample_tea_32(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
         third, _ = mi.sample_tea_32(second, ~key)
         direction, share, mirrored = scattered(ends, ends.valid, self.frequency, _unit(first),
                                                mi.Point2f(_unit(second), _unit(third)))
@@ -265,9 +264,8 @@ def _joined(code, last):
 
 def _partners(strata, key):
     """A partner of the same row for every ray, and the chance with which it was drawn."""
-    index = dr.arange(mi.UInt32, strata.rays)
-    row, _, i, j = strata.split(index)
-    first, second = mi.sample_tea_32(index, key)
+    row, within, i, j = strata.split(dr.arange(mi.UInt32, strata.rays))
+    first, second = mi.sample_tea_32(within, key)
     third, fourth = mi.sample_tea_32(first, ~key)
     even = _unit(third) < EVEN_SHARE
     chosen = []

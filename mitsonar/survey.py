@@ -12,13 +12,17 @@ numbers are hashed from (seed, ping, side, ray): neither blocks nor threads chan
 during a ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
 """
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .bounces import Bounces
 from .connection import Connector
+from .free_rays import FreeRays
 from .materials import scattering_strength
+from .paths import Paths
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
@@ -32,7 +36,7 @@ RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 FANS_PER_BLOCK = 128               # a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
-FIRST_SALT, SECOND_SALT = 0x51ED270B, 0x2545F491
+FIRST_SALT, SECOND_SALT, GHOST_SALT = 0x51ED270B, 0x2545F491, 0x6C62272E
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe as shadows see it (-6 dB)
 
 
@@ -56,6 +60,10 @@ class Survey:
         Per ping, both sides and both passes together; each side's share of a pass is rounded to strata, at least 16.
     first_pass : float
         Share of the rays that only finds out where rays are needed; 0 for none.
+    max_depth : int
+        Bounces that an echo may have made.
+    volume : water.VolumeScattering or None
+        What the water itself sends back.
     """
 
     geometry: object
@@ -68,6 +76,8 @@ class Survey:
     bins: int
     rays: int
     first_pass: float
+    max_depth: int = 1
+    volume: object = None
 
     @property
     def bin_length(self):
@@ -85,10 +95,16 @@ class Survey:
         if sums >= MOST_SUMS:
             raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "
                              f"{MOST_SUMS}; take fewer bins or let shapes share an id")
-        by_rays = RAYS_PER_BLOCK // (2 * sum(grid[0] * grid[1] for grid in self.grids() if grid))
+        rays = RAYS_PER_BLOCK if self.max_depth == 1 else RAYS_PER_BLOCK // 8
+        by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in self.grids() if grid))
         level = len(np.unique(self.track.position[:, 2])) == 1
         return max(1, min(by_rays, SUMS_PER_BLOCK // sums, self.track.pings if level else FANS_PER_BLOCK,
                           self.track.pings))
+
+    @cached_property
+    def paths(self):
+        """The paths that are told apart."""
+        return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
 
     def grids(self):
         """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
@@ -114,9 +130,10 @@ class Survey:
         for start in range(0, pings, block):
             part = kernel(np.arange(start, min(start + block, pings)))
             for name, value in part.items():
-                value = value.reshape(-1, 2, self.bins)
+                value = value.reshape(-1, 2, *value.shape[1:])
                 if name not in out:
-                    out[name] = np.empty((pings, *value.shape[1:]), np.float32 if name == "intensity" else value.dtype)
+                    kind = np.float32 if name.endswith("intensity") else value.dtype
+                    out[name] = np.empty((pings, *value.shape[1:]), kind)
                 out[name][start:start + block] = value
             if progress is not None:
                 progress(min(start + block, pings), pings)
@@ -158,7 +175,9 @@ class _Block:
         dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
         self.targets = geometry.targets()
+        self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
         self.connector = Connector(self.tracer)
+        self.bounces = self._bounces(deepest) if survey.max_depth > 1 else None
 
     def __call__(self, ping):
         """Echoes of the pings with these numbers (B,)."""
@@ -170,15 +189,18 @@ class _Block:
         quantiles = self._first_quantiles(ping)
         if self.first_grid:
             quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
-        sums = EchoSums(self.lib, rows, len(survey.geometry.labels), survey.bins)
+        sums = EchoSums(self.lib, rows, len(survey.geometry.labels), survey.bins, len(survey.paths))
         ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
         hits = self._trace(place, ray)
         units, bin, in_window = self._echo(place, ray, hits)
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=ray.along_intensity > BEAM_EDGE,
-                 height=dr.clip((mi.Float(-hits.point.z) - self.top) * self.per_depth, 0, 1), active=in_window)
+                 height=self._height(mi.Float(-hits.point.z)), active=in_window,
+                 path=survey.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self.surface)))
+        if self.bounces is not None:
+            self._add_ghosts(place, ray, hits, sums)
         if self.targets:
             self._add_targets(place, sums)
-        dr.eval(sums.energy, sums.depth, sums.count)
+        dr.eval(sums.energy, sums.depth, sums.count, sums.path_energy)
         return sums.read(10 ** (survey.sonar.source_level_db / 10) * self.unit, survey.geometry.depth_range)
 
     def _first_quantiles(self, ping):
@@ -190,7 +212,8 @@ class _Block:
         depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
         below = np.repeat(survey.depth_below[ping], 2)
         mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
-        return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window)
+        above = np.repeat(-survey.track.position[ping, 2], 2) if survey.geometry.surface_label else None
+        return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
 
     def _need(self, place, quantiles):
         """Trace the first pass and ask how far each cell of φ leads into bins that few rays reach."""
@@ -264,6 +287,52 @@ class _Block:
                  units=mi.Float64(energy) * mi.Float64(units), in_beam=along > BEAM_EDGE,
                  height=dr.clip((mi.Float(-point.z) - self.top) * self.per_depth, 0, 1),
                  active=inside & dr.isfinite(energy))
+
+    def _bounces(self, deepest):
+        survey, geometry = self.survey, self.survey.geometry
+        mirror = geometry.surface_mirrors
+        folded = Absorption(survey.absorption.mirrored(), survey.profile.mirrored(), deepest, mi.Float,
+                            top=-deepest) if mirror else None
+        return Bounces(FreeRays(self.tracer), self.absorption, folded, frequency=survey.sonar.frequency,
+                       paths=survey.paths, surface_label=geometry.surface_label, mirror=mirror)
+
+    def _add_ghosts(self, place, ray, hits, sums):
+        """Add what bounced more than once: p² = 10^(SL/10) B_t B_r e²."""
+        source_depth, source_speed = place.medium(ray.ping)
+        origin, source = place.origin(ray.ping), place.source(ray.ping)
+
+        def homeward(point, normal, active):
+            return self.connector(place.sources, origin, source, point, normal, active)
+
+        strata = Strata(self.lib, place.rows, *self.second_grid)
+        key = dr.gather(mi.UInt32, place.key, ray.row) ^ dr.opaque(
+            mi.UInt32, (self.seed * 0x9E3779B1 + GHOST_SALT) & 0xFFFFFFFF)
+        side = mi.Float(ray.row & 1) * 2 - 1
+        for ghosts in self.bounces(hits, ray.solid_angle, origin, source_speed, strata, key, homeward):
+            elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
+            bin, inside = self._bin(0.5 * elapsed, ghosts.active)
+            pattern = mi.Float(1)
+            for leg, face in ((ghosts.out, self.sides[:2]), (ghosts.back, self.sides[2:])):
+                body = place.body(ray.ping, leg.sent_towards)
+                inside &= body.y * side > 0
+                pattern *= dr.square(sinc(body.x * face[0]) * sinc(self._across(body) * face[1]))
+            units = self._units(ghosts.energy * pattern, ghosts.loss_db, bin, inside)
+            sums.add(row=ray.row, label=ghosts.label, bin=bin, units=units, in_beam=mi.Bool(False), counted=False,
+                     height=self._height(ghosts.depth), active=inside, path=self.survey.paths.numbers(ghosts.code))
+
+    def _across(self, body):
+        """v of body directions: the sine of the angle to the faces' normal, downwards."""
+        return body.z * dr.cos(self.depression) - abs(body.y) * dr.sin(self.depression)
+
+    def _height(self, depth):
+        """Depths as fractions of the scene's."""
+        return dr.clip((depth - self.top) * self.per_depth, 0, 1)
+
+    def _units(self, energy, loss_db, bin, inside):
+        """Echo energies with their absorption in units of their bins."""
+        units, unit_loss_db = dr.gather(self.lib.Array2f, self.per_bin, bin, inside)
+        energy = energy * dr.exp((unit_loss_db - loss_db) * float(np.log(10) / 10))
+        return dr.select(dr.isfinite(energy), mi.Float64(energy) * mi.Float64(units), 0)
 
     def _patterns(self, u, v):
         """Two-way intensity along and across the platform."""

@@ -72,6 +72,10 @@ class Geometry:
         Number → id of every shape, in the order of their ids.
     depth_range : (float, float) [m]
         Highest and lowest point of the scene.
+    surface_label : int
+        Number of the sea surface (a shape whose attribute ``sea_surface`` is true), 0 if there is none.
+    horizontal_bounds : ((float, float), (float, float)) [m]
+        Least and largest x and y of all else.
     meshes : list of (int, mitsuba.Shape, int, int)
         Registry index, shape, first row and number of rows in `faces`.
     others : list of (int, mitsuba.Shape)
@@ -117,6 +121,15 @@ class Geometry:
         dr.eval(self.rows, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
+        surface = [shape for shape in shapes if getattr(shape, "sea_surface", False)]
+        if len(surface) > 1:
+            raise ValueError(f"the scene has {len(surface)} sea surfaces; leave one")
+        self.surface_label = number_of[surface[0].id() or surface[0].class_name()] if surface else 0
+        if len(shapes) > len(surface):
+            box = mi.ScalarBoundingBox3f()
+            for shape in shapes:
+                if shape not in surface:
+                    box.expand(shape.bbox())
         self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
 
     def targets(self):
