@@ -74,6 +74,8 @@ class Geometry:
         Highest and lowest point of the scene.
     surface_label : int
         Number of the sea surface (a shape whose attribute ``sea_surface`` is true), 0 if there is none.
+    surface_mirrors : bool
+        Whether that is perfectly flat.
     horizontal_bounds : ((float, float), (float, float)) [m]
         Least and largest x and y of all else.
     meshes : list of (int, mitsuba.Shape, int, int)
@@ -125,6 +127,7 @@ class Geometry:
         if len(surface) > 1:
             raise ValueError(f"the scene has {len(surface)} sea surfaces; leave one")
         self.surface_label = number_of[surface[0].id() or surface[0].class_name()] if surface else 0
+        self.surface_mirrors = any(getattr(shape.bsdf(), "mirror", False) for shape in surface)
         if len(shapes) > len(surface):
             box = mi.ScalarBoundingBox3f()
             for shape in shapes:
