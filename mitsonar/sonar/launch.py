@@ -9,7 +9,7 @@ so a draw costs one look-up, and the ray's solid angle is ΔΩ = 1 / (N density_
 what was drawn: no choice of density can bias a level.
 
 Along the platform the density follows the two-way beam. In φ a first, sparse pass spreads rays evenly over travel
-time on a flat bed and over the vertical beam; what it hits tells each cell how many rays its time bins still lack
+time on a flat bed, and surface, and over the vertical beam; what it hits tells each cell how many rays its time bins still lack
 (`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass decides where
 rays go, never what they weigh, so the estimate stays unbiased.
 """
@@ -92,7 +92,7 @@ def along_quantiles(sonar):
     return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
 
 
-def first_quantiles(sonar, depression, depth_below, sound_speed, window):
+def first_quantiles(sonar, depression, depth_below, sound_speed, window, depth_above=None):
     """Quantile tables of φ for the first pass.
 
     Parameters
@@ -107,6 +107,8 @@ def first_quantiles(sonar, depression, depth_below, sound_speed, window):
         Mean over the column: the first pass need not know refraction.
     window : (float, float) [s]
         Two-way time that the image covers.
+    depth_above : (D,) [m] or None
+        Water above the sonar, where the sea surface is to be seen as well.
 
     Returns
     -------
@@ -117,6 +119,9 @@ def first_quantiles(sonar, depression, depth_below, sound_speed, window):
     width = np.pi / steps
     with np.errstate(divide="ignore", invalid="ignore"):
         time = np.where(depression > 0, 2 * np.abs(depth_below[:, None]) / (sound_speed * np.sin(depression)), np.inf)
+        if depth_above is not None:
+            up = 2 * np.abs(depth_above[:, None]) / (sound_speed * np.sin(-depression))
+            time = np.where(depression < 0, up, time)
     time = np.clip(time, *window)
     even = np.abs(np.diff(time, axis=1))
     even_total = even.sum(1, keepdims=True)

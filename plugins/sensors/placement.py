@@ -13,15 +13,17 @@ SMOOTHING = 10.0                   # [m] along which a towed sonar follows the s
 def soundings(geometry, x, y):
     """Depth [m] of the lowest surface at points (x, y) [m], the seabed but for what is buried; NaN where there is none.
 
-    Looked for from below, so that a ship or the sea surface above does not count.
+    Looked for from below, so that a ship above does not count; nor does the sea surface.
     """
     x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
     below = geometry.depth_range[1] + 1.0
     ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, -below)),
                    mi.Vector3f(0, 0, 1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
-    distance = np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)
-    return (below - distance).reshape(x.shape)
+    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))    # noqa: E711
+    label = dr.gather(mi.UInt32, geometry.rows, 4 * row, pi.is_valid())
+    seabed = pi.is_valid() & (label != geometry.surface_label)
+    return np.where(seabed.numpy(), below - pi.t.numpy(), np.nan).reshape(x.shape)
 
 
 def _wet(geometry, x, y):
