@@ -17,7 +17,7 @@ __all__ = ["LobeTable"]
 LOW, HIGH, STEP = -16.0, 18.5, 0.1     # of ln q; the limits of small and large q run on from there
 COLUMNS = round((HIGH - LOW) / STEP)
 STEP_Y = 0.1
-MIDDLE = np.log(0.625 / 0.375)         # y of the sediments' γ = 3.25: a row of its own
+MIDDLE = float(np.log(0.625 / 0.375))       # y of the sediments' γ = 3.25: a row of its own
 FIRST, LAST = (int(np.floor((np.log(a / (1 - a)) - MIDDLE) / STEP_Y)) - (a < 0.5) for a in ALPHA_RANGE)
 ROWS = LAST - FIRST + 3
 

@@ -1,6 +1,7 @@
 """Lambert bottom (`lambert`): σ = μ sin θ_i sin θ_s, in the facet's own frame.
 
-- ``mu_db`` [dB, -27]: 10 log μ; -35 for mud to -10 for gravel and rock, at most -4.97.
+- ``mu_db`` [dB, -27]: 10 log μ; -35 for mud to -10 for gravel and rock, at most -4.97. A number, or a texture of
+  decibels (best ``raw``; what is above -4.97 counts as that).
 
 .. code-block:: xml
 
@@ -21,25 +22,36 @@ class Lambert(Material):
 
     def __init__(self, props):
         attributes = Attributes(props)
-        mu_db = attributes.number("mu_db", -27.0, unit="dB", maximum=10 * np.log10(lambert.STRONGEST))
+        mu_db = attributes.number_or_texture("mu_db", -27.0, unit="dB", maximum=10 * np.log10(lambert.STRONGEST))
         attributes.finish()
         super().__init__(props, flags=mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
         self.mu_db = mu_db
-        self.strength = dr.opaque(mi.Float, float(power_from_db(mu_db)))
+        self.textured = isinstance(mu_db, mi.Texture)
+        if not self.textured:
+            self.strength = dr.opaque(mi.Float, float(power_from_db(mu_db)))
 
     def traverse(self, callback):
-        callback.put("strength", self.strength, mi.ParamFlags.Differentiable)
+        if self.textured:
+            callback.put("mu_db", self.mu_db, mi.ParamFlags.Differentiable)
+        else:
+            callback.put("strength", self.strength, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys):
-        dr.make_opaque(self.strength)
+        if not self.textured:
+            dr.make_opaque(self.strength)
 
     def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
         """σ of the law; neither frequency nor sound speed plays a part."""
         sin_i, sin_s = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
-        return dr.select(active, lambert.scattering_strength(self.strength, sin_i, sin_s), 0)
+        if self.textured:
+            strength = dr.exp(float(np.log(10) / 10) * self.mu_db.eval_1(si, active))
+            strength = dr.minimum(strength, lambert.STRONGEST)
+        else:
+            strength = self.strength
+        return dr.select(active, lambert.scattering_strength(strength, sin_i, sin_s), 0)
 
     def to_string(self):
-        return f"Lambert[mu_db={self.mu_db}]"
+        return f"Lambert[mu_db={'texture' if self.textured else self.mu_db}]"
 
 
 mi.register_bsdf("lambert", Lambert)

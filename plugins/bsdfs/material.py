@@ -64,7 +64,7 @@ class Material(mi.BSDF):
 
     def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
         """Give the density of `drawn_direction` [1/sr]."""
-        return dr.select(active, mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
+        return dr.select(active & (wo.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
 
     # ---- what Mitsuba asks: lets any of its integrators show the scene
     def eval(self, ctx, si, wo, active=True):

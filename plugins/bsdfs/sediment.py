@@ -28,9 +28,10 @@ from mitsonar.propagation.device import arrays_of, upload
 from mitsonar.scattering import Sediment
 from mitsonar.scattering.arithmetic import Arithmetic, power
 from mitsonar.scattering.fluid import Fluid
+from mitsonar.scattering.lobe_directions import lobe_density, lobe_shift, lobe_width
 from mitsonar.scattering.lobe_table import LobeTable
 from mitsonar.scattering.sediment import BOUNDS
-from mitsonar.scattering.small_slope import lobe_density, lobe_factor, lobe_shift, lobe_width
+from mitsonar.scattering.small_slope import lobe_factor
 
 FLUID = "density_ratio", "sound_speed_ratio", "loss", "volume_parameter"
 LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1e-12}      # of textures
@@ -95,17 +96,17 @@ class SedimentBed(Material):
         amplitude = fluid.amplitude(sin_i, sin_s, -(wi.x * wo.x + wi.y * wo.y))
         return dr.select(active, power(amplitude) * factor + fluid.volume_strength(sin_i, sin_s), 0)
 
-    # ---- drawing: the lobe about the specular direction, as `small_slope` draws it, or a cosine for the volume
+    # ---- drawing: the lobe about the specular direction, by `lobe_directions`, or a cosine for the volume
     def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
         width, alpha, share = self._lobe(si, wi, frequency, sound_speed, active)
         sine, _ = _sines(wi, wi)
-        x, y, z = lobe_shift(dr, wi.x, wi.y, sine, width, alpha, sample2.x, sample2.y)
+        x, y, z = lobe_shift(wi.x, wi.y, sine, width, alpha, sample2.x, sample2.y)
         return dr.select(sample1 < share, mi.Vector3f(x, y, z), mi.warp.square_to_cosine_hemisphere(sample2))
 
     def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
         width, alpha, share = self._lobe(si, wi, frequency, sound_speed, active)
         sin_i, sin_s = _sines(wi, wo)
-        lobe = lobe_density(dr, wi.x, wi.y, sin_i, wo.x, wo.y, width, alpha) * sin_s
+        lobe = lobe_density(wi.x, wi.y, sin_i, wo.x, wo.y, width, alpha) * sin_s
         density = share * lobe + (1 - share) * mi.warp.square_to_cosine_hemisphere_pdf(wo)
         return dr.select(active & (wo.z > 0), density, 0)
 
@@ -113,7 +114,7 @@ class SedimentBed(Material):
         """Width and exponent of the lobe that directions are drawn from, and its share of the draws."""
         fluid, w2, gamma = self._at(si, active)
         sine, _ = _sines(wi, wi)
-        width = lobe_width(dr, self.log_lobe, sine, _wavenumber(frequency, sound_speed), w2, gamma)
+        width = lobe_width(self.log_lobe, sine, _wavenumber(frequency, sound_speed), w2, gamma)
         reflected = power(fluid.transmission(sine, fluid.vertical(sine)) - 1)
         diffuse = np.pi * fluid.volume_strength(sine, mi.Float(0.7)) / dr.maximum(sine, 1e-4)
         share = dr.clip(reflected / (reflected + diffuse), *SHARES)
