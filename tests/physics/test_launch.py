@@ -70,7 +70,8 @@ def test_first_pass_is_even_in_travel_time_on_a_flat_bed(variant, sonar, rng):
 
 
 def test_first_pass_shares_time_between_bed_and_surface(variant, sonar, rng):
-    """Rays up and down in the ratio of the times that surface and bed are seen for, evenly in each."""
+    """Rays up and down in the ratio of the times that surface and bed are seen for, evenly in each: 15 % for the far end
+    of the surface, where a cell of φ is most of a bin."""
     phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
     window = (0.0, 2 * 100 / 1500)
     table = first_quantiles(sonar, phi[None], np.array([40.0]), 1500.0, window, depth_above=np.array([10.0]))
@@ -79,7 +80,7 @@ def test_first_pass_shares_time_between_bed_and_surface(variant, sonar, rng):
         seen = side[side > np.arcsin(height / 100)]
         time = 2 * height / np.sin(seen) / 1500
         share = np.histogram(time, bins=20, range=(2 * height / 1500, window[1]))[0] / len(value)
-        assert share.min() > 0.70 * (100 - height) / (90 + 60) / 20 * 0.9
+        assert share.min() > 0.70 * (100 - height) / (90 + 60) / 20 * 0.85
 
 
 def test_second_pass_goes_where_the_need_is_and_nowhere_to_zero(variant, rng):
