@@ -1,25 +1,20 @@
-"""Sediments by name and by parameters: a rough fluid's surface (`small_slope`) and the volume below (`fluid`).
+"""Fluid sediments by name and by parameters: a rough surface (`rough_seabed`) and the volume below (`fluid`).
 
-    σ = σ_rough + σ_volume
-
-θ_i, θ_s -> ``grazing_in``, ``grazing_out``, φ -> ``azimuth`` (0 forward, π back), k -> ``wavenumber``; ρ, ν of the
-sediment over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ -> ``loss``; σ2 -> ``volume_parameter``;
-w2, γ of the roughness -> ``w2``, ``gamma``. Time factor exp(-iωt). The rough part holds the whole of the
-reflected energy, its near-specular lobe included: never add a specular echo of the same seabed.
+ρ, ν of the sediment over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ -> ``loss``; σ2 ->
+``volume_parameter``; w2, γ of the roughness -> ``w2``, ``gamma``. Time factor exp(-iωt).
 """
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .arithmetic import NUMPY, power
+from .arithmetic import NUMPY
 from .fluid import Fluid
-from .rough_interface import ALPHA_RANGE, log_lobe
+from .rough_interface import ALPHA_RANGE
+from .rough_seabed import RoughSeabed
 from .roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
-from .small_slope import lobe_factor
 
 __all__ = ["BOUNDS", "SEDIMENTS", "Sediment"]
 
-STEEPEST_ROUGHNESS = 1.0           # root-mean-square slope of the roughness that the sound sees
 HIGHEST_AS_FLUID = 100e3           # [Hz], of rock and cobble
 
 # APL-UW TR 9407 (1994), section IV, Table 2: density ratio, sound speed ratio, loss, volume parameter.
@@ -55,7 +50,7 @@ BOUNDS = {                         # name -> (above, up to); zero loss or roughn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sediment:
+class Sediment(RoughSeabed):
     """Hold what a fluid sediment is to sound, and give its scattering.
 
     Parameters
@@ -85,7 +80,8 @@ class Sediment:
     Rough surface: Thorsos and Broschat (1995), J. Acoust. Soc. Am. 97, 2082; Jackson and Richardson (2007),
     High-Frequency Seafloor Acoustics, chapter 13. Volume: Jackson, Winebrenner and Ishimaru (1986), J. Acoust. Soc.
     Am. 79, 1410. At its best while the roughness seen is gentle (slopes up to 0.3) and the grazing angle is above the
-    slopes: shadows are left out. Rock and cobble bear shear: below 100 kHz, too, they are several dB uncertain.
+    slopes: shadows are left out. Rock and cobble bear shear: below 100 kHz, too, they are several dB uncertain; see
+    `ElasticSediment`.
     """
 
     density_ratio: float
@@ -98,11 +94,7 @@ class Sediment:
     name: str = "sediment"
 
     def __post_init__(self):
-        for field, (low, high) in BOUNDS.items():
-            value = getattr(self, field)
-            if not (low < value <= high or field == "volume_parameter" and value == 0):
-                least = "at least" if field == "volume_parameter" else "above"
-                raise ValueError(f"{self.name}: {field} is {value}; it must be {least} {low:g} and at most {high:g}.")
+        self._check_bounds(BOUNDS, or_none=("volume_parameter",))
 
     @classmethod
     def of(cls, name, **changes):
@@ -112,52 +104,19 @@ class Sediment:
     def reflection(self, grazing):
         """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
         sine = np.sin(grazing)
-        return self._fluid.transmission(sine, self._fluid.vertical(sine)) - 1
-
-    def roughness_slope(self, wavenumber):
-        """Give the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
-        return np.sqrt(2 * np.pi * self.w2 * (2 * wavenumber) ** (4 - self.gamma) / (4 - self.gamma))
-
-    def rough_strength(self, grazing_in, grazing_out, azimuth, wavenumber):
-        """Give σ [-] of the surface alone, at any frequency, for angles [rad] and wavenumber [rad/m] that broadcast."""
-        cos_i, cos_s, sin_i, sin_s = np.cos(grazing_in), np.cos(grazing_out), np.sin(grazing_in), np.sin(grazing_out)
-        # (cos θ_i - cos θ_s)² + 4 cos cos sin²(φ/2): the shift of the transverse wavenumber, without cancellation
-        shift = (cos_i - cos_s) ** 2 + 4 * cos_i * cos_s * np.sin(azimuth / 2) ** 2
-        factor = lobe_factor(np, log_lobe, shift, sin_i + sin_s, wavenumber, self.w2, self.gamma)
-        return power(self._fluid.amplitude(sin_i, sin_s, cos_i * cos_s * np.cos(azimuth))) * factor
-
-    def volume_strength(self, grazing_in, grazing_out):
-        """Give σ [-] of the volume alone, for angles [rad] that broadcast; the same in all azimuths and frequencies."""
-        return self._fluid.volume_strength(np.sin(grazing_in), np.sin(grazing_out))
-
-    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
-        """Give σ [-] of surface and volume, for angles [rad], frequency [Hz], sound speed [m/s] that broadcast.
-
-        Raises
-        ------
-        ValueError
-            If the law does not hold for this sediment at a frequency; the message says why.
-        """
-        wavenumber = 2 * np.pi * frequency / sound_speed
-        self.check(np.max(frequency, initial=0.0), np.max(wavenumber, initial=0.0))
-        return (self.rough_strength(grazing_in, grazing_out, azimuth, wavenumber)
-                + self.volume_strength(grazing_in, grazing_out))
+        return self.below.transmission(sine, self.below.vertical(sine)) - 1
 
     def check(self, frequency, wavenumber):
         """Raise `ValueError` if the law does not hold at a frequency [Hz] and its wavenumber [rad/m] in the water."""
-        slope = self.roughness_slope(wavenumber)
-        if slope > STEEPEST_ROUGHNESS:
-            raise ValueError(
-                f"{self.name} at {frequency / 1e3:g} kHz is too rough for the law of small slopes: its features down "
-                f"to half a wavelength have a root-mean-square slope of {slope:.2g}, and the law holds up to "
-                f"{STEEPEST_ROUGHNESS:g}; take a lower frequency or the law lambert.")
+        super().check(frequency, wavenumber)
         if self.solid and frequency >= HIGHEST_AS_FLUID:
             raise ValueError(
                 f"{self.name} at {frequency / 1e3:g} kHz is not a fluid: it bears shear waves, which this law leaves "
-                f"out; take a frequency below {HIGHEST_AS_FLUID / 1e3:g} kHz or the law lambert.")
+                f"out; take the law elastic, or a frequency below {HIGHEST_AS_FLUID / 1e3:g} kHz.")
 
     @property
-    def _fluid(self):
+    def below(self):
+        """The half-space under the surface."""
         return Fluid(arithmetic=NUMPY, density_ratio=self.density_ratio, sound_speed_ratio=self.sound_speed_ratio,
                      loss=self.loss, volume_parameter=self.volume_parameter)
 
