@@ -16,8 +16,8 @@ __all__ = ["lobe_density", "lobe_shift", "lobe_width"]
 
 SMALLEST = 1e-3                    # 2 sin θ_i: below, the lobe is as wide as there
 CORE = 40.0                        # ln q in the flat middle of the lobe
-TINY = 1e-12
-WIDEST = 10.0                      # the lobe is flat over all directions
+TINY = 1e-14
+NARROWEST, WIDEST = 1e-10, 10.0     # w²: what float32 can tell from a mirror, and flat over all directions
 
 
 def lobe_width(log_lobe, sine, wavenumber, w2, gamma):
@@ -25,7 +25,7 @@ def lobe_width(log_lobe, sine, wavenumber, w2, gamma):
     alpha = 0.5 * gamma - 1
     log_core = log_roughness(dr, wavenumber, w2, alpha) + 2 * dr.log(dr.maximum(2 * sine, SMALLEST))
     width = 2 * alpha * dr.exp(dr.minimum(log_core / alpha, MOST) - log_lobe(0 * log_core + CORE, alpha))
-    return dr.minimum(width, WIDEST)
+    return dr.clip(width, NARROWEST, WIDEST)
 
 
 def lobe_shift(x, y, sine, width, alpha, first, second):
