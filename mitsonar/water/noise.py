@@ -43,17 +43,38 @@ def ambient_noise_db(frequency, wind_speed=5.0, shipping=0.5):
     Coates (1990), *Underwater Acoustic Systems*, after Wenz (1962), J. Acoust. Soc. Am. 34, 1936. Above about
     100 kHz the thermal part rules.
     """
-    frequency, wind_speed, shipping = checked("ambient noise", frequency=frequency, wind_speed=wind_speed,
-                                              shipping=shipping)
+    return db_from_power(sum(map(power_from_db, noise_components_db(frequency, wind_speed, shipping).values())))
+
+
+def noise_components_db(frequency, wind_speed=5.0, shipping=0.5):
+    """Give the levels of what `ambient_noise_db` adds up.
+
+    Parameters
+    ----------
+    frequency, wind_speed, shipping
+        As there.
+
+    Returns
+    -------
+    dict[str, array [dB re 1 uPa^2/Hz]]
+        "turbulence", "shipping", "wind" and "thermal", all of the shape that the arguments broadcast to. The last is
+        Coates's line; `thermal_noise_db` has the exact level.
+
+    Raises
+    ------
+    ValueError
+        As `ambient_noise_db` does.
+    """
+    frequency, wind_speed, shipping = np.broadcast_arrays(
+        *checked("ambient noise", frequency=frequency, wind_speed=wind_speed, shipping=shipping))
     f = khz_from_hertz(_above_zero(frequency))
     log_f = np.log10(f)
-    parts = (
-        17 - 30 * log_f,
-        40 + 20 * (shipping - 0.5) + 26 * log_f - 60 * np.log10(f + 0.03),
-        50 + 7.5 * np.sqrt(wind_speed) + 20 * log_f - 40 * np.log10(f + 0.4),
-        -15 + 20 * log_f,
-    )
-    return db_from_power(sum(power_from_db(part) for part in parts))
+    return {
+        "turbulence": 17 - 30 * log_f,
+        "shipping": 40 + 20 * (shipping - 0.5) + 26 * log_f - 60 * np.log10(f + 0.03),
+        "wind": 50 + 7.5 * np.sqrt(wind_speed) + 20 * log_f - 40 * np.log10(f + 0.4),
+        "thermal": -15 + 20 * log_f,
+    }
 
 
 def thermal_noise_db(frequency, temperature=10.0, sound_speed=1500.0, density=1025.0):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mitsonar.scattering import backscatter_strength_db, bubble_loss_db
-from mitsonar.water import absorption_db, sound_speed
+from mitsonar.water import absorption_db, ambient_noise_db, noise_components_db, sound_speed, thermal_noise_db
 
 TABLE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
 LATITUDE = 45.0
@@ -54,6 +54,17 @@ def surface_strength(U_ms, f_kHz, grazing_deg):
     return {"total_dB": backscatter_strength_db("sea_surface", np.radians(grazing_deg), 1e3 * f_kHz, wind_speed=U_ms)}
 
 
+def noise(f_kHz, wind_ms, shipping):
+    """Level of each component and of all [dB re 1 uPa^2/Hz]."""
+    given = 1e3 * f_kHz, wind_ms, shipping
+    return [float(level) for level in (*noise_components_db(*given).values(), ambient_noise_db(*given))]
+
+
+def thermal_noise(f_Hz, T_K, rho, c):
+    """Level [dB re 1 uPa^2/Hz]."""
+    return thermal_noise_db(f_Hz, T_K - 273.15, c, rho)
+
+
 # how the table's name of a formula begins -> what answers it, and the fewest records there are of it
 ANSWERS = {
     "Francois-Garrison 1982": (francois_garrison, 28),
@@ -63,6 +74,8 @@ ANSWERS = {
     "T90 degC, S practical, depth z": (speeds, 7),
     "surface bubble loss": (surface_loss, 4),
     "APL-UW surface backscatter": (surface_strength, 21),
+    "Wenz/Coates NL": (noise, 10),
+    "Mellen thermal": (thermal_noise, 2),
 }
 
 

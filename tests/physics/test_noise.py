@@ -5,7 +5,7 @@ Bias: none; the table is printed to 1e-4 dB, so 6e-5 dB. Thermal values carry si
 import numpy as np
 import pytest
 
-from mitsonar.water import ambient_noise_db, thermal_noise_db
+from mitsonar.water import ambient_noise_db, noise_components_db, thermal_noise_db
 
 FREQUENCIES = np.array([10, 30, 100, 300, 500]) * 1e3
 AMBIENT = {  # wind [m/s]: level at the five frequencies, shipping 0.5
@@ -32,6 +32,13 @@ def test_thermal_noise_rises_six_decibels_an_octave():
 def test_wind_and_shipping_only_add():
     assert ambient_noise_db(3e4, 10) > ambient_noise_db(3e4, 5)
     assert ambient_noise_db(100, 5, 1) > ambient_noise_db(100, 5, 0)
+
+
+def test_components_take_over_from_each_other_as_frequency_rises():
+    """Turbulence, shipping, wind and heat each rule a band (Wenz 1962): the strongest at 5 Hz, 100 Hz, 10 and 500 kHz."""
+    levels = noise_components_db([5.0, 100.0, 1e4, 5e5], wind_speed=5.0, shipping=0.5)
+    names = list(levels)
+    assert [names[i] for i in np.argmax(list(levels.values()), axis=0)] == ["turbulence", "shipping", "wind", "thermal"]
 
 
 def test_arguments_broadcast():
