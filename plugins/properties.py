@@ -128,9 +128,8 @@ class Attributes:
             raise self._mismatch(name, expected)
         return array
 
-    def table(self, name, default=REQUIRED):
+    def table(self, name, default=REQUIRED, *, expected='a table of finite numbers "0:1490.5, 10:1485"'):
         """Read a table such as <spectrum name=... value="0:1490.5, 10:1485"/> as two float64 arrays."""
-        expected = 'a table of finite numbers "0:1490.5, 10:1485"'
         value = self._value(name, default, expected, ("Spectrum", "String"))
         if isinstance(value, str):
             try:
@@ -145,6 +144,12 @@ class Attributes:
         if len(columns) != 2 or columns[0].size == 0 or not np.isfinite(columns).all():
             raise self._mismatch(name, expected)
         return tuple(columns)
+
+    def number_or_table(self, name, default=REQUIRED, *, unit=None):
+        """Read a number, or a table as `table` does, as two float64 arrays; of a number, at 0."""
+        if name in self.props and self.props.type(name).name in ("Float", "Integer"):
+            return np.zeros(1), np.array([self.number(name, unit=unit)])
+        return self.table(name, default, expected=f'a number or a table of finite numbers "0:-60, 10:-75"{_in(unit)}')
 
     def texture(self, name, default=REQUIRED):
         """Read a number or a texture as a Mitsuba texture."""

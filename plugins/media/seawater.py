@@ -1,4 +1,4 @@
-"""Seawater (`seawater`): sound speed against depth, absorption, ambient noise.
+"""Seawater (`seawater`): sound speed against depth, absorption, ambient noise, volume scattering.
 
 Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; without any, a formula computes it from
 ``temperature`` and ``salinity``.
@@ -12,6 +12,9 @@ Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; wi
 - ``absorption_formula`` [francois-garrison]: of `mitsonar.water.absorption_db`.
 - ``absorption_db_per_km``: absorption given instead, the same at all depths.
 - ``wind_speed`` [m/s, 5], ``shipping`` [0..1, 0.5]: ambient noise.
+- ``volume_strength_db``: what the water sends back [dB re 1/m], a number or a table, depth [m] : strength; none by default.
+- ``layers``: more of it between two depths, "name top bottom dB; ...", such as "fish 20 35 -55; kelp 5 12 -60". Of
+  `mitsonar.water.volume.LAYERS` (fish, plankton, bubbles) numbers may be left out.
 
 .. code-block:: xml
 
@@ -29,12 +32,18 @@ from mitsonar.water import SoundSpeedProfile, absorption, absorption_db, ambient
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import FASTEST, SLOWEST
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
+from mitsonar.water.volume import Layer, VolumeScattering
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
 
 class Seawater(mi.Medium):
-    """See the module's text."""
+    """See the module's text.
+
+    Attributes
+    ----------
+    volume : VolumeScattering or None
+    """
 
     def __init__(self, props):
         attributes = Attributes(props)
@@ -48,6 +57,7 @@ class Seawater(mi.Medium):
         given_db = attributes.number("absorption_db_per_km", None, minimum=0, unit="dB/km")
         _only_one(attributes, "absorption_formula", "absorption_db_per_km")
         self.given_absorption_db = None if given_db is None else given_db / 1000
+        self.volume = self._read_volume(attributes)
         self.cast = None
         self.profile = self._read_profile(attributes)
         attributes.finish()
@@ -73,6 +83,17 @@ class Seawater(mi.Medium):
                 return SoundSpeedProfile([0.0], [constant])
             depth = COLUMN[COLUMN <= {**RANGES, **SOUND_SPEED_RANGES[formula]}["depth"][1]]
             return SoundSpeedProfile(depth, sound_speed(self.temperature, self.salinity, depth, formula=formula))
+        except ValueError as error:
+            raise attributes.error(str(error)) from None
+
+    def _read_volume(self, attributes):
+        table = attributes.number_or_table("volume_strength_db", None, unit="dB re 1/m")
+        layers = attributes.text("layers", "")
+        if table is None and not layers.strip():
+            return None
+        try:
+            return VolumeScattering(*(table or ()), layers=[Layer.read(layer) for layer in layers.split(";")
+                                                            if layer.strip()])
         except ValueError as error:
             raise attributes.error(str(error)) from None
 

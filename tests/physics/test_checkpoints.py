@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from mitsonar.scattering import backscatter_strength_db, bubble_loss_db
-from mitsonar.water import absorption_db, ambient_noise_db, noise_components_db, sound_speed, thermal_noise_db
+from mitsonar.water import (absorption_db, ambient_noise_db, noise_components_db, sound_speed, thermal_noise_db,
+                            volume_reverberation_db)
 
 TABLE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
 LATITUDE = 45.0
@@ -65,6 +66,11 @@ def thermal_noise(f_Hz, T_K, rho, c):
     return thermal_noise_db(f_Hz, T_K - 273.15, c, rho)
 
 
+def volume_reverberation(SL, R, alpha, Sv, psi, tau):
+    """Level [dB re 1 uPa]."""
+    return volume_reverberation_db(SL, R, Sv, psi, tau, alpha)
+
+
 # how the table's name of a formula begins -> what answers it, and the fewest records there are of it
 ANSWERS = {
     "Francois-Garrison 1982": (francois_garrison, 28),
@@ -76,6 +82,7 @@ ANSWERS = {
     "APL-UW surface backscatter": (surface_strength, 21),
     "Wenz/Coates NL": (noise, 10),
     "Mellen thermal": (thermal_noise, 2),
+    "volume reverberation": (volume_reverberation, 1),
 }
 
 

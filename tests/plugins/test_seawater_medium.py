@@ -130,3 +130,21 @@ def test_light_passes(water):
     for value in (medium.get_majorant(place), *medium.get_scattering_coefficients(place)):
         assert not np.any(np.array(value))
     assert str(medium).startswith("Seawater[")
+
+
+def test_volume_is_read_as_a_number_a_table_and_layers(make):
+    assert make("seawater").volume is None
+    np.testing.assert_allclose(make("seawater", volume_strength_db=-70.0).volume.strength_db_at([0, 500]), -70)
+    table = make("seawater", volume_strength_db="0:-60, 30:-75", layers="fish 20 35; kelp 5 12 -50").volume
+    np.testing.assert_allclose(table.strength_db_at([0.0, 30.0]),
+                               [-60, 10 * np.log10(10**-7.5 + 10**-7.0)], rtol=1e-12)
+    assert [layer.name for layer in table.layers] == ["fish", "kelp"]
+
+
+@pytest.mark.parametrize("attributes, said", [
+    ({"volume_strength_db": 20.0}, "strength is 20 dB"), ({"layers": "kelp 5"}, 'is not "name top bottom dB"'),
+    ({"volume_strength_db": "30:-60, 0:-75"}, "depths must be finite and increase"),
+    ({"volume_strength_db": True}, "volume_strength_db is the boolean true; expected a number or a table"),
+])
+def test_volume_that_makes_no_sense_is_refused(refusal, attributes, said):
+    assert said in refusal("seawater", **attributes)

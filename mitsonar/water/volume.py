@@ -1,0 +1,180 @@
+"""Volume scattering: what the water itself sends back, against depth.
+
+    s_v(z) = 10^(S_v(z)/10) + Σ_j 10^(S_j/10)  over the layers j with top_j <= z < bottom_j
+    RL = SL - 20 log R - 2 α R + S_v + 10 log(ψ c τ/2)
+
+S_v -> ``strength_db`` [dB re 1/m] at ``depth`` [m], linear in decibels between nodes and constant beyond the ends; s_v
+[1/m] is the power scattered per volume and solid angle over the incident intensity, the same in all directions. The
+second line is the reverberation of water of one S_v and one sound speed: SL -> ``source_level_db``, R -> ``slant_range``,
+α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ -> ``pulse_length``, c -> ``sound_speed``.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..units import db_from_power, power_from_db
+
+__all__ = ["LAYERS", "Layer", "VolumeScattering", "volume_reverberation_db"]
+
+WEAKEST_DB, STRONGEST_DB = -200.0, 0.0
+
+# name -> (top [m], bottom [m], strength [dB re 1/m]): round figures out of the ranges that Urick (1983), Principles of
+# Underwater Sound, chapter 8, reports: -90 to -60 dB in the open sea, -70 dB in the deep scattering layer by day, up to
+# -50 dB where bubbles or silt are. Layers of one's own need all three numbers.
+LAYERS = {"fish": (300.0, 500.0, -70.0), "plankton": (10.0, 60.0, -80.0), "bubbles": (0.0, 5.0, -50.0)}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Hold a layer of scatterers that lies on top of the water's own.
+
+    Parameters
+    ----------
+    name : str
+    top, bottom : float [m]
+        Depths, top above bottom.
+    strength_db : float [dB re 1/m]
+
+    Raises
+    ------
+    ValueError
+        If a number is missing, not finite or out of range.
+    """
+
+    name: str
+    top: float
+    bottom: float
+    strength_db: float
+
+    def __post_init__(self):
+        if not -np.inf < self.top < self.bottom < np.inf:
+            raise ValueError(f"layer {self.name} reaches from {self.top:g} to {self.bottom:g} m; give the depth of its "
+                             "top, then a greater one of its bottom.")
+        _check_strength(f"layer {self.name}", self.strength_db)
+
+    @classmethod
+    def read(cls, text):
+        """Make a layer of "name top bottom dB"; of a name in `LAYERS` numbers may be left out, the last ones first."""
+        name, *numbers = text.replace(",", " ").split() or [""]
+        known = LAYERS.get(name, ())
+        try:
+            numbers = [float(number) for number in numbers]
+        except ValueError:
+            numbers = [0.0] * 4
+        if len(numbers) > 3 or len(numbers) < 3 and not known:
+            raise ValueError(f'the layer "{text.strip()}" is not "name top bottom dB", such as "kelp 5 12 -55"; the '
+                             f"numbers of {', '.join(LAYERS)} may be left out.")
+        return cls(name, *numbers, *known[len(numbers):])
+
+
+class VolumeScattering:
+    """Hold the volume scattering strength of the water against depth.
+
+    Parameters
+    ----------
+    depth : array (K,) [m] or None
+        Increasing; None where only ``layers`` scatter.
+    strength_db : array (K,) [dB re 1/m] or None
+        S_v at these depths.
+    layers : sequence of Layer
+
+    Attributes
+    ----------
+    depth, strength_db, layers
+        As given; read-only arrays.
+    edges : array (E,) [m]
+        Depths at which the formula of s_v changes, increasing.
+    pieces : array (E + 1, 3)
+        Of the piece above each edge, and of the one below the last, (a, b, c) of s_v = c + exp(a + b z); a is -inf where
+        there is no first term.
+
+    Raises
+    ------
+    ValueError
+        If depths do not increase, or a number is missing, not finite or out of range; it is named.
+    """
+
+    def __init__(self, depth=None, strength_db=None, layers=()):
+        if (depth is None) != (strength_db is None):
+            raise ValueError("volume scattering: give both depth and strength_db, or neither.")
+        self.depth, self.strength_db = (_column(values) for values in (depth, strength_db))
+        self.layers = tuple(layers)
+        if self.depth.shape != self.strength_db.shape:
+            raise ValueError(f"volume scattering: {self.depth.size} depths but {self.strength_db.size} strengths; give "
+                             "one strength for each depth.")
+        if not np.isfinite(self.depth).all() or np.any(np.diff(self.depth) <= 0):
+            raise ValueError("volume scattering: depths must be finite and increase downwards; sort them.")
+        for strength in self.strength_db:
+            _check_strength("volume scattering", strength)
+        if not self.depth.size and not self.layers:
+            raise ValueError("volume scattering: neither strengths nor layers are given; give one of them.")
+        bounds = [bound for layer in self.layers for bound in (layer.top, layer.bottom)]
+        self.edges = np.unique(np.concatenate([self.depth, bounds]))
+        self.pieces = self._pieces()
+
+    def _pieces(self):
+        log_s = np.log(10) / 10 * self.strength_db
+        inside = np.concatenate([self.edges[:1] - 1, 0.5 * (self.edges[1:] + self.edges[:-1]), self.edges[-1:] + 1])
+        pieces = np.zeros((len(inside), 3))
+        pieces[:, 0] = -np.inf
+        if self.depth.size:
+            slope = np.concatenate([[0.0], np.diff(log_s) / np.diff(self.depth), [0.0]])
+            k = np.searchsorted(self.depth, inside)
+            node = np.maximum(k - 1, 0)
+            pieces[:, 1] = slope[k]
+            pieces[:, 0] = log_s[node] - slope[k] * self.depth[node]
+        for layer in self.layers:
+            pieces[(inside > layer.top) & (inside < layer.bottom), 2] += power_from_db(layer.strength_db)
+        return pieces
+
+    def at(self, depth):
+        """Give s_v [1/m] at ``depth`` [m], any shape."""
+        a, b, c = np.moveaxis(self.pieces[np.searchsorted(self.edges, depth, side="right")], -1, 0)
+        return c + np.exp(a + b * np.asarray(depth, float))
+
+    def strength_db_at(self, depth):
+        """Give S_v with all layers [dB re 1/m] at ``depth`` [m], any shape; -inf where nothing scatters."""
+        return db_from_power(self.at(depth))
+
+
+def volume_reverberation_db(source_level_db, slant_range, volume_strength_db, beam_solid_angle, pulse_length,
+                            absorption_db=0.0, sound_speed=1500.0):
+    """Give the level of the reverberation of water that is the same everywhere.
+
+    Parameters
+    ----------
+    source_level_db : array [dB re 1 µPa @ 1 m]
+    slant_range : array [m]
+        Middle of the gate.
+    volume_strength_db : array [dB re 1/m]
+    beam_solid_angle : array [sr]
+        ψ, the integral of the two-way intensity pattern over all directions.
+    pulse_length : array [s]
+    absorption_db : array [dB/m]
+    sound_speed : array [m/s]
+        All arguments broadcast.
+
+    Returns
+    -------
+    array [dB re 1 µPa]
+
+    Notes
+    -----
+    Urick (1983), Principles of Underwater Sound, chapter 8. A gate's finite length is left out: 0.003 dB where it is 1/20
+    of the range.
+    """
+    slant_range = np.asarray(slant_range, float)
+    return (source_level_db - 20 * np.log10(slant_range) - 2 * absorption_db * slant_range + volume_strength_db
+            + db_from_power(np.asarray(beam_solid_angle) * sound_speed * np.asarray(pulse_length) / 2))
+
+
+def _column(values):
+    column = np.array([] if values is None else np.atleast_1d(values), float)
+    column.flags.writeable = False
+    return column
+
+
+def _check_strength(what, strength_db):
+    if not WEAKEST_DB <= strength_db <= STRONGEST_DB:
+        raise ValueError(f"{what}: strength is {strength_db:g} dB re 1/m; it must lie in {WEAKEST_DB:g}..{STRONGEST_DB:g} "
+                         "dB, and is -90 to -50 dB in the sea.")
