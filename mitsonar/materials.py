@@ -103,7 +103,7 @@ def scattered(hits, active, frequency, sample1, sample2):
             return mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z), real * real + imaginary * imaginary, mi.Bool(True)
         wo = material.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active)
         density = material.direction_density(si, si.wi, wo, frequency, sound_speed, active)
-        strength = material.scattering_strength(si, si.wi, wo, frequency, sound_speed, active)
+        strength = material.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
         good = active & (density > 0) & (mi.Frame3f.cos_theta(wo) > 0)
         share = strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi))
         return wo, dr.select(good, share, 0), mi.Bool(False)
@@ -115,8 +115,8 @@ def scattered(hits, active, frequency, sample1, sample2):
 
 
 def _strength(material, si, wo, frequency, sound_speed, active):
-    if hasattr(material, "scattering_strength"):
-        return material.scattering_strength(si, si.wi, wo, frequency, sound_speed, active)
+    if hasattr(material, "patchy_strength"):
+        return material.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
     return material.eval(mi.BSDFContext(), si, wo, active)[0] * mi.Frame3f.cos_theta(si.wi)
 
 

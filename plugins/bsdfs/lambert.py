@@ -2,6 +2,8 @@
 
 - ``mu_db`` [dB, -27]: 10 log μ; -35 for mud to -10 for gravel and rock, at most -4.97. A number, or a texture of
   decibels (best ``raw``; what is above -4.97 counts as that).
+- ``patchiness``, ``patch_size`` [m, 1]: shape of the gamma distribution by which the strength of squares of that size
+  varies, so that echoes are K-distributed; none by default.
 
 .. code-block:: xml
 
@@ -11,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.bsdfs.material import Material
+from mitsonar.plugins.bsdfs.material import Material, read_patches
 from mitsonar.plugins.properties import Attributes
 from mitsonar.scattering import lambert
 from mitsonar.units import power_from_db
@@ -23,6 +25,7 @@ class Lambert(Material):
     def __init__(self, props):
         attributes = Attributes(props)
         mu_db = attributes.number_or_texture("mu_db", -27.0, unit="dB", maximum=10 * np.log10(lambert.STRONGEST))
+        self.patches = read_patches(attributes)
         attributes.finish()
         super().__init__(props, flags=mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
         self.mu_db = mu_db

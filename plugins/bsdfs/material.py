@@ -6,6 +6,9 @@ value of a bsdf is f_r cos θ_o = σ / sin θ_i, θ_i the grazing angle that a r
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.scattering.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
+
 SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them
 
 
@@ -18,9 +21,12 @@ class Material(mi.BSDF):
     ----------
     textured : bool
         Whether a parameter is read from a texture, so that texture coordinates are needed.
+    patches : scattering.patches.Patches or None
+        By which the strength varies from place to place.
     """
 
     textured = False
+    patches = None
 
     def __init__(self, props, *, flags=None):
         super().__init__(props)
@@ -58,6 +64,11 @@ class Material(mi.BSDF):
         """
         raise NotImplementedError
 
+    def patchy_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+        """Give σ [-] where it is met: that of the law times what the patch there is to the mean."""
+        strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
+        return strength if self.patches is None else strength * self.patches(si.p.x, si.p.y, active)
+
     def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
         """Draw a direction that sound goes on in: Vector3f (R,), from Float and Point2f in [0, 1)."""
         return mi.warp.square_to_cosine_hemisphere(sample2)
@@ -70,7 +81,7 @@ class Material(mi.BSDF):
     def eval(self, ctx, si, wo, active=True):
         sine = mi.Frame3f.cos_theta(si.wi)
         active = mi.Bool(active) & (sine * mi.Frame3f.cos_theta(wo) > 0)
-        strength = self.scattering_strength(si, *_upright(si.wi, wo), *_shown(), active)
+        strength = self.patchy_strength(si, *_upright(si.wi, wo), *_shown(), active)
         return mi.Spectrum(dr.select(active, strength / dr.maximum(abs(sine), 1e-6), 0))
 
     def pdf(self, ctx, si, wo, active=True):
@@ -96,6 +107,17 @@ class Material(mi.BSDF):
 
     def traverse(self, callback):
         pass
+
+
+def read_patches(attributes):
+    """Read ``patchiness`` (shape of the gamma-distributed strength) and ``patch_size`` [m]; `Patches`, or None."""
+    shape = attributes.number("patchiness", None, minimum=SMALLEST_SHAPE, maximum=LARGEST_SHAPE)
+    size = attributes.number("patch_size", 1.0, above=0, unit="m")
+    if shape is None:
+        if attributes.given("patch_size"):
+            raise attributes.error("patch_size is given without patchiness; give both or neither.")
+        return None
+    return Patches(shape, size, arrays_of(mi.Float), upload)
 
 
 def _shown():

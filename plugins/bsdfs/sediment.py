@@ -5,6 +5,7 @@
   textures in place of the sediment's own; see `mitsonar.scattering.Sediment`. Textures are clipped to the valid range.
 - ``sediment_class``: texture of class numbers, from 0, with ``classes``: "clay, medium sand, coarse sand"; in place of
   ``sediment``. ``class_scale`` [1]: what the texture is multiplied by first, 255 for images of 8 bits.
+- ``patchiness``, ``patch_size`` [m, 1]: as of `lambert`.
 
 Textures of parameters are best ``raw``, those of classes also ``filter_type`` nearest; ``mesh_attribute`` takes what
 facets or nodes of a mesh carry.
@@ -21,7 +22,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.bsdfs.material import Material
+from mitsonar.plugins.bsdfs.material import Material, read_patches
 from mitsonar.plugins.bsdfs.parameter import Parameter
 from mitsonar.plugins.properties import Attributes
 from mitsonar.propagation.device import arrays_of, upload
@@ -48,6 +49,7 @@ class SedimentBed(Material):
         for name, (low, high) in BOUNDS.items():
             least = {"minimum": low} if name == "volume_parameter" else {"above": low}
             written[name] = attributes.number_or_texture(name, None, maximum=high, **least)
+        self.patches = read_patches(attributes)
         attributes.finish()
         super().__init__(props)
         fixed = {name: value for name, value in written.items() if isinstance(value, float)}
