@@ -10,6 +10,7 @@ from dataclasses import MISSING, dataclass, fields
 import numpy as np
 
 from . import lambert
+from .elastic_sediment import ElasticSediment
 from .sea_surface import SeaSurface
 from .sediment import Sediment
 
@@ -45,7 +46,8 @@ class LambertSeabed:
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
 
 
-KINDS = {"lambert": LambertSeabed, "sediment": Sediment, "sea_surface": SeaSurface}
+KINDS = {"lambert": LambertSeabed, "sediment": Sediment, "elastic": ElasticSediment, "sea_surface": SeaSurface}
+NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws whose seabeds have names, and one of these
 
 
 def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0, **parameters):
@@ -54,7 +56,7 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
     Parameters
     ----------
     law : str or object
-        "lambert", "sediment", "sea_surface", or an object such as ``Sediment.of("medium sand")``,
+        "lambert", "sediment" (a fluid), "elastic" (a solid), "sea_surface", or an object such as ``Sediment.of("medium sand")``,
         ``LambertSeabed(mu_db=-27)`` or ``SeaSurface(wind_speed=8)``.
     grazing_angle : array [rad]
         0..π/2, from the plane of the surface.
@@ -63,7 +65,8 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
         Of the water at the surface. All arrays broadcast.
     **parameters
         Of a law given by name: ``mu_db`` of "lambert"; of "sediment" ``sediment``, a name, and fields of ``Sediment``
-        that replace its own, or all those fields without a name; ``wind_speed`` [m/s] of "sea_surface".
+        that replace its own, or all those fields without a name; of "elastic" the same with ``ElasticSediment``;
+        ``wind_speed`` [m/s] of "sea_surface".
 
     Returns
     -------
@@ -126,15 +129,15 @@ def _seabed(law, parameters):
     if law not in KINDS:
         raise ValueError(f'no law of scattering is called "{law}"; known are {", ".join(KINDS)}.')
     kind = KINDS[law]
-    known = [field.name for field in fields(kind)] + ["sediment"] * (kind is Sediment)
+    known = [field.name for field in fields(kind)] + ["sediment"] * (law in NAMED)
     unknown = [name for name in parameters if name not in known]
     if unknown:
         raise ValueError(f"{law} has no parameter {unknown[0]}; it has {', '.join(known)}.")
     if "sediment" in parameters:
-        return Sediment.of(parameters["sediment"], **{k: v for k, v in parameters.items() if k != "sediment"})
+        return kind.of(parameters["sediment"], **{k: v for k, v in parameters.items() if k != "sediment"})
     missing = [field.name for field in fields(kind) if field.default is MISSING and field.name not in parameters]
     if missing:
-        instead = ', or name one by sediment="medium sand"' if kind is Sediment else ""
+        instead = f', or name one by sediment="{NAMED[law]}"' if law in NAMED else ""
         raise ValueError(f"{law} is given too little; give {', '.join(missing)}{instead}.")
     return kind(**parameters)
 
