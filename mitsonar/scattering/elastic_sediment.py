@@ -16,7 +16,7 @@ from .roughness import sediment_key
 
 __all__ = ["ELASTIC_BOUNDS", "ELASTIC_SEDIMENTS", "ElasticSediment"]
 
-STEEPEST_PUBLISHED = 3.0           # slope of the roughness: that of rough rock at 300 kHz, the published levels' steepest
+STEEPEST_PUBLISHED = 3.0           # slope of the roughness, of rough rock at 300 kHz: the published levels' steepest
 FASTEST_SHEAR = 0.75**0.5          # of the compressional speed: at this a solid resists no change of volume
 ELASTIC_BOUNDS = {                 # name -> (above, up to)
     "density_ratio": (0.0, 10.0), "sound_speed_ratio": (0.0, 5.0), "loss": (0.0, 1.0),
@@ -94,8 +94,8 @@ class ElasticSediment(RoughSeabed):
             raise ValueError(f"{self.name}: shear_speed_ratio is {self.shear_speed_ratio}; it must be below "
                              f"{fastest:.4g}, {FASTEST_SHEAR:.3f} of the sound_speed_ratio.")
         if len(self.fluctuations) != 3 or not np.isfinite(self.fluctuations).all():
-            raise ValueError(f"{self.name}: fluctuations are {self.fluctuations}; they must be three finite numbers, of "
-                             "density, compressional speed and shear speed.")
+            raise ValueError(f"{self.name}: fluctuations are {self.fluctuations}; they must be three finite numbers, "
+                             "of density, compressional speed and shear speed.")
         most = self._most_sent_back()
         if most > 1:
             raise ValueError(f"{self.name}: reflection and volume send back {most:.3g} times what arrives; lower w3 or "
@@ -106,8 +106,8 @@ class ElasticSediment(RoughSeabed):
         """Give the "cobble", "rock" or "rough rock" of TM 2-00, with ``changes`` to its fields."""
         key = sediment_key(name)
         if key not in ELASTIC_SEDIMENTS:
-            raise ValueError(f"{key} is not among the solid seabeds, which are {', '.join(ELASTIC_SEDIMENTS)}; take the "
-                             "law sediment, or give the parameters.")
+            raise ValueError(f"{key} is not among the solid seabeds, which are {', '.join(ELASTIC_SEDIMENTS)}; take "
+                             "the law sediment, or give the parameters.")
         return replace(ELASTIC_SEDIMENTS[key], **changes)
 
     def reflection(self, grazing):

@@ -56,8 +56,8 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
     Parameters
     ----------
     law : str or object
-        "lambert", "sediment" (a fluid), "elastic" (a solid), "sea_surface", or an object such as ``Sediment.of("medium sand")``,
-        ``LambertSeabed(mu_db=-27)`` or ``SeaSurface(wind_speed=8)``.
+        "lambert", "sediment" (a fluid), "elastic" (a solid), "sea_surface", or an object such as
+        ``Sediment.of("medium sand")``, ``LambertSeabed(mu_db=-27)`` or ``SeaSurface(wind_speed=8)``.
     grazing_angle : array [rad]
         0..π/2, from the plane of the surface.
     frequency : array [Hz]
