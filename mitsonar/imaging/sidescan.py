@@ -72,7 +72,8 @@ def realisation(intensity, shares, noise, random):
     return np.abs(z + np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))) ** 2
 
 
-def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckle, seed, absorption_db):
+def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckle, seed, absorption_db,
+          paths=("b",)):
     """Make the dataset of a run.
 
     Parameters
@@ -84,6 +85,8 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     depth_below : (P,) [m]
     window : (float, float) [s]
     labels : dict[int, str]
+    paths : tuple of str
+        Names of the paths of ``path_intensity``, which is there where there are more than one.
     noise_db : float [dB re 1 µPa] or None
         In the receiver's band and beam; None for none.
     speckle : bool
@@ -122,7 +125,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
         return dims, values, {"units": units, "long_name": long_name, **more}
 
     along = ("ping",)
-    return xarray.Dataset(
+    dataset = xarray.Dataset(
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
          "label": entry(echoes["label"], "1", "shape that brings most of the echo"),
@@ -148,6 +151,25 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
                "noise_db": None if noise_db is None else float(noise_db),
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
                "labels": {str(number): name for number, name in labels.items()}})
+    if "path_intensity" in echoes:
+        dataset = dataset.assign(_by_path(echoes["path_intensity"], shares, entry)).assign_coords(
+            path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
+    return dataset
+
+
+def _by_path(intensity, shares, entry):
+    """Levels of every path, (path_name, ping, side, range), and the number of the strongest."""
+    pings, sides, paths, bins = intensity.shape
+    level = np.empty((paths, pings, sides, bins), np.float32)
+    step = max(1, WORK // (sides * paths * bins))
+    for start in range(0, pings, step):
+        some = slice(start, start + step)
+        mean = mean_intensity(intensity[some].astype(float), shares)
+        level[:, some] = _level(np.moveaxis(mean, 2, 0))
+    strongest = np.where(intensity.max(2) > 0, intensity.argmax(2) + 1, 0).astype(np.uint32)
+    return {"path_level": entry(level, "dB re 1 µPa", "echo level of each path, without speckle and noise",
+                                ("path_name", "ping", "side", "range")),
+            "path": entry(strongest, "1", "path that brings most of the echo, counted from 1; 0: nothing")}
 
 
 def _gate(half_bins, weights):

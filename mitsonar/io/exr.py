@@ -134,8 +134,11 @@ def _layout(dataset):
                          "a floating-point image over at least two dimensions; write it as netCDF.")
     picture = "level" if "level" in ranked else ranked[0]
     *front, column = dataset[picture].dims
-    layers = [dim for dim in front if dim in dataset.coords and dataset[dim].dtype.kind == "U"]
+    named = [dim for dim in dataset.dims if dim in dataset.coords and dataset[dim].dtype.kind == "U"]
+    layers = [dim for dim in front if dim in named]
     rows = [dim for dim in front if dim not in layers]
+    # variables may have layers that the picture has not
+    layers += [dim for dim in named if dim not in layers]
     if not dataset[picture].size or not rows:
         raise ValueError(f"cannot write the dataset as EXR: {picture} has the shape {dict(dataset[picture].sizes)}; "
                          "it needs at least one row and one bin.")
@@ -172,7 +175,8 @@ def _encode(dataset, layout):
 
 def _picture(dataset, layout):
     """Lay the picture's layers side by side, the port side mirrored so that the track is in the middle."""
-    name, layers = layout["picture"], layout["layers"]
+    name = layout["picture"]
+    layers = [layer for layer in layout["layers"] if layer in dataset[name].dims]
     image = dataset[name].transpose(*layers, *layout["rows"], layout["column"]).values
     image = image.reshape(-1, int(np.prod([dataset.sizes[row] for row in layout["rows"]])), image.shape[-1])
     if [list(dataset[layer].values) for layer in layers] == [["port", "starboard"]]:

@@ -4,6 +4,9 @@
 - ``first_pass`` [0.15], of a sidescan: share of the rays sent first to find where they are needed (steep faces,
   targets, far range); 0 draws all rays for a flat bed
 
+- ``max_depth`` [1]: bounces that an echo may have made, the sea surface's among them; 2 has ghosts of targets by way of
+  the seabed or the surface, 3 surface multiples
+
 Of sonars with arrays:
 
 - ``lighting``: ``scatterers`` [default]: every cell of the scene within reach is connected to the array along its own
@@ -37,6 +40,7 @@ from mitsonar.units import db_from_power
 
 BYTES_PER_BIN = 50                 # of the record while it is made and written, all variables together
 BINS_PER_PULSE = 10_000
+MOST_BOUNCES = 6
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 
 
@@ -47,6 +51,7 @@ class SonarPath(mi.SamplingIntegrator):
         attributes = Attributes(props)
         self.rays = attributes.integer("rays", 100_000, minimum=1, maximum=1 << 30)
         self.first_pass = attributes.number("first_pass", 0.15, minimum=0, maximum=0.9)
+        self.max_depth = attributes.integer("max_depth", 1, minimum=1, maximum=MOST_BOUNCES)
         self.lighting = attributes.text("lighting", LIGHTING[0], choices=LIGHTING)
         self.cell_size = attributes.number("cell", None, above=0, unit="m")
         self.fans = attributes.text("fans", "centre", choices=("centre", "elements", "interpolated"))
@@ -74,7 +79,8 @@ class SonarPath(mi.SamplingIntegrator):
         materials.check(geometry, sensor.water.profile, sonar.frequency)
         return Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
                       absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
-                      rays=self.rays, first_pass=self.first_pass)
+                      rays=self.rays, first_pass=self.first_pass, max_depth=self.max_depth,
+                      volume=getattr(sensor.water, "volume", None))
 
     def array_survey(self, scene, sensor, lead=0.0):
         """Plan a run of a sensor with arrays over the scene.
@@ -132,8 +138,8 @@ class SonarPath(mi.SamplingIntegrator):
             noise_db = float(sensor.noise_level_db() + db_from_power(sonar.bandwidth) - sonar.directivity_index_db())
         head = float(np.mean(-track.position[:, 2]))
         return sidescan.image(echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window,
-                              labels=survey.geometry.labels, noise_db=noise_db, speckle=sensor.speckle, seed=seed,
-                              absorption_db=float(survey.absorption.at(head)))
+                              labels=survey.geometry.labels, paths=survey.paths.names, noise_db=noise_db,
+                              speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
