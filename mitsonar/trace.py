@@ -19,6 +19,9 @@ from .propagation.two_point import source_state, to_hit
 __all__ = ["Geometry", "Hits", "Sources", "Tracer"]
 
 TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is stationary in the path
+# [m] the same of rays drawn at random: where neighbouring rows of a fan have other chords their hits leap by as much,
+# over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
+FAN_TOLERANCE = 0.0002
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +170,7 @@ class Tracer:
         Largest distance between a ray and its chords.
     """
 
-    def __init__(self, scene, profile, *, max_range, tolerance=TOLERANCE):
+    def __init__(self, scene, profile, *, max_range, tolerance=FAN_TOLERANCE):
         self.geometry = scene if isinstance(scene, Geometry) else Geometry(scene)
         self.profile = profile
         self.max_range = float(max_range)
