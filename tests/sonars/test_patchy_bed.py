@@ -1,0 +1,68 @@
+"""K-distributed echoes: a flat bed whose strength varies by patches larger than a resolution cell.
+
+Closed form: intensity is Gamma(ν, 1/ν) times an exponential, second moment 2 (1 + 1/ν), distribution function 1 -
+2/Γ(ν) (ν I)^(ν/2) K_ν(2 √(ν I)). Patches are squares of 16 m, pings are 16 m apart and look at the middles of two patches on
+either side, with cells of 0.075 m by at most 0.8 m and sidelobes that reach the next patch with 1 % of the energy. Levels
+are relative to the same bed without patches; 45 rays a bin add 0.2 % to the second moment.
+"""
+import functools
+
+import numpy as np
+import pytest
+from scipy.special import gamma, kv
+from scipy.stats import kstest
+
+from sidescan_scene import plane, render, sidescan
+
+SIZE, PINGS = 16.0, 1500
+
+
+def survey(shape=None, **sensor):
+    bed = plane(40.0, half=13_000.0)
+    if shape is not None:
+        bed["bsdf"].update(patchiness=shape, patch_size=SIZE)
+    # 16 m a ping, through the middles of patches, at 12.5 pings a second
+    track = {"start": [0.0, -SIZE * (PINGS - 1) / 2, -20.0], "pings": PINGS, "ping_rate_hz": 12.5,
+             "speed_knots": SIZE * 12.5 * 3600 / 1852}
+    return sidescan({"seabed": bed}, sensor={**track, **sensor}, rays=25_000, first_pass=0.0,
+                    film={"range_min": 25.0, "range": 46.0, "bins": 280})
+
+
+@functools.lru_cache
+def mean_level():
+    """Intensity of each bin without patches, (bin,)."""
+    return render(survey())[1].mean(0)
+
+
+def relative(dataset, name):
+    """Intensities in the middles of patches over what they are without patches, (2, pings, patches)."""
+    middles = [int(np.argmin(abs(dataset["range"].values - np.hypot(20.0, (k + 0.5) * SIZE)))) for k in (1, 2)]
+    level = dataset[name].values[..., middles].astype(float)
+    return 10 ** (level / 10) / mean_level()[middles]
+
+
+@pytest.mark.parametrize("shape", [0.5, 2.0])
+def test_intensity_is_k_distributed_and_its_mean_unchanged(shape):
+    dataset, *_ = render(survey(shape, speckle=True))
+    intensity = relative(dataset, "level").ravel()
+    n = len(intensity)
+    assert n == 4 * PINGS
+    wanted = 2 * (1 + 1 / shape)
+    assert intensity.mean() == pytest.approx(1.0, abs=4 * np.sqrt((wanted - 1) / n))
+    error = 4 * (intensity**2).std() / np.sqrt(n)
+    assert (intensity**2).mean() == pytest.approx(wanted, abs=error + 0.03 * wanted)
+
+    def distribution(i):
+        i = np.maximum(i, 1e-9)
+        return 1 - 2 / gamma(shape) * (shape * i) ** (shape / 2) * kv(shape, 2 * np.sqrt(shape * i))
+
+    assert kstest(intensity, distribution).pvalue > 0.01
+    assert kstest(intensity, "expon").pvalue < 1e-6                        # and Rayleigh's is refused
+
+
+def test_mean_levels_are_gamma_distributed():
+    """Without speckle the patches themselves show: <g²> = 1 + 1/ν."""
+    dataset, *_ = render(survey(1.0))
+    g = relative(dataset, "mean_level").ravel()
+    assert g.mean() == pytest.approx(1.0, abs=4 / np.sqrt(len(g)))
+    assert (g**2).mean() == pytest.approx(2.0, abs=4 * (g**2).std() / np.sqrt(len(g)) + 0.06)
