@@ -27,8 +27,9 @@ from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
 from .scatterers import TARGET_RADIUS
-from .sonar.launch import CELLS, Strata, along_quantiles, draw, first_quantiles, refine_quantiles
+from .sonar.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles, refine_quantiles
 from .trace import Tracer
+from .water_echoes import WaterEchoes
 
 __all__ = ["Survey"]
 
@@ -36,7 +37,7 @@ RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 FANS_PER_BLOCK = 128               # a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
-FIRST_SALT, SECOND_SALT, GHOST_SALT = 0x51ED270B, 0x2545F491, 0x6C62272E
+FIRST_SALT, SECOND_SALT, GHOST_SALT, WATER_SALT = 0x51ED270B, 0x2545F491, 0x6C62272E, 0x1B873593
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe as shadows see it (-6 dB)
 
 
@@ -91,7 +92,7 @@ class Survey:
 
     def pings_per_block(self):
         """How many pings a block holds: bounded by rays and by the memory of sums and fans."""
-        sums = 2 * self.bins * len(self.geometry.labels)
+        sums = 2 * self.bins * (len(self.labels) + len(self.paths) - 1)
         if sums >= MOST_SUMS:
             raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "
                              f"{MOST_SUMS}; take fewer bins or let shapes share an id")
@@ -100,6 +101,12 @@ class Survey:
         level = len(np.unique(self.track.position[:, 2])) == 1
         return max(1, min(by_rays, SUMS_PER_BLOCK // sums, self.track.pings if level else FANS_PER_BLOCK,
                           self.track.pings))
+
+    @property
+    def labels(self):
+        """Number → what it stands for: the scene's shapes and, where it scatters, the water."""
+        labels = self.geometry.labels
+        return labels if self.volume is None else {**labels, 1 + max(labels): "water"}
 
     @cached_property
     def paths(self):
@@ -178,6 +185,11 @@ class _Block:
         self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
         self.connector = Connector(self.tracer)
         self.bounces = self._bounces(deepest) if survey.max_depth > 1 else None
+        self.water = None
+        if survey.volume is not None:
+            self.water = WaterEchoes(survey.volume, self.connector, self.absorption, survey.window)
+            self.water_label = 1 + max(geometry.labels)
+            self.across = upload(mi.Float, across_quantiles(sonar).astype(np.float32))
 
     def __call__(self, ping):
         """Echoes of the pings with these numbers (B,)."""
@@ -189,7 +201,7 @@ class _Block:
         quantiles = self._first_quantiles(ping)
         if self.first_grid:
             quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
-        sums = EchoSums(self.lib, rows, len(survey.geometry.labels), survey.bins, len(survey.paths))
+        sums = EchoSums(self.lib, rows, len(survey.labels), survey.bins, len(survey.paths))
         ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
         hits = self._trace(place, ray)
         units, bin, in_window = self._echo(place, ray, hits)
@@ -198,6 +210,8 @@ class _Block:
                  path=survey.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self.surface)))
         if self.bounces is not None:
             self._add_ghosts(place, ray, hits, sums)
+        if self.water is not None:
+            self._add_water(place, sums)
         if self.targets:
             self._add_targets(place, sums)
         dr.eval(sums.energy, sums.depth, sums.count, sums.path_energy)
@@ -320,6 +334,31 @@ class _Block:
             sums.add(row=ray.row, label=ghosts.label, bin=bin, units=units, in_beam=mi.Bool(False), counted=False,
                      height=self._height(ghosts.depth), active=inside, path=self.survey.paths.numbers(ghosts.code))
 
+    def _add_water(self, place, sums):
+        """Add what the water sends back: p² = 10^(SL/10) B e²."""
+        strata = Strata(self.lib, place.rows, *self.second_grid)
+        row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
+        ping, side = row >> 1, mi.Float(row & 1) * 2 - 1
+        key = dr.gather(mi.UInt32, place.key, row) ^ dr.opaque(
+            mi.UInt32, (self.seed * 0x9E3779B1 + WATER_SALT) & 0xFFFFFFFF)
+        a, b = mi.sample_tea_32(within, key)
+        c, _ = mi.sample_tea_32(a, ~key)
+        phi, phi_width, _ = draw(self.across, mi.UInt32(0), _within(i_phi, a, strata.first))
+        u, u_width, _ = draw(self.along, mi.UInt32(0), _within(i_u, b, strata.second))
+        w = dr.sqrt(dr.maximum(1 - u * u, 0))
+        sine, cosine = dr.sincos(phi)
+        direction = place.turn(ping, mi.Vector3f(u, side * w * cosine, w * sine))
+        source_speed = place.medium(ping)[1]
+        drawn = self.water(place.sources, place.origin(ping), place.source(ping), source_speed, direction,
+                           phi_width * u_width / mi.Float(strata.per_row), strata, _unit(c))
+        body = place.body(ping, drawn.way.launch_direction)
+        along, across = self._patterns(body.x, self._across(body))
+        bin, inside = self._bin(drawn.way.travel_time, drawn.active)
+        sums.add(row=row, label=dr.opaque(mi.UInt32, self.water_label), bin=bin, in_beam=mi.Bool(False), counted=False,
+                 units=self._units(drawn.energy * along * across, drawn.loss_db, bin, inside),
+                 height=self._height(mi.Float(-drawn.point.z)), active=inside,
+                 path=dr.opaque(mi.UInt32, self.survey.paths.number("v")))
+
     def _across(self, body):
         """v of body directions: the sine of the angle to the faces' normal, downwards."""
         return body.z * dr.cos(self.depression) - abs(body.y) * dr.sin(self.depression)
@@ -415,6 +454,11 @@ _BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 def _unit(bits):
     """[0, 1) from 32 random bits."""
     return mi.Float(bits >> 8) * 2.0 ** -24
+
+
+def _within(stratum, bits, strata):
+    """Somewhere in a stratum, as a share of all."""
+    return dr.minimum((mi.Float(stratum) + _unit(bits)) / mi.Float(strata), _BELOW_ONE)
 
 
 def _grid(rays):

@@ -16,7 +16,7 @@ rays go, never what they weigh, so the estimate stays unbiased.
 import drjit as dr
 import numpy as np
 
-__all__ = ["CELLS", "Strata", "along_quantiles", "draw", "first_quantiles", "quantiles", "refine_quantiles"]
+__all__ = ["CELLS", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles", "quantiles", "refine_quantiles"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
@@ -90,6 +90,14 @@ def along_quantiles(sonar):
     beam = sonar.along_intensity(middle)
     beam = beam / np.sum(beam * np.diff(edges))
     return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
+
+
+def across_quantiles(sonar):
+    """Quantile table (CELLS + 1,) of φ: the two-way beam, and a share spread over all directions."""
+    phi = np.linspace(-np.pi / 2, np.pi / 2, 4 * CELLS + 1)
+    middle = 0.5 * (phi[1:] + phi[:-1])
+    beam = sonar.across_intensity(np.sin(middle - sonar.depression_angle))
+    return quantiles(phi, ((1 - WIDE_SHARE) * beam / beam.mean() + WIDE_SHARE)[None])[0]
 
 
 def first_quantiles(sonar, depression, depth_below, sound_speed, window, depth_above=None):

@@ -138,7 +138,7 @@ class SonarPath(mi.SamplingIntegrator):
             noise_db = float(sensor.noise_level_db() + db_from_power(sonar.bandwidth) - sonar.directivity_index_db())
         head = float(np.mean(-track.position[:, 2]))
         return sidescan.image(echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window,
-                              labels=survey.geometry.labels, paths=survey.paths.names, noise_db=noise_db,
+                              labels=survey.labels, paths=survey.paths.names, noise_db=noise_db,
                               speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):

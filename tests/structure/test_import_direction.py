@@ -20,7 +20,9 @@ FLOORS = """
     io
     trace
     tessellation
-    materials connection scatterers echoes free_rays paths bounces
+    materials connection water_echoes scatterers echoes free_rays paths bounces
+    smooth_facets
+    smooth_targets
     ensonification array_station array_survey array_signals
     survey
     plugins
