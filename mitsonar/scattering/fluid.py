@@ -48,6 +48,10 @@ class Fluid:
         through = self.density_ratio * sine
         return 2 * through / (through + vertical)
 
+    def reflection(self, sine):
+        """Give the complex reflection coefficient R [-] of the flat surface."""
+        return self.transmission(sine, self.vertical(sine)) - 1
+
     def amplitude(self, sine_in, sine_out, scalar):
         """Give a [-], complex, of the rough surface."""
         rho = self.density_ratio

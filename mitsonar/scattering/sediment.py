@@ -103,8 +103,7 @@ class Sediment(RoughSeabed):
 
     def reflection(self, grazing):
         """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
-        sine = np.sin(grazing)
-        return self.below.transmission(sine, self.below.vertical(sine)) - 1
+        return self.below.reflection(np.sin(grazing))
 
     def check(self, frequency, wavenumber):
         """Raise `ValueError` if the law does not hold at a frequency [Hz] and its wavenumber [rad/m] in the water."""

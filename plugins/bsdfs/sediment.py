@@ -35,28 +35,39 @@ from mitsonar.scattering.sediment import BOUNDS
 from mitsonar.scattering.small_slope import lobe_factor
 
 FLUID = "density_ratio", "sound_speed_ratio", "loss", "volume_parameter"
-LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1e-12}      # of textures
+LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1e-12,      # of textures
+         "shear_speed_ratio": 1e-3, "shear_loss": 1e-5}
 SHARES = 0.1, 0.9                  # bounds of the share of draws that goes to the lobe
 
 
 class SedimentBed(Material):
-    """See the module's text."""
+    """See the module's text.
+
+    Attributes
+    ----------
+    law, bounds, default : type, dict, str
+        What holds a sediment, the ranges of its parameters, and the name of one.
+    volume : str
+        The parameter that may be 0, for no volume.
+    """
+
+    law, bounds, default, volume = Sediment, BOUNDS, "medium sand", "volume_parameter"
 
     def __init__(self, props):
         attributes = Attributes(props)
-        self.named, self.number = _named(attributes)
+        self.named, self.number = _named(attributes, self.law, self.default)
         written = {}
-        for name, (low, high) in BOUNDS.items():
-            least = {"minimum": low} if name == "volume_parameter" else {"above": low}
+        for name, (low, high) in self.bounds.items():
+            least = {"minimum": low} if name == self.volume else {"above": low}
             written[name] = attributes.number_or_texture(name, None, maximum=high, **least)
         self.patches = read_patches(attributes)
         attributes.finish()
         super().__init__(props)
         fixed = {name: value for name, value in written.items() if isinstance(value, float)}
-        self.sediments = [Sediment.of(name, **fixed) for name in self.named]
+        self.sediments = [_made(attributes, self.law, name, fixed) for name in self.named]
         self.varying = [name for name, value in written.items() if isinstance(value, mi.Texture)]
         self.parameters = {}
-        for name, (low, high) in BOUNDS.items():
+        for name, (low, high) in self.bounds.items():
             value = written[name]
             if not isinstance(value, mi.Texture):
                 value = np.array([getattr(sediment, name) for sediment in self.sediments])
@@ -90,13 +101,13 @@ class SedimentBed(Material):
 
     def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
         """σ of surface and volume."""
-        fluid, w2, gamma = self._at(si, active)
+        below, w2, gamma = self._at(si, active)
         sin_i, sin_s = _sines(wi, wo)
         x, y = wi.x + wo.x, wi.y + wo.y
         factor = lobe_factor(dr, self.log_lobe, x * x + y * y, sin_i + sin_s, _wavenumber(frequency, sound_speed), w2,
                              gamma)
-        amplitude = fluid.amplitude(sin_i, sin_s, -(wi.x * wo.x + wi.y * wo.y))
-        return dr.select(active, power(amplitude) * factor + fluid.volume_strength(sin_i, sin_s), 0)
+        amplitude = below.amplitude(sin_i, sin_s, -(wi.x * wo.x + wi.y * wo.y))
+        return dr.select(active, power(amplitude) * factor + below.volume_strength(sin_i, sin_s), 0)
 
     # ---- drawing: the lobe about the specular direction, by `lobe_directions`, or a cosine for the volume
     def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
@@ -114,28 +125,40 @@ class SedimentBed(Material):
 
     def _lobe(self, si, wi, frequency, sound_speed, active):
         """Width and exponent of the lobe that directions are drawn from, and its share of the draws."""
-        fluid, w2, gamma = self._at(si, active)
+        below, w2, gamma = self._at(si, active)
         sine, _ = _sines(wi, wi)
         width = lobe_width(self.log_lobe, sine, _wavenumber(frequency, sound_speed), w2, gamma)
-        reflected = power(fluid.transmission(sine, fluid.vertical(sine)) - 1)
-        diffuse = np.pi * fluid.volume_strength(sine, mi.Float(0.7)) / dr.maximum(sine, 1e-4)
+        reflected = power(below.reflection(sine))
+        diffuse = np.pi * below.volume_strength(sine, mi.Float(0.7)) / dr.maximum(sine, 1e-4)
         share = dr.clip(reflected / (reflected + diffuse), *SHARES)
         return width, 0.5 * gamma - 1, share
 
     def _at(self, si, active):
-        """Parameters at interactions: fluid, w2 and γ."""
+        """Parameters at interactions: what lies below, w2 and γ."""
         number = mi.UInt32(0)
         if self.number is not None:
             texture, scale = self.number
             number = mi.UInt32(dr.clip(dr.round(texture.eval_1(si, active) * scale), 0, len(self.named) - 1))
         value = {name: parameter(si, number, active) for name, parameter in self.parameters.items()}
-        return Fluid(arithmetic=self.arithmetic, **{name: value[name] for name in FLUID}), value["w2"], value["gamma"]
+        return self._below(value, number, active), value["w2"], value["gamma"]
+
+    def _below(self, value, number, active):
+        """The half-space under the surface, of parameters by name and the number of each class."""
+        return Fluid(arithmetic=self.arithmetic, **{name: value[name] for name in FLUID})
 
     def to_string(self):
         return f"Sediment[{', '.join(self.named)}]"
 
 
-def _named(attributes):
+def _made(attributes, law, name, fixed):
+    """The sediment of a name, with what is written in place of its own."""
+    try:
+        return law.of(name, **fixed)
+    except ValueError as error:
+        raise attributes.error(str(error)) from None
+
+
+def _named(attributes, law, default):
     """Names of the sediments, and the texture of class numbers with its scale, or None."""
     texture = attributes.number_or_texture("sediment_class", None)
     classes = attributes.text("classes", None)
@@ -151,15 +174,12 @@ def _named(attributes):
     if texture is None:
         if attributes.given("class_scale"):
             raise attributes.error("class_scale is written without sediment_class; leave it out.")
-        names = [attributes.text("sediment", "medium sand")]
+        names = [attributes.text("sediment", default)]
     else:
         attributes.text("sediment", None)
         names = [name.strip() for name in classes.split(",")]
     for name in names:
-        try:
-            Sediment.of(name)
-        except ValueError as error:
-            raise attributes.error(str(error)) from None
+        _made(attributes, law, name, {})
     return names, None if texture is None else (texture, scale)
 
 
