@@ -5,7 +5,7 @@ whole chain is compared, and gives rows of got, expected and allowed.
 """
 import time
 
-from . import beams, rays, report, sediments, vectors, water
+from . import beams, closure, rays, report, sediments, vectors, water
 from .case import Case, Line, Panel, Row, Table
 
 __all__ = ["CASES", "Case", "Line", "Panel", "Row", "Table", "validate"]
@@ -16,6 +16,7 @@ CASES = {
     "vectors": vectors.CASE,
     "sediments": sediments.CASE,
     "beams": beams.CASE,
+    "closure": closure.CASE,
 }
 
 

@@ -143,8 +143,8 @@ def _markdown(found, cases, quick):
     all_in_all = f"{beyond} of them beyond" if beyond else "all within"
     text = [f"# How exact mitsonar {__version__} is", "",
             f"Written by `mitsonar validate{' --quick' if quick else ''}`: {len(rows)} numbers, "
-            f"{all_in_all} what is allowed. An error is got minus expected; *of allowed* is the largest error of a case "
-            "over what is allowed there.", "",
+            f"{all_in_all} what is allowed. An error is got minus expected; *of allowed* is the largest error of a "
+            "case over what is allowed there.", "",
             "| case | what | numbers | of allowed | verdict |", "|---|---|---|---|---|"]
     text += [f"| [{name}](#{name}) | {cases[name].title} | {len(table.rows)} | {100 * table.share:.0f} % | "
              f"{_word(table.holds)} |" for name, table in found.items()]

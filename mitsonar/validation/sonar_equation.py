@@ -1,0 +1,90 @@
+"""The sonar equation of a flat bed, integrated numerically over exact eigenrays: what levels of the chain should be.
+
+    <p²>(t1, t2) = 10^(SL/10) ∫ Φ(x) σ(θ) (c_b/c_0)² 10^(-2 α L/10) / A² x dx      over x with t1 <= 2 T(x) < t2
+
+x -> horizontal range, T, L, A -> travel time, arc length and spreading area of the eigenray to the bed, θ its grazing
+angle there, c_b and c_0 the sound speeds at bed and sonar, Φ = ∫ b_t² b_r² dφ over the azimuths that are heard. No
+Mitsuba, no rays drawn at random. (Urick 1983; Jackson and Richardson 2007, ch. 2.)
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid, trapezoid
+
+from ..propagation import eigenray, eigenrays
+
+__all__ = ["FlatBed"]
+
+NODES = 40_001
+
+
+@dataclass(frozen=True, eq=False)
+class FlatBed:
+    """Hold the direct eigenrays from a sonar to a flat bed, at ranges (x,) from nadir to where there are no more.
+
+    Attributes
+    ----------
+    across : array (x,) [m]
+        Horizontal range.
+    time, length : array (x,) [s], [m]
+        One way.
+    launch, grazing : array (x,) [rad]
+        At sonar and bed.
+    spread : array (x,) [1/m^4]
+        (c_b/c_0)² / A², the loss of a point scatterer there and back.
+    """
+
+    across: np.ndarray
+    time: np.ndarray
+    length: np.ndarray
+    launch: np.ndarray
+    grazing: np.ndarray
+    spread: np.ndarray
+
+    @classmethod
+    def of(cls, profile, sonar_depth, bed_depth, longest):
+        """Find the rays out to the horizontal range `longest` [m], or to the first that is not alone."""
+        across = np.linspace(0, longest, NODES)
+        ray = eigenray(profile, sonar_depth, bed_depth, across)
+        ratio = float(profile.at(bed_depth) / profile.at(sonar_depth))
+        columns = (across, ray.travel_time, ray.arc_length, ray.launch_angle, ray.arrival_angle,
+                   (ratio / ray.spreading_area) ** 2)
+        lonely = np.logical_and.accumulate(ray.exists & np.isnan(ray.turning_depth) & (ray.arrival_angle > 0))
+        # rays that turn within the water arrive besides, from some time on
+        more = eigenrays(profile, sonar_depth, bed_depth, across[::100])
+        turned = np.where((more.turning_depth > 0) & (more.turning_depth < bed_depth), more.travel_time, np.inf)
+        lonely &= ray.travel_time < np.min(turned, initial=np.inf)
+        return cls(*(column[lonely] for column in columns))
+
+    def energy(self, edges, strength, absorption_db, azimuths):
+        """Integrate between two-way times.
+
+        Parameters
+        ----------
+        edges : array (bin + 1,) [s]
+            Two-way times.
+        strength : callable(grazing) -> σ [-]
+        absorption_db : float [dB/m]
+        azimuths : array (x,) or float [rad]
+            Φ, of the pattern.
+
+        Returns
+        -------
+        array (bin,) [1/m²]
+            Sum over the gate of the echoes of its scatterers, at a source level of 0 dB; NaN where the rays end
+            within it or before it.
+        """
+        density = azimuths * strength(self.grazing) * self.spread * 10 ** (-0.2 * absorption_db * self.length)
+        within = cumulative_trapezoid(density * self.across, self.across, initial=0)
+        return np.diff(np.interp(edges, 2 * self.time, within, left=0.0, right=np.nan))
+
+    def beam_azimuths(self, along_intensity, sides=1):
+        """Integrate a two-way pattern along the platform over the azimuths of one side, Φ (x,) [rad]."""
+        azimuth = np.linspace(0, 1, 4001) ** 3 * np.pi / 2                # dense where the beam is
+        some = np.unique((np.linspace(0, 1, 800) ** 3 * (len(self.across) - 1)).astype(int))     # Φ ~ 1/x near nadir
+        ring = [2 * sides * trapezoid(along_intensity(np.cos(self.launch[i]) * np.sin(azimuth)), azimuth) for i in some]
+        return np.interp(self.across, self.across[some], ring)
+
+    def grazing_at(self, time):
+        """Grazing angle [rad] of the ray that comes back at two-way times [s]."""
+        return np.interp(time, 2 * self.time, self.grazing)
