@@ -51,11 +51,11 @@ class Elastic:
     -----
     Jackson and Ivakin (1998), J. Acoust. Soc. Am. 103, 336; Ivakin and Jackson (1998), J. Acoust. Soc. Am. 103, 346;
     Jackson (2000), APL-UW TM 2-00. The rough surface is theirs to rounding, and first-order scattering exactly. In the
-    volume E_pt, sound that turns from compression to shear or back, has the sign that the published levels come with;
-    the change of R with density and shear speed asks for the other one. With that, and the same parameters, the volume
-    of rock and cobble would be 10 dB and more weaker below the critical angles. The published form for two directions
-    is unbounded and even negative about the specular one; so it is taken straight back only, and for two angles a
-    mean of both that is reciprocal and keeps the energy of what is known by name below that of the sound.
+    volume E_pt, sound that turns from compression to shear or back, has the sign that the levels computed by TM 2-00
+    come with; the change of R with density and shear speed asks for the other one. With that, and the same parameters,
+    the volume of rock and cobble would be some 10 to 20 dB weaker below the critical angles. Their form for two
+    directions is unbounded and even negative about the specular one; so it is taken straight back only, and for two
+    angles a mean of both that is reciprocal and keeps the energy of what is known by name below that of the sound.
     """
 
     arithmetic: object

@@ -24,7 +24,8 @@ ELASTIC_BOUNDS = {                 # name -> (above, up to)
     "w2": (0.0, 1.0), "gamma": tuple(2 + 2 * alpha for alpha in ALPHA_RANGE),
 }
 
-# Jackson (2000), APL-UW TM 2-00: density and compressional speed ratio, loss; shear speed ratio, loss; w2, γ; w3, f.
+# What the levels of APL-UW TM 2-00 (Jackson 2000) are computed with: density and compressional speed ratio, loss; shear
+# speed ratio, loss; w2, γ; w3, f.
 _ROWS = {
     ("cobble", "gravel", "pebble"): (2.5, 1.8, 0.01374, 1.01, 0.1, 2.5e-4, 3.0, 1.52e-3, (1.0, 0.0, 0.0)),
     ("rock",): (2.5, 2.3, 0.00174, 1.31, 0.085, 2.5e-4, 3.0, 6e-5, (1.0, 3.0, 4.0)),

@@ -1,10 +1,10 @@
 """The elastic seabed: published levels, the boundary solved anew, limits in closed form, what any law must keep.
 
-Published: levels of APL-UW TM 2-00 for 1500 m/s at 20 and 300 kHz, printed to 0.001 dB, and to all digits at four
-angles in a table beside the checkout. Tolerance 0.0006 dB, half a digit, for volume, reflection and for roughness
-with γ = 3, whose integral has a closed form. For other γ the published integral is a fit by ten exponentials, which
-fails where the roughness is small over the shift: there the exact integral here is up to 0.32 dB off (rough rock, 20
-degrees, 20 kHz), 0.003 dB from 45 degrees on for rock and 0.1 dB for silt, the smoothest.
+Published: levels of APL-UW TM 2-00, computed by others, for 1500 m/s at 20 and 300 kHz, printed to 0.001 dB, and to
+all digits at four angles in a table beside the checkout. Tolerance 0.0006 dB, half a digit, for volume, reflection and
+for roughness with γ = 3, whose integral has a closed form. For other γ the published integral is a fit by ten
+exponentials, which fails where the roughness is small over the shift: there the exact integral here is up to 0.32 dB
+off (rough rock, 20 degrees, 20 kHz), 0.003 dB from 45 degrees on for rock and 0.1 dB for silt, the smoothest.
 
 Rough surface: the first-order field of a boundary with height exp(i ΔK·r) from continuous normal displacement and
 traction, four equations for the wave in the water and three below, solved by numbers; 1e-9, rounding.
