@@ -27,8 +27,9 @@ The slopes s² are those of TR 9407 everywhere. Like those under a slick, 0.008 
 waves shorter than sound's are missing, they are below the 0.003 + 5.12e-3 U that light sees: 0.018 against 0.029 at
 5 m/s, 0.025 against 0.054 at 10 m/s. With the latter, backscatter at 90 degrees would lie 2.0 and 3.4 dB below TR 9407.
 
-Energy: from 20 degrees of grazing and 3 m/s upwards the surface carries on 10^(-SBL/10) of what comes in to within 0.5 dB
-(to 15 m/s at 30 kHz), as F cuts the tails of the facets; below, shadows take up to 0.4 dB more, at 1 m/s F takes 0.9 dB.
+Energy: from 20 degrees of grazing and 3 m/s upwards the surface carries on 10^(-SBL/10) of what comes in to within
+0.5 dB (to 15 m/s at 30 kHz), as F cuts the tails of the facets; below, shadows take up to 0.4 dB more, at 1 m/s F takes
+0.9 dB.
 """
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -9,9 +9,9 @@ so a draw costs one look-up, and the ray's solid angle is ΔΩ = 1 / (N density_
 what was drawn: no choice of density can bias a level.
 
 Along the platform the density follows the two-way beam. In φ a first, sparse pass spreads rays evenly over travel
-time on a flat bed, and surface, and over the vertical beam; what it hits tells each cell how many rays its time bins still lack
-(`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass decides where
-rays go, never what they weigh, so the estimate stays unbiased.
+time on a flat bed, and surface, and over the vertical beam; what it hits tells each cell how many rays its time bins
+still lack (`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass
+decides where rays go, never what they weigh, so the estimate stays unbiased.
 """
 import drjit as dr
 import numpy as np

@@ -5,8 +5,8 @@
 
 S_v -> ``strength_db`` [dB re 1/m] at ``depth`` [m], linear in decibels between nodes and constant beyond the ends; s_v
 [1/m] is the power scattered per volume and solid angle over the incident intensity, the same in all directions. The
-second line is the reverberation of water of one S_v and one sound speed: SL -> ``source_level_db``, R -> ``slant_range``,
-α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ -> ``pulse_length``, c -> ``sound_speed``.
+second line is the reverberation of water of one S_v and one sound speed: SL -> ``source_level_db``,
+R -> ``slant_range``, α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ -> ``pulse_length``, c -> ``sound_speed``.
 """
 from dataclasses import dataclass
 
@@ -85,8 +85,8 @@ class VolumeScattering:
     edges : array (E,) [m]
         Depths at which the formula of s_v changes, increasing.
     pieces : array (E + 1, 3)
-        Of the piece above each edge, and of the one below the last, (a, b, c) of s_v = c + exp(a + b z); a is -inf where
-        there is no first term.
+        Of the piece above each edge, and of the one below the last, (a, b, c) of s_v = c + exp(a + b z); a is -inf
+        where there is no first term.
 
     Raises
     ------
@@ -160,8 +160,8 @@ def volume_reverberation_db(source_level_db, slant_range, volume_strength_db, be
 
     Notes
     -----
-    Urick (1983), Principles of Underwater Sound, chapter 8. A gate's finite length is left out: 0.003 dB where it is 1/20
-    of the range.
+    Urick (1983), Principles of Underwater Sound, chapter 8. A gate's finite length is left out: 0.003 dB where it is
+    1/20 of the range.
     """
     slant_range = np.asarray(slant_range, float)
     return (source_level_db - 20 * np.log10(slant_range) - 2 * absorption_db * slant_range + volume_strength_db
@@ -176,5 +176,5 @@ def _column(values):
 
 def _check_strength(what, strength_db):
     if not WEAKEST_DB <= strength_db <= STRONGEST_DB:
-        raise ValueError(f"{what}: strength is {strength_db:g} dB re 1/m; it must lie in {WEAKEST_DB:g}..{STRONGEST_DB:g} "
-                         "dB, and is -90 to -50 dB in the sea.")
+        raise ValueError(f"{what}: strength is {strength_db:g} dB re 1/m; it must lie in {WEAKEST_DB:g}.."
+                         f"{STRONGEST_DB:g} dB, and is -90 to -50 dB in the sea.")

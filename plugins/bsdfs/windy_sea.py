@@ -2,8 +2,8 @@
 
 - ``wind_speed`` [m/s, 5]: at 10 m height, at most 60; 0: a mirror that turns pressure over and scatters nothing.
 
-The law is `mitsonar.scattering.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is extrapolated
-beyond. The shape `sea_surface` has it.
+The law is `mitsonar.scattering.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is
+extrapolated beyond. The shape `sea_surface` has it.
 
 .. code-block:: xml
 

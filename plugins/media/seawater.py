@@ -12,7 +12,8 @@ Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; wi
 - ``absorption_formula`` [francois-garrison]: of `mitsonar.water.absorption_db`.
 - ``absorption_db_per_km``: absorption given instead, the same at all depths.
 - ``wind_speed`` [m/s, 5], ``shipping`` [0..1, 0.5]: ambient noise.
-- ``volume_strength_db``: what the water sends back [dB re 1/m], a number or a table, depth [m] : strength; none by default.
+- ``volume_strength_db``: what the water sends back [dB re 1/m], a number or a table, depth [m] : strength; none by
+  default.
 - ``layers``: more of it between two depths, "name top bottom dB; ...", such as "fish 20 35 -55; kelp 5 12 -60". Of
   `mitsonar.water.volume.LAYERS` (fish, plankton, bubbles) numbers may be left out.
 

@@ -70,8 +70,8 @@ def test_first_pass_is_even_in_travel_time_on_a_flat_bed(variant, sonar, rng):
 
 
 def test_first_pass_shares_time_between_bed_and_surface(variant, sonar, rng):
-    """Rays up and down in the ratio of the times that surface and bed are seen for, evenly in each: 15 % for the far end
-    of the surface, where a cell of φ is most of a bin."""
+    """Rays up and down in the ratio of the times that surface and bed are seen for, evenly in each: 15 % for the far
+    end of the surface, where a cell of φ is most of a bin."""
     phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
     window = (0.0, 2 * 100 / 1500)
     table = first_quantiles(sonar, phi[None], np.array([40.0]), 1500.0, window, depth_above=np.array([10.0]))

@@ -38,8 +38,8 @@ def test_table_has_the_moments_of_the_gamma_distribution(shape):
 
 @pytest.mark.parametrize("shape", [0.3, 1.0, 5.0, 50.0])
 def test_patches_are_gamma_distributed(patches, shape):
-    """A million patches: 4 standard errors of mean and second moment, and Kolmogorov's distance at 1 % (0.0016) plus the
-    table's step (0.0001)."""
+    """A million patches: 4 standard errors of mean and second moment, and Kolmogorov's distance at 1 % (0.0016) plus
+    the table's step (0.0001)."""
     g = drawn(patches(shape))
     n = len(g)
     assert g.mean() == pytest.approx(1.0, abs=4 * g.std() / np.sqrt(n))

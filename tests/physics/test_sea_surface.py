@@ -1,8 +1,8 @@
 """The law of the sea surface against what is known of it without it.
 
-Closed form: in backscatter the formulas of TR 9407, whose numbers `test_checkpoints` walks; beyond, the integral of σ over
-the hemisphere, which energy and the loss to bubbles bound. The integral's rule is a midpoint one in the grazing angle and
-the square root of azimuth, 250 x 500 points: 1e-3 from 2 degrees up, found by doubling it.
+Closed form: in backscatter the formulas of TR 9407, whose numbers `test_checkpoints` walks; beyond, the integral of σ
+over the hemisphere, which energy and the loss to bubbles bound. The integral's rule is a midpoint one in the grazing
+angle and the square root of azimuth, 250 x 500 points: 1e-3 from 2 degrees up, found by doubling it.
 """
 import numpy as np
 import pytest
@@ -48,8 +48,8 @@ def test_scatters_no_more_than_it_receives(wind):
 
 @pytest.mark.parametrize("wind", [3.0, 5.0, 10.0, 15.0])
 def test_forward_lobe_carries_what_bubbles_leave(wind):
-    """What goes on from 20 degrees up is 10^(-SBL/10), less the tails that TR 9407's blend takes from the facets (0.4 dB)
-    and more what bubbles scatter (0.2 dB)."""
+    """What goes on from 20 degrees up is 10^(-SBL/10), less the tails that TR 9407's blend takes from the facets
+    (0.4 dB) and more what bubbles scatter (0.2 dB)."""
     for angle in np.radians([20.0, 45.0, 70.0]):
         assert abs(10 * np.log10(albedo(wind, angle, 30e3)) + bubble_loss_db(angle, 30e3, wind)) < 0.5
 

@@ -1,9 +1,9 @@
 """K-distributed echoes: a flat bed whose strength varies by patches larger than a resolution cell.
 
 Closed form: intensity is Gamma(ν, 1/ν) times an exponential, second moment 2 (1 + 1/ν), distribution function 1 -
-2/Γ(ν) (ν I)^(ν/2) K_ν(2 √(ν I)). Patches are squares of 16 m, pings are 16 m apart and look at the middles of two patches on
-either side, with cells of 0.075 m by at most 0.8 m and sidelobes that reach the next patch with 1 % of the energy. Levels
-are relative to the same bed without patches; 45 rays a bin add 0.2 % to the second moment.
+2/Γ(ν) (ν I)^(ν/2) K_ν(2 √(ν I)). Patches are squares of 16 m, pings are 16 m apart and look at the middles of two
+patches on either side, with cells of 0.075 m by at most 0.8 m and sidelobes that reach the next patch with 1 % of the
+energy. Levels are relative to the same bed without patches; 45 rays a bin add 0.2 % to the second moment.
 """
 import functools
 

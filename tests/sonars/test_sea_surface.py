@@ -1,7 +1,7 @@
 """The sea surface in a sidescan's picture: where it lies, how strong it is, and that the seabed does not notice it.
 
-Sonar 12 m deep, 28 m above a flat Lambert bed, one sound speed, faces omnidirectional in elevation. The level of a gate is
-the sonar equation integrated over range and azimuth as in `test_sidescan_levels`, dA = R dR dφ, once with the bed's
+Sonar 12 m deep, 28 m above a flat Lambert bed, one sound speed, faces omnidirectional in elevation. The level of a gate
+is the sonar equation integrated over range and azimuth as in `test_sidescan_levels`, dA = R dR dφ, once with the bed's
 strength at sin θ = 28/R and once with the surface's at sin θ = 12/R; the two add. The surface is summed in steps of a
 bin's 1/80, as its strength near the vertical falls by 1 dB in 0.05 m. 0.05 dB is left for the noise of 2 million rays.
 """
@@ -61,8 +61,8 @@ def test_surface_and_bed_add_up_to_the_sonar_equation():
 
 
 def test_bed_is_seen_as_if_there_were_no_surface():
-    """Under a mirror, which scatters nothing back, the picture is the bed's: 0.15 dB are 5 sigma of the rays' noise, and
-    places and altitudes are the same."""
+    """Under a mirror, which scatters nothing back, the picture is the bed's: 0.15 dB are 5 sigma of the rays' noise,
+    and places and altitudes are the same."""
     laid = {"track": "", "altitude": 20.0, "pings": 6, "heading_deg": 0.0}
     bed = {"type": "seabed", "depth": 40.0, "length": 100.0, "width": 200.0, "spacing": 5.0, "bsdf": lambert()}
     alone, both = (sidescan({"seabed": bed, **more}, sensor=laid, rays=1_000_000, film={"bins": 100, "range": 60.0})
