@@ -28,6 +28,7 @@ SUMS_BYTES = 1 << 30               # of the buffers of one ping
 MOST_DOUBTFUL = 0.5                # share of such echoes at which an array is too large for it, beyond
 SMALL_ARRAY = 1.0                  # [m] from its centre: smaller ones are traced echo by echo without a word
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are lit anew
+BAND = 0.75                        # c / 2B of two thirds of the sampling rate
 FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
 
 
@@ -116,6 +117,8 @@ class ArraySurvey:
         Per source and ping, where rays light the scatterers.
     fans : Fans
     noise : signal.noise.ElementNoise or None
+    max_depth : int
+        Bounces that an echo may have made.
     absorption_db : callable or None
         Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
     """
@@ -140,6 +143,7 @@ class ArraySurvey:
     rays: int
     fans: Fans
     noise: object = None
+    max_depth: int = 1
     absorption_db: object = None
 
     @property
@@ -256,7 +260,8 @@ class _Run:
         self.light = Ensonification(
             Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption,
             frequency=survey.frequency, window=(survey.start, end), margin=reach + moved, lighting=survey.lighting,
-            rays=survey.rays, pattern=self._pattern())
+            rays=survey.rays, pattern=self._pattern(), max_depth=survey.max_depth,
+            resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
         self._lit = {}
         self._doubtful = self._looked_at = 0
 

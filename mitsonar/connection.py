@@ -147,8 +147,9 @@ def _blocked(scene, fans, origin, source, launch_angle, heading, end, x, active)
         stop = dr.select(last, end, stop)
         way = stop - start
         length = dr.norm(way)
-        # of unit direction: Mitsuba's spheres and cylinders misplace hits of others
-        ray = mi.Ray3f(mi.Ray3f(start, way / dr.maximum(length, 1e-9)), length)
+        # of unit direction: Mitsuba's spheres and cylinders misplace hits of others; and backwards, for of those that
+        # are far from where a ray starts they do not know the edge, and a point on one is in its own shadow or not
+        ray = mi.Ray3f(mi.Ray3f(stop, -way / dr.maximum(length, 1e-9)), length)
         met = scene.ray_test(ray, coherent=True, active=active & (length > 1e-6))
         blocked |= met & active
         active = active & ~blocked & ~last

@@ -20,6 +20,7 @@ from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .scatterers import TARGET_RADIUS
 from .signal.echoes import Absorption
+from .smooth_targets import SmoothTargets
 from .sonar.launch import Strata, draw, quantiles
 from .trace import Tracer
 
@@ -54,9 +55,14 @@ class Ensonification:
     pattern : callable(direction, rotation (3, 3)) -> intensity
         Two-way intensity of the elements' patterns towards scene directions, NumPy (..., 3) or Dr.Jit: rays are sent
         where it is strong, and cells that it makes negligible are left out. None: nothing is.
+    resolution : float [m]
+        Ranges that are told apart; cells of smooth surfaces are smaller.
+    max_depth : int
+        Bounces that an echo of smooth surfaces may have made.
     """
 
-    def __init__(self, scatterers, profile, absorption, *, frequency, window, margin, lighting, rays, pattern):
+    def __init__(self, scatterers, profile, absorption, *, frequency, window, margin, lighting, rays, pattern,
+                 resolution=np.inf, max_depth=1):
         self.scatterers, self.frequency, self.window = scatterers, frequency, window
         self.lighting, self.rays, self.pattern = lighting, rays, pattern
         geometry = scatterers.geometry
@@ -68,6 +74,8 @@ class Ensonification:
         self.connector, self.free_rays = Connector(self.tracer), FreeRays(self.tracer)
         self.profile = profile
         self.loss_db = Absorption(absorption, profile, max(geometry.depth_range[1], 1.0), mi.Float)
+        self.smooth = SmoothTargets(self.connector, self.loss_db, frequency=frequency, resolution=resolution,
+                                    reach=margin, farthest=self.farthest, bounces=max_depth)
 
     def __call__(self, origin, rotation, depth_below, key):
         """Light the scatterers from a source.
@@ -86,7 +94,7 @@ class Ensonification:
         Yields
         ------
         Echoes
-            Block by block; point targets come last.
+            Block by block; point targets and smooth surfaces come last.
         """
         sources = self.tracer.sources([-origin[2]])
         start = self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin))
@@ -107,6 +115,8 @@ class Ensonification:
                                         upload(mi.UInt32, s[some]), upload(mi.Float, energy[some].astype(np.float32)))
         if self.scatterers.targets:
             yield from self._targets(sources, start)
+        for _, _, echoes in self.smooth(sources, np.array([origin], float), np.zeros(1, np.uint32)):
+            yield echoes
 
     def _echoes(self, sources, origin, rotation, facet, s, energy=None):
         """Echoes of cells, lit by connecting them, or with the energies (R,) that rays have brought."""

@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-__all__ = ["bistatic_strength", "check", "scattered", "scattering_strength"]
+__all__ = ["bistatic_strength", "check", "reflection", "scattered", "scattering_strength"]
 
 
 def check(geometry, profile, frequency):
@@ -69,6 +69,21 @@ def bistatic_strength(hits, towards, active, frequency):
     strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), seen)
     return dr.select(seen, strength, 0), mi.Frame3f.cos_theta(si.wi)
+
+
+def reflection(hits, active, frequency):
+    """Reflection coefficient of each hit's material for sound that comes in there: real and imaginary part, e^(+iωt).
+
+    It is 0 where the material is not a smooth one.
+    """
+    si = _interaction(hits, active)
+
+    def law(material, si, frequency, sound_speed, active):
+        if not getattr(material, "smooth", False):
+            return dr.zeros(mi.Float, dr.width(si.wi)), dr.zeros(mi.Float, dr.width(si.wi))
+        return material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
+
+    return dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed), active)
 
 
 def scattered(hits, active, frequency, sample1, sample2):

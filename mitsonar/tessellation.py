@@ -4,8 +4,8 @@
     cylinder     s = φ/2π,       t = z                     sphere      s = φ/2π,    t = θ/π
 
 x, y, z in the shape's own frame, where radii and lengths are 1. A quad (i, j) of the grid is two facets, (a, b, c) and
-(a, c, d), a at (i, j), b at (i + 1, j), c at (i + 1, j + 1), d at (i, j + 1). Corners lie on the true surface, facets up
-to a sagitta below it: l²/8R of a facet l long on a radius R.
+(a, c, d), a at (i, j), b at (i + 1, j), c at (i + 1, j + 1), d at (i, j + 1). Corners lie on the true surface, facets
+up to a sagitta below it: l²/8R of a facet l long on a radius R.
 """
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from .propagation.device import arrays_of, upload
 
 __all__ = ["FINEST_SAGITTA", "Grid", "Grids", "grid_of"]
 
-FINEST_SAGITTA = 2e-4              # [m] what lies this much below its own surface is not shaded by it (`connection.LIFT`)
+FINEST_SAGITTA = 2e-4              # [m] below its own surface something is not shaded by it (`connection.LIFT`)
 FEWEST = 12                        # facets round a circle, however small
 MOST = 1 << 24                     # facets of a shape
 KINDS = {"Rectangle": 1, "Disk": 2, "Cylinder": 3, "Sphere": 4}
@@ -81,8 +81,8 @@ def grid_of(shape, sagitta=FINEST_SAGITTA):
     around, along = max(FEWEST, int(np.ceil(2 * np.pi * radius / edge))), int(np.ceil(axes[2] / edge))
     size = {1: (1, 1), 2: (int(np.ceil(radius / edge)), around), 3: (around, along), 4: (around, -(-around // 2))}[kind]
     if 2 * size[0] * size[1] > MOST:
-        raise ValueError(f"the shape \"{shape.id()}\" is so large that facets within {1e3 * sagitta:g} mm of it would be "
-                         f"more than {MOST}; put a mesh (ply, obj) in its place")
+        raise ValueError(f"the shape \"{shape.id()}\" is so large that facets within {1e3 * sagitta:g} mm of it would "
+                         f"be more than {MOST}; put a mesh (ply, obj) in its place")
     s, t = np.meshgrid(np.linspace(0, 1, size[0] + 1), np.linspace(0, 1, size[1] + 1), indexing="ij")
     point, normal = _surface(kind, s, t)
     number = np.arange(s.size).reshape(s.shape)

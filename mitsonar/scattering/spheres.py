@@ -2,8 +2,8 @@
 
     k f = Σ_n (2n + 1) (-1)^n A_n,    A_n = -j_n'(ka) / h_n'(ka)  rigid,    -j_n(ka) / h_n(ka)  soft
 
-a -> ``radius`` [m], k = 2πf / c; j and h spherical Bessel and Hankel functions (V. C. Anderson, 1950, J. Acoust. Soc. Am.
-22, 426). For ka >> 1 it tends to 20 log (a/2).
+a -> ``radius`` [m], k = 2πf / c; j and h spherical Bessel and Hankel functions (V. C. Anderson, 1950, J. Acoust. Soc.
+Am. 22, 426). For ka >> 1 it tends to 20 log (a/2).
 """
 import numpy as np
 from scipy.special import spherical_jn, spherical_yn
