@@ -20,7 +20,8 @@ WEAKEST_DB, STRONGEST_DB = -200.0, 0.0
 
 # name -> (top [m], bottom [m], strength [dB re 1/m]): round figures out of the ranges that Urick (1983), Principles of
 # Underwater Sound, chapter 8, reports: -90 to -60 dB in the open sea, -70 dB in the deep scattering layer by day, up to
-# -50 dB where bubbles or silt are. Layers of one's own need all three numbers.
+# -50 dB where bubbles or silt are. Layers of one's own need all three numbers. "bubbles" are those of wakes: what the
+# wind makes lies within the law of the sea surface.
 LAYERS = {"fish": (300.0, 500.0, -70.0), "plankton": (10.0, 60.0, -80.0), "bubbles": (0.0, 5.0, -50.0)}
 
 

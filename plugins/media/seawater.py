@@ -15,7 +15,8 @@ Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; wi
 - ``volume_strength_db``: what the water sends back [dB re 1/m], a number or a table, depth [m] : strength; none by
   default.
 - ``layers``: more of it between two depths, "name top bottom dB; ...", such as "fish 20 35 -55; kelp 5 12 -60". Of
-  `mitsonar.water.volume.LAYERS` (fish, plankton, bubbles) numbers may be left out.
+  `mitsonar.water.volume.LAYERS` (fish, plankton, bubbles) numbers may be left out. The bubbles of the wind are part of
+  `windy_sea`.
 
 .. code-block:: xml
 
