@@ -53,6 +53,9 @@ class ElasticSediment(RoughSeabed):
         Strength of the spectrum w3 K^-3 of what varies in the volume; 0 for none.
     fluctuations : (float, float, float) [-]
         By how much density, compressional and shear speed vary with it, relative to themselves.
+    mesh_resolution : float [m]
+        Distance of the nodes of a mesh that holds the larger features of this roughness, which are then left out here;
+        0 for none. See `resolved`.
     name : str
         How errors call it.
 
@@ -84,6 +87,7 @@ class ElasticSediment(RoughSeabed):
     w3: float
     gamma: float = 3.0
     fluctuations: tuple = (1.0, 0.0, 0.0)
+    mesh_resolution: float = 0.0
     name: str = "solid"
 
     steepest = STEEPEST_PUBLISHED

@@ -66,7 +66,8 @@ class Fluid:
         vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
         through = power(self.transmission(sine_in, vertical_in)) * power(self.transmission(sine_out, vertical_out))
         return (float(10 / np.log(10)) * self.loss * self.volume_parameter * through
-                / (self.sound_speed_ratio * self.density_ratio * self.density_ratio * (vertical_in + vertical_out).imag))
+                / (self.sound_speed_ratio * self.density_ratio * self.density_ratio
+                   * (vertical_in + vertical_out).imag))
 
     def _kappa_square(self):
         square = self.sound_speed_ratio * self.sound_speed_ratio

@@ -10,9 +10,11 @@ import drjit as dr
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, ratio_table
+from .resolved import STEP as RATIO_STEP
 from .rough_interface import ALPHA_RANGE, log_lobe
 
-__all__ = ["LobeTable"]
+__all__ = ["LobeTable", "RatioTable"]
 
 LOW, HIGH, STEP = -16.0, 18.5, 0.1     # of ln q; the limits of small and large q run on from there
 COLUMNS = round((HIGH - LOW) / STEP)
@@ -68,6 +70,34 @@ class LobeTable:
                 row = dr.gather(self.lib.Array4f, self.table, (first + k) * COLUMNS + column)
                 value += weight * _cubic(row, u)
         return value + (1 + 1 / alpha) * dr.minimum(log_q - LOW, 0)
+
+
+class RatioTable:
+    """Look up what `resolved.resolved_factor` asks for, of one γ.
+
+    Parameters
+    ----------
+    lib, upload
+        As of `LobeTable`.
+    gamma : float
+    """
+
+    def __init__(self, lib, upload, gamma):
+        self.lib, values = lib, ratio_table(gamma)
+        self.columns = values.shape[1]
+        # a cell's four corners side by side
+        corners = np.stack([values[:-1, :-1], values[:-1, 1:], values[1:, :-1], values[1:, 1:]], -1)
+        self.table = upload(lib.Float, corners)
+        dr.eval(self.table)
+
+    def __call__(self, log_m, log_width):
+        """Give the logarithm of the ratio, Float; linear between the nodes."""
+        y, x = ((dr.clip(value, low, high - 1e-4) - low) / RATIO_STEP
+                for value, low, high in ((log_m, LOW_M, HIGH_M), (log_width, LOW_T, HIGH_T)))
+        row, column = self.lib.UInt32(y), self.lib.UInt32(x)
+        a, b, c, d = dr.gather(self.lib.Array4f, self.table, row * (self.columns - 1) + column)
+        y, x = y - self.lib.Float(row), x - self.lib.Float(column)
+        return (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y + dr.minimum(log_m - LOW_M, 0)
 
 
 def _stencil(alpha):

@@ -8,6 +8,7 @@ holds the whole of the reflected energy, its near-specular lobe included: never 
 import numpy as np
 
 from .arithmetic import power
+from .resolved import cut, log_ratio, resolved_factor
 from .rough_interface import log_lobe
 from .small_slope import lobe_factor
 
@@ -25,10 +26,13 @@ class RoughSeabed:
         How errors call it.
     below : Fluid or Elastic
         The half-space under the surface.
+    mesh_resolution : float [m]
+        Distance of the nodes of a mesh that holds the larger features, which are then left out; 0 for none.
     steepest : float [-]
         Root-mean-square slope of the roughness that sound sees, up to which the law is taken.
     """
 
+    mesh_resolution = 0.0
     steepest = 1.0
 
     def roughness_slope(self, wavenumber):
@@ -40,7 +44,11 @@ class RoughSeabed:
         cos_i, cos_s, sin_i, sin_s = np.cos(grazing_in), np.cos(grazing_out), np.sin(grazing_in), np.sin(grazing_out)
         # (cos θ_i - cos θ_s)² + 4 cos cos sin²(φ/2): the shift of the transverse wavenumber, without cancellation
         shift = (cos_i - cos_s) ** 2 + 4 * cos_i * cos_s * np.sin(azimuth / 2) ** 2
-        factor = lobe_factor(np, log_lobe, shift, sin_i + sin_s, wavenumber, self.w2, self.gamma)
+        seen = shift, sin_i + sin_s, wavenumber, self.w2, self.gamma
+        if self.mesh_resolution:
+            factor = resolved_factor(np, log_lobe, log_ratio(self.gamma), *seen, cut(self.mesh_resolution))
+        else:
+            factor = lobe_factor(np, log_lobe, *seen)
         return power(self.below.amplitude(sin_i, sin_s, cos_i * cos_s * np.cos(azimuth))) * factor
 
     def volume_strength(self, grazing_in, grazing_out):
@@ -76,3 +84,6 @@ class RoughSeabed:
             if not (low < value <= high or zero and value == 0):
                 least = "at least" if zero else "above"
                 raise ValueError(f"{self.name}: {field} is {value}; it must be {least} {low:g} and at most {high:g}.")
+        if not 0 <= self.mesh_resolution < np.inf:
+            raise ValueError(f"{self.name}: mesh_resolution is {self.mesh_resolution}; it must be a finite number [m], "
+                             "0 for none.")

@@ -67,6 +67,9 @@ class Sediment(RoughSeabed):
         Its exponent, 2.4..3.9.
     solid : bool
         Whether it bears shear waves, which a fluid does not: then it is refused at 100 kHz and above.
+    mesh_resolution : float [m]
+        Distance of the nodes of a mesh that holds the larger features of this roughness, which are then left out here;
+        0 for none. See `resolved`.
     name : str
         How errors call it.
 
@@ -91,6 +94,7 @@ class Sediment(RoughSeabed):
     w2: float
     gamma: float = GAMMA_TR9407
     solid: bool = False
+    mesh_resolution: float = 0.0
     name: str = "sediment"
 
     def __post_init__(self):

@@ -4,7 +4,7 @@
 - ``density_ratio``, ``sound_speed_ratio``, ``loss``, ``shear_speed_ratio``, ``shear_loss``, ``w2`` [m^(4 - γ)],
   ``gamma``, ``w3``: numbers or textures in place of its own; see `mitsonar.scattering.ElasticSediment`. Textures are
   clipped to the valid range, and shear to below 0.866 of the speed of compressional waves.
-- ``sediment_class``, ``classes``, ``class_scale``: as in `sediment`
+- ``sediment_class``, ``classes``, ``class_scale``, ``mesh_resolution``: as in `sediment`
 
 .. code-block:: xml
 

@@ -5,6 +5,9 @@
   textures in place of the sediment's own; see `mitsonar.scattering.Sediment`. Textures are clipped to the valid range.
 - ``sediment_class``: texture of class numbers, from 0, with ``classes``: "clay, medium sand, coarse sand"; in place of
   ``sediment``. ``class_scale`` [1]: what the texture is multiplied by first, 255 for images of 8 bits.
+- ``mesh_resolution`` [m, 0]: node distance of a mesh that holds the larger features of this very roughness, as the
+  shape `seabed` does with ``fractal_sediment``; the law then leaves them out, so that they do not count twice. 0: it
+  holds none. Facets that are smooth to the sound (2 k h < 1, h of what is left) are off by some dB near nadir.
 - ``patchiness``, ``patch_size`` [m, 1]: as of `lambert`.
 
 Textures of parameters are best ``raw``, those of classes also ``filter_type`` nearest; ``mesh_attribute`` takes what
@@ -30,7 +33,8 @@ from mitsonar.scattering import Sediment
 from mitsonar.scattering.arithmetic import Arithmetic, power
 from mitsonar.scattering.fluid import Fluid
 from mitsonar.scattering.lobe_directions import lobe_density, lobe_shift, lobe_width
-from mitsonar.scattering.lobe_table import LobeTable
+from mitsonar.scattering.lobe_table import LobeTable, RatioTable
+from mitsonar.scattering.resolved import cut, resolved_factor
 from mitsonar.scattering.sediment import BOUNDS
 from mitsonar.scattering.small_slope import lobe_factor
 
@@ -60,6 +64,9 @@ class SedimentBed(Material):
         for name, (low, high) in self.bounds.items():
             least = {"minimum": low} if name == self.volume else {"above": low}
             written[name] = attributes.number_or_texture(name, None, maximum=high, **least)
+        self.mesh_resolution = attributes.number("mesh_resolution", 0.0, minimum=0, unit="m")
+        if self.mesh_resolution and isinstance(written["gamma"], mi.Texture):
+            raise attributes.error("mesh_resolution is written, and gamma is a texture; give gamma as a number.")
         self.patches = read_patches(attributes)
         attributes.finish()
         super().__init__(props)
@@ -82,6 +89,9 @@ class SedimentBed(Material):
         gamma = self.parameters["gamma"]
         alpha = None if gamma.textured or gamma.classes > 1 else 0.5 * gamma.value - 1
         self.log_lobe = LobeTable(self.lib, upload, alpha)
+        if self.mesh_resolution:
+            self.log_ratio = RatioTable(self.lib, upload, float(gamma.value.numpy()[0]))
+            self.cut = dr.opaque(mi.Float, cut(self.mesh_resolution))
 
     def traverse(self, callback):
         for name, parameter in self.parameters.items():
@@ -104,8 +114,11 @@ class SedimentBed(Material):
         below, w2, gamma = self._at(si, active)
         sin_i, sin_s = _sines(wi, wo)
         x, y = wi.x + wo.x, wi.y + wo.y
-        factor = lobe_factor(dr, self.log_lobe, x * x + y * y, sin_i + sin_s, _wavenumber(frequency, sound_speed), w2,
-                             gamma)
+        seen = x * x + y * y, sin_i + sin_s, _wavenumber(frequency, sound_speed), w2, gamma
+        if self.mesh_resolution:
+            factor = resolved_factor(dr, self.log_lobe, self.log_ratio, *seen, self.cut)
+        else:
+            factor = lobe_factor(dr, self.log_lobe, *seen)
         amplitude = below.amplitude(sin_i, sin_s, -(wi.x * wo.x + wi.y * wo.y))
         return dr.select(active, power(amplitude) * factor + below.volume_strength(sin_i, sin_s), 0)
 

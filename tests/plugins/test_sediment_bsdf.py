@@ -1,7 +1,7 @@
 """The bsdf `sediment` is the law: in float32 on the device, by name, by parameters, by textures and maps of classes.
 
-Tolerance: 0.003 dB, what float32 leaves: 4e-4 dB, and more only on the flank of lobes a thousandth of a radian wide (muds
-at 5 kHz), which the last bit of a direction moves.
+Tolerance: 0.003 dB, what float32 leaves: 4e-4 dB, and more only on the flank of lobes a thousandth of a radian wide
+(muds at 5 kHz), which the last bit of a direction moves.
 Derivatives: against central differences of the float64 law, to 0.5 % (the differences' own rounding and h² are 1e-6).
 """
 from types import SimpleNamespace
@@ -69,6 +69,15 @@ def test_free_parameters(make, rng, gamma):
     material, angles = make("sediment", **free), some_angles(rng)
     expected = bistatic_strength_db("sediment", *angles, 20e3, **free)
     np.testing.assert_allclose(strength_db(material, angles, 20e3), expected, rtol=0, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("resolution, frequency", [(0.05, 30e3), (0.05, 300e3), (0.5, 100e3)])
+def test_features_that_a_mesh_holds_are_left_out(make, rng, resolution, frequency):
+    material, angles = make("sediment", sediment="fine sand", mesh_resolution=resolution), some_angles(rng)
+    expected = bistatic_strength_db("sediment", *angles, frequency, sediment="fine sand", mesh_resolution=resolution)
+    whole = bistatic_strength_db("sediment", *angles, frequency, sediment="fine sand")
+    np.testing.assert_allclose(strength_db(material, angles, frequency), expected, rtol=0, atol=0.01)
+    assert np.abs(expected - whole).max() > 1
 
 
 def test_finite_from_grazing_to_nadir_and_nothing_where_not_asked(make):
@@ -204,6 +213,7 @@ def test_parameters_can_be_changed(make):
     (dict(classes="clay, sand"), "classes is written without sediment_class"),
     (dict(sediment_class=1.0), "sediment_class is a number; give a texture of class numbers"),
     (dict(class_scale=255.0), "class_scale is written without sediment_class"),
+    (dict(mesh_resolution=-0.1), "mesh_resolution is the float -0.1; expected a number [m] at least 0"),
     (dict(roughness=0.1), 'unknown attribute "roughness"'),
 ])
 def test_refusals_say_why(refusal, attributes, words):
@@ -218,6 +228,12 @@ def test_a_map_needs_its_classes(variant):
                               ({"classes": "clay, gold"}, 'no sediment is called "gold"')):
         with pytest.raises(RuntimeError, match=words):
             mi.load_dict({"type": "sediment", "sediment_class": number, **attributes})
+
+
+def test_what_a_mesh_holds_is_known_for_one_spectrum(variant):
+    prepare()
+    with pytest.raises(RuntimeError, match="gamma is a texture; give gamma as a number"):
+        mi.load_dict({"type": "sediment", "mesh_resolution": 0.1, "gamma": along_u([3.0, 3.2])})
 
 
 def test_lambert_takes_a_texture_of_decibels(variant):

@@ -1,0 +1,133 @@
+"""The lobe of a rough surface whose larger features a mesh holds: of what is smaller alone, so that none counts twice.
+
+    J = ∫_0^∞ J0(ΔK r) exp(-ΔK_z² D(r) / 2) r dr,    D(r) = 2 h² Φ(K_c r),    h² = 2π w2 K_c^(2 - γ) / (γ - 2)
+    Φ(x) = (γ - 2) ∫_1^∞ u^(1 - γ) [1 - J0(u x)] du,    factor of the lobe: k² J / (8π s²)          (see small_slope)
+
+The spectrum ends at K_c = 0.7 π / d below, d the distance of the mesh's nodes -> ``mesh_resolution``: flat facets on
+nodes of a surface of that spectrum have the slopes of its features up to there; shorter ones they follow in part. D
+ends at 2 h², which leaves three parts, with κ = ΔK / K_c and m = ΔK_z² h²:
+
+    K_c² J = e^(-m) g(κ) + m e^(-m) (γ - 2) κ^(-γ) [κ > 1] + R(κ, m)
+
+a mirror's reflection, single scattering by the features that are left, and R, which is smooth. The mirror's is not in
+one direction but in a Gaussian of ΔK of variance 0.03 ΔK_z² <slope²>/2, the slope that of what was taken out: wide
+enough that many facets of such slopes take part, and little against what they spread it by. R is tabled for one γ, as
+its ratio to the same integral without a cut (Hankel transforms on logarithmic grids).
+"""
+from functools import lru_cache
+
+import numpy as np
+from scipy import fft
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import map_coordinates
+from scipy.special import j0, j1
+
+from .rough_interface import log_lobe
+from .small_slope import MOST, SMALLEST, log_roughness
+
+__all__ = ["HIGH_M", "HIGH_T", "LOW_M", "LOW_T", "STEP", "cut", "log_ratio", "ratio_table", "resolved_factor"]
+
+FACETS = 0.7                       # of the highest wavenumber on the nodes: what facets follow
+MIRROR = 0.03
+POINTS = 1 << 14                   # of the transforms
+FARTHEST = 2e3                     # x where Φ is 1 to 1e-6
+STEP = 0.1                         # of the table, in ln m and in ln of κ over the lobe's width
+LOW_M, HIGH_M = -9.0, 12.0         # ln m
+LOW_T, HIGH_T = -3.5, 4.5          # ln (κ / width); the lobe is flat below, the ratio 1 - e^(-m) above
+SIZE_M, SIZE_T = (round((high - low) / STEP) + 1 for low, high in ((LOW_M, HIGH_M), (LOW_T, HIGH_T)))
+
+
+def cut(mesh_resolution):
+    """Give K_c [rad/m] of a mesh by the distance of its nodes [m]."""
+    return FACETS * np.pi / mesh_resolution
+
+
+def resolved_factor(module, log_lobe, log_ratio, shift, shift_z, wavenumber, w2, gamma, cut):
+    """Give σ_rough over |a|² [-] as `small_slope.lobe_factor` does, without what has wavenumbers below ``cut``.
+
+    Parameters
+    ----------
+    module, log_lobe, shift, shift_z, wavenumber, w2, gamma
+        As there.
+    log_ratio : callable(log_m, log_width)
+        Looks `ratio_table` up; ln m, and ln of κ over the lobe's width where this is above 1.
+    cut : array [rad/m]
+        K_c.
+    """
+    alpha = 0.5 * gamma - 1
+    s = module.maximum(shift_z, SMALLEST)
+    per_cut = module.log(wavenumber / cut)
+    log_m = module.log(np.pi * w2 / alpha) - 2 * alpha * module.log(cut) + 2 * module.log(wavenumber * s)
+    m = module.exp(module.minimum(log_m, MOST))
+    log_kappa = 0.5 * module.log(shift + SMALLEST**2) + per_cut
+    log_core = log_m + _log_structure(module, alpha)
+    uncut = log_lobe(log_core - 2 * alpha * log_kappa, alpha) - log_core / alpha
+    width = module.maximum(log_core, 0) / (2 * alpha)
+    rest = module.exp(module.minimum(uncut + log_ratio(log_m, log_kappa - width), MOST))
+    beyond_cut = module.minimum(module.maximum(1e6 * log_kappa, 0), 1)
+    single = beyond_cut * (gamma - 2) * m * module.exp(-m - gamma * module.maximum(log_kappa, 0))
+    # <slope²>/2 = h² K_c² α / (4 - γ)
+    variance = module.maximum(MIRROR * m * alpha / (4 - gamma), SMALLEST)
+    square = module.exp(module.minimum(2 * log_kappa, MOST / 2))
+    mirror = module.exp(-m - module.minimum(square / (2 * variance), MOST)) / variance
+    return (mirror + single + rest) * module.exp(2 * per_cut) / (8 * np.pi * s * s)
+
+
+def log_ratio(gamma):
+    """Give the look-up that `resolved_factor` asks for, in NumPy."""
+    table = ratio_table(gamma).astype(float)
+
+    def look_up(log_m, log_width):
+        place = np.broadcast_arrays((log_m - LOW_M) / STEP, (log_width - LOW_T) / STEP)
+        found = map_coordinates(table, [axis.ravel() for axis in place], order=1, mode="nearest")
+        return found.reshape(place[0].shape) + np.minimum(log_m - LOW_M, 0)
+
+    return look_up
+
+
+def _log_structure(module, alpha):
+    """ln of c in Φ = c x^2α, that of features of all sizes: C² r^2α = 2 h² c r^2α where K_c and w2 are 1."""
+    return log_roughness(module, 1.0, 1.0, alpha) - module.log(np.pi / alpha)
+
+
+@lru_cache(maxsize=8)
+def ratio_table(gamma):
+    """Logarithm of R over the integral without a cut, float32 (SIZE_M, SIZE_T)."""
+    alpha = 0.5 * gamma - 1
+    log_x = np.linspace(-HIGH_M / (2 * alpha) - 12.0, np.log(FARTHEST), POINTS)
+    x, step = np.exp(log_x), log_x[1] - log_x[0]
+    left = _left(gamma, log_x)
+    offset = fft.fhtoffset(step, mu=0)
+    log_kappa = offset - 0.5 * (log_x[0] + log_x[-1]) + (np.arange(POINTS) - 0.5 * (POINTS - 1)) * step
+    t = LOW_T + STEP * np.arange(SIZE_T)
+    table = np.empty((SIZE_M, SIZE_T), np.float32)
+    for row, log_m in enumerate(LOW_M + STEP * np.arange(SIZE_M)):
+        m, log_core = np.exp(log_m), log_m + _log_structure(np, alpha)
+        if m < 30:
+            f = np.exp(-m) * (np.expm1(m * left) - m * left)
+        else:
+            f = np.exp(-m * (1 - left)) - np.exp(-m) * (1 + m * left)
+        transform = fft.fht(x * f, step, mu=0, offset=offset) * np.exp(-log_kappa)
+        at = t + max(log_core, 0) / (2 * alpha)
+        found = np.interp(at, log_kappa, transform)
+        uncut = log_lobe(log_core - 2 * alpha * at, alpha) - log_core / alpha
+        table[row] = np.log(np.maximum(found, 1e-30)) - uncut
+    return table
+
+
+def _left(gamma, log_x):
+    """1 - Φ: by its series up to x = 3, beyond by its integral from the far end."""
+    alpha, x = 0.5 * gamma - 1, np.exp(log_x)
+    near = x < 3
+    term, series = np.ones(near.sum()), np.zeros(near.sum())
+    for n in range(1, 30):
+        term = -term * (x[near] / (2 * n)) ** 2
+        series += term * (gamma - 2) / (2 * n + 2 - gamma)
+    left = np.empty_like(x)
+    left[near] = 1 - np.exp(_log_structure(np, alpha)) * x[near] ** (2 * alpha) - series
+    f = x[~near] ** (2 - gamma) * j0(x[~near])
+    step = log_x[1] - log_x[0]
+    total = CubicSpline(log_x[~near], f).antiderivative()(log_x[~near])
+    end = -x[-1] ** (1 - gamma) * j1(x[-1])
+    left[~near] = (gamma - 2) * x[~near] ** (gamma - 2) * (total[-1] - total + end)
+    return left
