@@ -5,7 +5,7 @@ whole chain is compared, and gives rows of got, expected and allowed.
 """
 import time
 
-from . import beams, closure, rays, report, sediments, vectors, water
+from . import beams, closure, elements, rays, report, sediments, vectors, water
 from .case import Case, Line, Panel, Row, Table
 
 __all__ = ["CASES", "Case", "Line", "Panel", "Row", "Table", "validate"]
@@ -17,6 +17,7 @@ CASES = {
     "sediments": sediments.CASE,
     "beams": beams.CASE,
     "closure": closure.CASE,
+    "elements": elements.CASE,
 }
 
 

@@ -55,12 +55,10 @@ def _strengths(water, khz, material, law, rays, pings, seed=1):
     import mitsonar
 
     profile = WATERS[water]
-    table = ", ".join(f"{depth:g}:{speed:g}" for depth, speed in zip(profile.depth, profile.sound_speed))
-    wet = {"profile": table} if len(profile.depth) > 1 else {"sound_speed": float(profile.sound_speed[0])}
     scene = scenes.sidescan(
         {"bed": scenes.bed(BED_DEPTH, material)}, depth=SONAR_DEPTH, rays=rays, pings=pings,
         sensor={"frequency_khz": float(khz), "vertical_beam_width_deg": 180.0},
-        water={**wet, "absorption_db_per_km": 1e3 * ABSORPTION[khz]}, film={"range": RANGE, "bins": BINS})
+        water={**scenes.water_of(profile), "absorption_db_per_km": 1e3 * ABSORPTION[khz]}, film={"range": RANGE, "bins": BINS})
     image = mitsonar.render(scene, seed=seed)
     got = np.mean(10 ** (image["mean_level"].values.astype(float) / 10), axis=(0, 1))
     sonar = scene.sensors()[0].sonar(SONAR_DEPTH)
@@ -97,7 +95,7 @@ def _run(quick):
                                                     2_000_000 if quick else 3_000_000, 2, seed=len(rows))
                 angles = f"{np.degrees(grazing.max()):.0f} to {np.degrees(grazing.min()):.0f} degrees"
                 rows.append(worst(f"{water} water, {khz} kHz, {name}, {angles}", got, strength, ALLOWED, "dB"))
-                some = np.unique(np.linspace(0, len(grazing) - 1, POINTS).astype(int))
+                some = np.unique(np.searchsorted(-grazing, np.linspace(-grazing[0], -grazing[-1], POINTS)))
                 lines += [Line(name, np.degrees(grazing), strength), Line(name, np.degrees(grazing[some]), got[some],
                                                                           ".")]
             if lines:

@@ -1,6 +1,6 @@
 """Small scenes for comparisons of the whole chain, as Mitsuba dictionaries."""
 
-__all__ = ["array_sonar", "bed", "buried_bed", "lambert", "point_target", "sediment", "sidescan"]
+__all__ = ["array_sonar", "bed", "buried_bed", "lambert", "point_target", "sediment", "sidescan", "water_of"]
 
 
 def sidescan(shapes, *, depth, sensor=None, water=None, film=None, rays=1_000_000, pings=2):
@@ -46,6 +46,13 @@ def _load(sensor, water, film, integrator, shapes):
         "sensor": {**sensor, "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **water},
                    "film": {"type": "sonar_film", "range": 100.0, **(film or {})}},
         **shapes}, optimize=False)
+
+
+def water_of(profile):
+    """The attributes of water with a sound speed profile."""
+    if len(profile.depth) == 1:
+        return {"sound_speed": float(profile.sound_speed[0])}
+    return {"profile": ", ".join(f"{depth:g}:{speed:g}" for depth, speed in zip(profile.depth, profile.sound_speed))}
 
 
 def bed(depth, material, *, size=800.0):
