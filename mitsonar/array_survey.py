@@ -119,6 +119,8 @@ class ArraySurvey:
     noise : signal.noise.ElementNoise or None
     max_depth : int
         Bounces that an echo may have made.
+    volume : water.VolumeScattering or None
+        What the water itself sends back.
     absorption_db : callable or None
         Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
     """
@@ -144,6 +146,7 @@ class ArraySurvey:
     fans: Fans
     noise: object = None
     max_depth: int = 1
+    volume: object = None
     absorption_db: object = None
 
     @property
@@ -260,7 +263,7 @@ class _Run:
         self.light = Ensonification(
             Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption,
             frequency=survey.frequency, window=(survey.start, end), margin=reach + moved, lighting=survey.lighting,
-            rays=survey.rays, pattern=self._pattern(), max_depth=survey.max_depth,
+            rays=survey.rays, pattern=self._pattern(), max_depth=survey.max_depth, volume=survey.volume,
             resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
         self._lit = {}
         self._doubtful = self._looked_at = 0

@@ -253,7 +253,8 @@ def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded
         last = (r >= x) | (k2 < 0) | (k2 > last_layer)
         flat, height = mi.Float(r), -mi.Float(z2)
         if dr.hint(folded, mode="scalar"):
-            height = -abs(height)
+            # a hair below, so that the surface that mirrors does not block
+            height = -dr.maximum(abs(height), LIFT)
         there = mi.Point3f(dr.fma(flat, heading.x, start.x), dr.fma(flat, heading.y, start.y), height)
         stop = dr.select(last, end, there)
         ray, long_enough = _segment(here, stop)

@@ -64,6 +64,8 @@ class Scatterers:
         Of a ball about the centre that holds the facet.
     cuts : (F,) uint32
         n: facet f has n² cells.
+    at_surface : (F,) bool
+        Of the sea surface.
     targets : list
         As `trace.Geometry.targets` gives them.
 
@@ -98,7 +100,7 @@ class Scatterers:
         # of every facet: registry index of its shape, its number there, the key its cells are hashed with, whether its
         # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
-        self.scattering = np.zeros(len(faces), bool)
+        self.scattering, self.at_surface = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
         known = [(index, shape, first, count) for index, shape, first, count in geometry.meshes] + rows
         self.rows = np.zeros((max(index for index, *_ in known) + 1, 2), np.uint32)
         for index, shape, first, count in known:
@@ -106,7 +108,9 @@ class Scatterers:
             facts[some] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
                                     np.zeros(count)], 1)
             self.scattering[some] = not (hasattr(shape, "target_strength_db")
-                                         or getattr(shape.bsdf(), "smooth", False))
+                                         or getattr(shape.bsdf(), "smooth", False)
+                                         or getattr(shape.bsdf(), "mirror", False))
+            self.at_surface[some] = getattr(shape, "sea_surface", False)
             self.rows[index] = first, first >= meshed_faces
             facts[some, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],

@@ -227,8 +227,8 @@ class Tracer:
         launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
-        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=uv, label=label,
-                    travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
+        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=uv,
+                    label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, arrival_direction=arrival)
 
     def rebuilt(self, pi, chord, origin, heading, valid):

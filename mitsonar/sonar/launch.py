@@ -16,7 +16,8 @@ decides where rays go, never what they weigh, so the estimate stays unbiased.
 import drjit as dr
 import numpy as np
 
-__all__ = ["CELLS", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles", "quantiles", "refine_quantiles"]
+__all__ = ["CELLS", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles", "quantiles",
+           "refine_quantiles"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ

@@ -80,7 +80,7 @@ class SonarPath(mi.SamplingIntegrator):
         return Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
                       absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
                       rays=self.rays, first_pass=self.first_pass, max_depth=self.max_depth,
-                      volume=getattr(sensor.water, "volume", None))
+                      volume=sensor.water.volume)
 
     def array_survey(self, scene, sensor, lead=0.0):
         """Plan a run of a sensor with arrays over the scene.
@@ -120,7 +120,8 @@ class SonarPath(mi.SamplingIntegrator):
             start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra, lighting=self.lighting,
             cell_size=self.cell_size or _cell_size(plan), rays=self.rays, fans=fans(plan.transmit),
             noise=_element_noise(sensor, plan, rate), absorption_db=sensor.water.mean_absorption(
-                -float(plan.track.position[:, 2].mean()), geometry.depth_range[1]))
+                -float(plan.track.position[:, 2].mean()), geometry.depth_range[1]),
+            max_depth=self.max_depth, volume=sensor.water.volume)
 
     def dataset(self, scene, sensor, seed=0, progress=None):
         """Render the sensor's record as an `xarray.Dataset`; see `mitsonar.render`."""

@@ -18,6 +18,9 @@ from mitsonar.plugins.properties import Attributes
 from .grid_mesh import fill, triangulate
 
 
+SQUARES = 64                       # along a side
+
+
 class SeaSurface(mi.Mesh):
     """See the module's text.
 
@@ -40,8 +43,9 @@ class SeaSurface(mi.Mesh):
             props["bsdf"] = mi.load_dict({"type": "windy_sea", "wind_speed": wind_speed})
         elif attributes.given("wind_speed"):
             raise attributes.error("wind_speed is given beside a nested bsdf; give it to the bsdf.")
-        edges = 0.5 * self.size * np.array([-1.0, 1.0])
-        grid = triangulate(edges, edges, np.zeros((2, 2)), np.eye(4))
+        # many, so that arrays may cut each into cells of millimetres
+        edges = 0.5 * self.size * np.linspace(-1, 1, SQUARES + 1)
+        grid = triangulate(edges, edges, np.zeros((SQUARES + 1, SQUARES + 1)), np.eye(4))
         super().__init__("sea_surface", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
         fill(self, grid)
 

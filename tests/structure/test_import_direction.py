@@ -20,9 +20,10 @@ FLOORS = """
     io
     trace
     tessellation
-    materials connection water_echoes scatterers echoes free_rays paths bounces
+    materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays
     smooth_facets
     smooth_targets
+    coherent_echoes
     ensonification array_station array_survey array_signals
     survey
     plugins

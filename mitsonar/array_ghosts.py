@@ -1,0 +1,177 @@
+"""Echoes that an array hears by way of more than one bounce, by way of a flat surface, and from the water.
+
+    e = g √(σ A_cell (c_h / c_0)² 10^(-ᾱ L / 10) / (A_out A_back)) (-1)^m
+
+for a cell seen along one leg and sending back along another, m of them by way of the mirror, whose reflection is -1;
+σ from the one to the other, g the cell's Gaussian or a target's strength. Paths of more bounces (`bounces`) and points
+of the water (`water_echoes`) bring energies; their Gaussians are hashed from the ray, for what the sum of many such
+paths is: speckle. They are coherent from element to element, not from ping to ping.
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .bounces import Bounces
+from .echoes import Echoes, Leg
+from .materials import bistatic_strength
+from .paths import Paths
+from .propagation.device import arrays_of, upload
+from .scatterers import TARGET_RADIUS
+from .scattering.cells import gaussian, hashed
+from .signal.echoes import Absorption
+from .water_echoes import WaterEchoes
+
+__all__ = ["ArrayGhosts"]
+
+GHOST_SALT, WATER_SALT = 0x3C6EF372, 0x78DDE6E4
+FAINTEST = 1e-12                   # of the strongest of its kind: weaker echoes are dropped
+JUST_BELOW = 1e-4                  # [m] where the surface is met from below
+
+
+class ArrayGhosts:
+    """Make these echoes for a source.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    tracer, connector, free_rays
+        Of the scene and its water.
+    profile, absorption : SoundSpeedProfile, AbsorptionColumn
+    loss_db : signal.echoes.Absorption
+    frequency : float [Hz]
+    window : (float, float) [s]
+    max_depth : int
+    volume : water.VolumeScattering or None
+    """
+
+    def __init__(self, geometry, tracer, connector, free_rays, profile, absorption, loss_db, *, frequency, window,
+                 max_depth, volume):
+        self.geometry, self.tracer, self.connector, self.free_rays = geometry, tracer, connector, free_rays
+        self.frequency, self.max_depth, self.loss_db = frequency, max_depth, loss_db
+        self.lib = arrays_of(mi.Float)
+        self.paths = Paths(max_depth, surface=geometry.surface_label > 0, volume=volume is not None)
+        self.mirror = geometry.surface_mirrors
+        deepest = max(geometry.depth_range[1], 1.0)
+        self.folded_db = Absorption(absorption.mirrored(), profile.mirrored(), deepest, mi.Float,
+                                    top=-deepest) if self.mirror else None
+        self.bounces = Bounces(free_rays, loss_db, self.folded_db, frequency=frequency, paths=self.paths,
+                               surface_label=geometry.surface_label, mirror=self.mirror) if max_depth > 1 else None
+        self.water = None if volume is None else WaterEchoes(volume, connector, loss_db, window)
+
+    # ---- one scatterer, by way of the mirror
+
+    def overhead(self, sources, origin):
+        """The echo of a flat surface straight above: half the pressure of a wave that comes from a point there."""
+        if not self.mirror:
+            return
+        point = self.lib.Array3f64(origin.x, origin.y, dr.opaque(self.lib.Float64, -JUST_BELOW))
+        way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=0.0)
+        energy = 0.25 * self._absorbed(self._direct_db(origin, point, way)) / way.spreading_area
+        yield from self._made(energy, (-dr.sqrt(energy), dr.zeros(mi.Float, 1)), Leg.along(way, origin, point), None,
+                              way.free, "s")
+
+    def of_cells(self, sources, origin, hits, way, cells):
+        """Echoes of lit cells by way of the mirror: there, back, and both."""
+        if self.mirror and self.max_depth > 1:
+            def strength(out, back, lit):
+                seen = hits.seen_along(out)
+                return bistatic_strength(seen, -back.arrival_direction, lit, self.frequency)[0] * cells.area
+
+            yield from self._by_the_mirror(sources, origin, cells.point, cells.normal, way, strength, cells.amplitude)
+
+    def of_targets(self, sources, origin, point, way, pressure):
+        """Echoes of point targets by way of the mirror."""
+        if self.mirror and self.max_depth > 1:
+            nothing = dr.zeros(mi.Float, dr.width(pressure))
+            yield from self._by_the_mirror(sources, origin, point, mi.Vector3f(0, 0, 0), way,
+                                           lambda out, back, lit: dr.square(pressure), (nothing + 1, nothing),
+                                           short=TARGET_RADIUS)
+
+    def _by_the_mirror(self, sources, origin, point, normal, way, strength, amplitude, short=0.0):
+        start = origin + dr.zeros(type(origin), dr.width(way.travel_time))
+        folded = self.free_rays.connect(start, mi.Vector3f(0, 0, 0), point, normal, way.exists, folded=True,
+                                        short=short)
+        image = type(origin)(origin.x, origin.y, -origin.z)
+        direct_leg, folded_leg = Leg.along(way, origin, point), Leg.along(folded, image, point, folded=True)
+        direct_db = 0.5 * self._direct_db(origin, point, way)
+        folded_db = 0.5 * self.folded_db(mi.Float(origin.z), mi.Float(-point.z), folded.arc_length,
+                                         mi.Float(folded.ray_parameter))
+        ratio = mi.Float(way.sound_speed / sources.state.gather(self.lib, mi.UInt32(0))[1])
+        ends = {False: (way, direct_leg, direct_db), True: (folded, folded_leg, folded_db)}
+        for first, last in ((False, True), (True, False), (True, True)):
+            if 1 + first + last > self.max_depth:
+                continue
+            (out, out_leg, out_db), (back, back_leg, back_db) = ends[first], ends[last]
+            lit = out.free & back.free
+            energy = strength(out, back, lit) * ratio * ratio * self._absorbed(out_db + back_db) / (
+                out.spreading_area * back.spreading_area)
+            root = dr.sqrt(dr.maximum(energy, 0)) * (1.0 if first == last else -1.0)
+            yield from self._made(energy, tuple(root * part for part in amplitude), out_leg,
+                                  None if first == last else back_leg, lit, "sbs" if first == last else "bs")
+
+    # ---- rays, and points of the water
+
+    def of_rays(self, sources, origin, direction, solid_angle, strata, key):
+        """Echoes of more bounces, from rays sent out in given directions."""
+        if self.bounces is None:
+            return
+        hits = self.tracer(sources, origin, mi.UInt32(0), direction)
+        dr.eval(vars(hits))
+        start = origin + dr.zeros(type(origin), strata.rays)
+        speed = dr.opaque(mi.Float, float(self.tracer.profile.at(-np.ravel(origin.z.numpy())[0])))
+        row_key = dr.opaque(mi.UInt32, (key ^ GHOST_SALT) & 0xFFFFFFFF)
+
+        def homeward(point, normal, active):
+            return self.connector(sources, origin, mi.UInt32(0), point, normal, active)
+
+        for number, ghosts in enumerate(self.bounces(hits, solid_angle, start, speed, strata, row_key, homeward)):
+            energy = ghosts.energy * self._absorbed(ghosts.loss_db)
+            active = self._worthwhile(energy, ghosts.active)
+            path = self.paths.numbers(ghosts.code)
+            for name in self.paths.names:
+                some = dr.compress(active & (path == self.paths.number(name)))
+                if dr.width(some):
+                    power = dr.gather(mi.Float, energy, some)
+                    chance = hashed(self.lib, some, row_key, mi.UInt32(number))
+                    yield Echoes(out=ghosts.out.chosen(some), back=ghosts.back.chosen(some),
+                                 between=dr.gather(mi.Float64, ghosts.between, some), energy=power, path=name,
+                                 amplitude=self._drawn(power, chance)).evaluated()
+
+    def of_water(self, sources, origin, direction, solid_angle, strata, key):
+        """Echoes of points of the water, one along each direction."""
+        if self.water is None:
+            return
+        speed = dr.opaque(mi.Float, float(self.tracer.profile.at(-np.ravel(origin.z.numpy())[0])))
+        row_key = dr.opaque(mi.UInt32, (key ^ WATER_SALT) & 0xFFFFFFFF)
+        index = dr.arange(mi.UInt32, strata.rays)
+        chance, _ = mi.sample_tea_32(index, row_key)
+        drawn = self.water(sources, origin, mi.UInt32(0), speed, direction, solid_angle, strata,
+                           mi.Float(chance >> 8) * 2.0 ** -24)
+        energy = drawn.energy * self._absorbed(drawn.loss_db)
+        yield from self._made(energy, self._drawn(energy, hashed(self.lib, index, row_key)),
+                              Leg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")
+
+    def _drawn(self, energy, bits):
+        root = dr.sqrt(dr.maximum(energy, 0))
+        return tuple(root * part for part in gaussian(self.lib, bits, hashed(self.lib, bits)))
+
+    def _worthwhile(self, energy, active):
+        strongest = dr.max(dr.select(active, energy, 0))
+        return active & (energy > FAINTEST * strongest)
+
+    def _direct_db(self, origin, point, way):
+        return self.loss_db(mi.Float(-origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
+
+    def _absorbed(self, loss_db):
+        return dr.exp(loss_db * float(-np.log(10) / 10))
+
+    def _made(self, energy, amplitude, out, back, lit, path):
+        """The echoes that are there; `back` None: along the way out."""
+        lit = lit & (energy > 0) & dr.isfinite(energy)
+        width = dr.width(energy)
+        echoes = Echoes(out=out, back=out if back is None else back, between=dr.zeros(mi.Float64, width),
+                        energy=energy, amplitude=amplitude, path=path).evaluated()
+        dr.eval(lit)
+        index = dr.compress(lit)
+        if dr.width(index):
+            yield echoes.chosen(index).evaluated()
