@@ -18,14 +18,14 @@ __all__ = ["LEAD", "pair_responses", "received_signals"]
 LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
 
 
-def pair_responses(survey, pings, *, kernel, return_path, seed=0, progress=None):
+def pair_responses(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None):
     """Responses of every pair of elements: DataArray (ping, tx, rx, sample), complex64.
 
     Parameters
     ----------
     survey : ArraySurvey
     pings : sequence of int
-    kernel, return_path, seed, progress
+    kernel, return_path, seed, paths, progress
         As of `mitsonar.impulse_response`.
     """
     blocks, total = [], len(pings) * survey.transmit.elements
@@ -34,14 +34,15 @@ def pair_responses(survey, pings, *, kernel, return_path, seed=0, progress=None)
             if progress is not None:
                 progress(before * of + done, total)
 
-        blocks.append(survey.responses(one, kernel=kernel, return_path=return_path, seed=seed, progress=told))
+        blocks.append(survey.responses(one, kernel=kernel, return_path=return_path, seed=seed, paths=paths,
+                                       progress=told))
     values = np.stack(blocks)
     values[:, ~survey.transmit.working] = 0
     values[:, :, ~survey.receive.working] = 0
     return _labelled(values, survey, pings, "impulse response", "1", transmitters=True)
 
 
-def received_signals(survey, pings, *, kernel, return_path, seed=0, progress=None):
+def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None):
     """Signals of every receive element: DataArray (ping, tx, rx, sample), complex64 [µPa], tx of size 1.
 
     The survey's record must lead by a pulse; arguments as of `mitsonar.element_signals`.
@@ -61,7 +62,8 @@ def received_signals(survey, pings, *, kernel, return_path, seed=0, progress=Non
     for number, one in enumerate(pings):
         signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
         factors = _doppler(survey, one)
-        for factor, response in survey.transmissions(one, factors, kernel=kernel, return_path=return_path, seed=seed):
+        for factor, response in survey.transmissions(one, factors, kernel=kernel, return_path=return_path, seed=seed,
+                                                     paths=paths):
             if survey.absorption_db is not None:
                 response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db,
                                     survey.sound_speed(one), survey.start)

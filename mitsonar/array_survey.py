@@ -18,6 +18,7 @@ import numpy as np
 
 from .array_station import GUARD, Station, omni, pressure
 from .ensonification import Ensonification
+from .paths import Paths
 from .propagation.device import arrays_of
 from .scatterers import Scatterers
 from .signal.accumulation import ImpulseResponses
@@ -150,6 +151,11 @@ class ArraySurvey:
     absorption_db: object = None
 
     @property
+    def path_names(self):
+        """Names of the paths that echoes may take."""
+        return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None).names
+
+    @property
     def frequency(self):
         """Of the carrier [Hz]."""
         return self.pulse.frequency
@@ -167,20 +173,20 @@ class ArraySurvey:
     def _run(self):
         return _Run(self)
 
-    def responses(self, ping, *, kernel="band_limited", return_path="vector", seed=0, progress=None):
-        """Responses of all pairs of elements to one ping: complex64 (tx, rx, sample)."""
+    def responses(self, ping, *, kernel="band_limited", return_path="vector", seed=0, paths=None, progress=None):
+        """Responses of all pairs of elements to one ping, by all or some paths: complex64 (tx, rx, sample)."""
         run = self._run.seeded(seed)
         out = np.empty((self.transmit.elements, self.receive.elements, self.samples), np.complex64)
         buffer = run.buffer(kernel)
         for element in range(self.transmit.elements):
             buffer.clear()
-            run.add([(_Everything(), buffer)], ping, element, return_path)
+            run.add([(_Everything(), buffer)], ping, element, return_path, paths=paths)
             out[element] = buffer.read()
             if progress is not None:
                 progress(element + 1, self.transmit.elements)
         return out
 
-    def transmissions(self, ping, doppler, *, kernel="band_limited", return_path="vector", seed=0):
+    def transmissions(self, ping, doppler, *, kernel="band_limited", return_path="vector", seed=0, paths=None):
         """Responses to all transmit elements together, with their weights (made to add to 1) and delays.
 
         Parameters
@@ -188,6 +194,8 @@ class ArraySurvey:
         ping : int
         doppler : (K,) [-]
             Factors that stand for all echoes, as `signal.doppler.doppler_classes` gives them.
+        paths : collection of str or None
+            Which paths count, by their names; None: all.
 
         Yields
         ------
@@ -206,8 +214,8 @@ class ArraySurvey:
             some = classes[:max(1, SUMS_BYTES // (4 * dr.width(first.sums)))]
             classes = classes[len(some):]
             sums = list(zip(some, [first, *(run.buffer(kernel) for _ in some[1:])]))
-            heard = [run.add(sums, ping, element, return_path, weight=weight[element], delay=transmit.delay[element])
-                     for element in np.flatnonzero(weight)]
+            heard = [run.add(sums, ping, element, return_path, weight=weight[element], delay=transmit.delay[element],
+                             paths=paths) for element in np.flatnonzero(weight)]
             for (only, buffer), any_heard in zip(sums, np.any(heard, axis=0)):
                 if any_heard:
                     yield only.factor, buffer.read()
@@ -289,7 +297,7 @@ class _Run:
         return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples,
                                 sampling_rate=survey.sampling_rate, frequency=survey.frequency, kernel=kernel)
 
-    def add(self, sums, ping, element, return_path, *, weight=1.0, delay=0.0):
+    def add(self, sums, ping, element, return_path, *, weight=1.0, delay=0.0, paths=None):
         """Add what all receive elements hear of one transmit element, sent with a weight and a delay [s].
 
         `sums` are pairs of what chooses echoes and the buffer for them; gives for each whether there were any.
@@ -299,6 +307,8 @@ class _Run:
             station = Station(self, ping, fans.position[source])
             share = float(weight * fans.share[source, element])
             for echoes in self._echoes(ping, source, station):
+                if paths is not None and echoes.path not in paths:
+                    continue
                 for number, (chosen, buffer) in enumerate(sums):
                     some, late = chosen(station, echoes)
                     if some is not None:

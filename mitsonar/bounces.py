@@ -8,7 +8,8 @@ along the exact bent ray. Both ends of the path then lie where the beams look, h
     e² = β_i (σ_i / sin θ_i) (1 / A_ij) (σ_j / sin θ_j) ΔΩ_j (c_j / c_0)² 10^(-ᾱ L / 10) / q_ij
 
 σ_i, σ_j towards each other, θ grazing angles that sound came in at, A_ij spreading area between the ends, c sound
-speeds at j and at the source, q_ij the chance that i was paired with j: half of the partners are drawn evenly, half near i.
+speeds at j and at the source, q_ij the chance that i was paired with j: half of the partners are drawn evenly, half
+near i.
 (Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
 A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
 

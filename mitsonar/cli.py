@@ -100,6 +100,8 @@ def _parser():
                          help="the impulse response of every pair of elements instead")
     signals.add_argument("--kernel", default="band_limited", help="band_limited (default), peterson or nearest")
     signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
+    signals.add_argument("--path", action="append", metavar="NAME",
+                         help="only echoes along this path, such as b, bs or v; may be repeated; default: all")
     signals.add_argument("--seed", type=_whole, default=0, metavar="N", help="of all that is random; default: 0")
     signals.add_argument("--threads", type=_whole, metavar="N",
                          help="worker threads, at least 2; default: one per core")
@@ -168,7 +170,8 @@ def _signals(arguments):
     listen = impulse_response if arguments.response else element_signals
     with _Progress() as progress:
         heard = listen(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
-                       return_path=arguments.return_path, seed=arguments.seed, progress=progress)
+                       return_path=arguments.return_path, seed=arguments.seed, paths=arguments.path,
+                       progress=progress)
     netcdf.write(arguments.output, heard)
     _announce(arguments.output)
 

@@ -14,7 +14,8 @@ __all__ = ["RETURN_PATHS", "element_signals", "impulse_response", "pings"]
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
 
 
-def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, progress=None):
+def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
+                     progress=None):
     """Compute the response of every pair of transmit and receive elements.
 
     Parameters
@@ -33,6 +34,8 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
         Of rays, where they light the scatterers; the scatterers themselves belong to the scene.
     sensor : int
         Which of the scene's sensors.
+    paths : sequence of str or None
+        Only echoes along these, such as ("b", "bs"), see `paths`; None: all.
     progress : callable(done, total) or None
 
     Returns
@@ -50,12 +53,14 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     _known(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping)
+    paths = _known_paths(survey, paths)
     array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
-                           progress=progress)
+                           paths=paths, progress=progress)
     return array.assign_attrs(kernel=kernel, return_path=return_path, **provenance(scene, sensor))
 
 
-def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, progress=None):
+def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
+                    progress=None):
     """Compute what every receive element hears of a ping: echoes of the pulse, and noise.
 
     All transmit elements send together, with their weights and delays. Doppler from the platform's motion stretches
@@ -63,7 +68,7 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
 
     Parameters
     ----------
-    scene, ping, kernel, return_path, sensor, progress
+    scene, ping, kernel, return_path, sensor, paths, progress
         As of `impulse_response`.
     seed : int
         Of noise, and of rays where they light the scatterers.
@@ -90,8 +95,9 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     _known(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
+    paths = _known_paths(survey, paths)
     array = received_signals(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
-                             progress=progress)
+                             paths=paths, progress=progress)
     return array.assign_attrs(kernel=kernel, return_path=return_path, **provenance(scene, sensor))
 
 
@@ -105,6 +111,19 @@ def _known(kernel, return_path):
     for name, value, known in (("kernel", kernel, KERNELS), ("return_path", return_path, RETURN_PATHS)):
         if value not in known:
             raise ValueError(f"{name} is {value!r}; give one of {', '.join(known)}")
+
+
+def _known_paths(survey, paths):
+    """Names of the paths asked for, either way round; None for all."""
+    if paths is None:
+        return None
+    known = survey.path_names
+    chosen = [name if name in known else name[::-1] for name in map(str, paths)]
+    for name in chosen:
+        if name not in known:
+            raise ValueError(f"path {name[::-1]!r} was asked for, but the scene has {', '.join(known)}; raise max_depth "
+                             "for longer ones, or leave it out")
+    return chosen
 
 
 def _survey(integrator, scene, sensor, ping, lead=0.0):

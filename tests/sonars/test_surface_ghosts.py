@@ -71,6 +71,18 @@ def test_without_depth_nothing_comes_by_way_of_the_surface(variant):
     np.testing.assert_allclose(mirrored.values[..., late], alone.values[..., late], atol=1e-7)
 
 
+def test_paths_can_be_heard_one_by_one(variant):
+    scene = array_scene({"bed": bed(20.0), "sea": MIRROR, "ball": target(WHERE)}, film={"range": 30.0},
+                        water={"profile": SUMMER, "volume_strength_db": -60.0},
+                        integrator={"max_depth": 2, "cell": 1.0, "rays": 500})
+    whole = mitsonar.impulse_response(scene).values
+    parts = {path: mitsonar.impulse_response(scene, paths=[path]).values for path in ("b", "s", "v", "bb", "sb")}
+    assert np.abs(sum(parts.values()) - whole).max() < 1e-5 * np.abs(whole).max()
+    assert all(part.any() for name, part in parts.items() if name != "bb")        # a flat bed does not light itself
+    with pytest.raises(ValueError, match="'bsb' was asked for, but the scene has b, s, bb, bs, ss, v"):
+        mitsonar.impulse_response(scene, paths=["bsb"])
+
+
 def test_energy_of_two_bounces_between_bed_and_wall(variant):
     """Rays that find ghosts of an array against those of a sidescan's sums: see test_bounces for the sum itself.
 
