@@ -1,6 +1,6 @@
 """What the seabed and other surfaces are made of: relief, roughness and the laws of scattering."""
-from . import lambert
 from .elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
+from .empirical import EmpiricalSeabed
 from .fractal import Fractal
 from .relief import Plane, Relief, Sinusoid, Sum
 from .ripples import Ripples
@@ -8,11 +8,8 @@ from .roughness import RoughnessSpectrum
 from .sea_surface import SeaSurface, bubble_loss_db
 from .sediment import SEDIMENTS, Sediment
 from .spheres import sphere_target_strength_db
-from .strength import LambertSeabed, backscatter_strength_db, bistatic_strength_db
+from .strength import LAWS, LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
-# Laws of scattering by the name of their material; each module holds `scattering_strength`.
-LAWS = {"lambert": lambert}
-
-__all__ = ["ELASTIC_SEDIMENTS", "LAWS", "SEDIMENTS", "ElasticSediment", "Fractal", "LambertSeabed", "Plane", "Relief",
-           "Ripples", "RoughnessSpectrum", "SeaSurface", "Sediment", "Sinusoid", "Sum", "backscatter_strength_db",
-           "bistatic_strength_db", "bubble_loss_db", "sphere_target_strength_db"]
+__all__ = ["ELASTIC_SEDIMENTS", "LAWS", "SEDIMENTS", "ElasticSediment", "EmpiricalSeabed", "Fractal", "LambertSeabed",
+           "Plane", "Relief", "Ripples", "RoughnessSpectrum", "SeaSurface", "Sediment", "Sinusoid", "Sum",
+           "backscatter_strength_db", "bistatic_strength_db", "bubble_loss_db", "sphere_target_strength_db"]

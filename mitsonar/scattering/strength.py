@@ -11,10 +11,11 @@ import numpy as np
 
 from . import lambert
 from .elastic_sediment import ElasticSediment
+from .empirical import EmpiricalSeabed
 from .sea_surface import SeaSurface
 from .sediment import Sediment
 
-__all__ = ["LambertSeabed", "backscatter_strength_db", "bistatic_strength_db"]
+__all__ = ["LAWS", "LambertSeabed", "backscatter_strength_db", "bistatic_strength_db"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +47,9 @@ class LambertSeabed:
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
 
 
-KINDS = {"lambert": LambertSeabed, "sediment": Sediment, "elastic": ElasticSediment, "sea_surface": SeaSurface}
+# Laws by name: classes whose objects have `scattering_strength(grazing_in, grazing_out, azimuth, frequency, sound_speed)`
+LAWS = {"lambert": LambertSeabed, "sediment": Sediment, "elastic": ElasticSediment, "empirical": EmpiricalSeabed,
+        "sea_surface": SeaSurface}
 NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws whose seabeds have names, and one of these
 
 
@@ -56,7 +59,7 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
     Parameters
     ----------
     law : str or object
-        "lambert", "sediment" (a fluid), "elastic" (a solid), "sea_surface", or an object such as
+        "lambert", "sediment" (a fluid), "elastic" (a solid), "empirical", "sea_surface", or an object such as
         ``Sediment.of("medium sand")``, ``LambertSeabed(mu_db=-27)`` or ``SeaSurface(wind_speed=8)``.
     grazing_angle : array [rad]
         0..π/2, from the plane of the surface.
@@ -66,7 +69,8 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
     **parameters
         Of a law given by name: ``mu_db`` of "lambert"; of "sediment" ``sediment``, a name, and fields of ``Sediment``
         that replace its own, or all those fields without a name; of "elastic" the same with ``ElasticSediment``;
-        ``wind_speed`` [m/s] of "sea_surface".
+        ``angles``, ``strengths_db``, ``frequencies`` of
+        "empirical", as of ``EmpiricalSeabed``; ``wind_speed`` [m/s] of "sea_surface".
 
     Returns
     -------
@@ -126,9 +130,9 @@ def _seabed(law, parameters):
         if parameters:
             raise ValueError(f"{law} has its parameters in it; {', '.join(parameters)} must not be given besides.")
         return law
-    if law not in KINDS:
-        raise ValueError(f'no law of scattering is called "{law}"; known are {", ".join(KINDS)}.')
-    kind = KINDS[law]
+    if law not in LAWS:
+        raise ValueError(f'no law of scattering is called "{law}"; known are {", ".join(LAWS)}.')
+    kind = LAWS[law]
     known = [field.name for field in fields(kind)] + ["sediment"] * (law in NAMED)
     unknown = [name for name in parameters if name not in known]
     if unknown:

@@ -18,6 +18,7 @@ NEEDED = {
     "array_sonar": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
     "point_target": {"position": [0.0, 0.0, -5.0]},
     "impedance": {"density": 1100.0, "sound_speed": 1600.0},
+    "empirical": {"filename": str(SCENES / "casts" / "summer.csv")},
     "bathymetry": {"filename": str(SCENES / "bathymetry" / "sandwaves.tif")},
 }
 NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not

@@ -1,0 +1,98 @@
+"""A seabed of measured backscatter strength: a table against grazing angle, and for several frequencies.
+
+    σ(θ_i, θ_s) = sqrt(σ_b(θ_i) σ_b(θ_s)),        σ_b = 10^(S_b / 10)
+
+S_b -> ``strengths_db``, linear in θ -> ``angles`` between its entries and in ln f -> ``frequencies`` between columns,
+constant beyond the last angle and the outer frequencies; below the first angle σ_b falls as sin² θ. The two-way
+extension is reciprocal, the table itself straight back, and the same in all azimuths: nothing is known of them. A table
+gives back more than comes in, and is refused, where  2π sqrt(σ_b(θ_i)) ∫ sqrt(σ_b) cos θ dθ / sin θ_i > 1.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["EmpiricalSeabed"]
+
+STEPS = 4000                       # of the integral over θ
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EmpiricalSeabed:
+    """Hold a table of backscatter strength.
+
+    Parameters
+    ----------
+    angles : array (A,) [rad]
+        Grazing angles, increasing, above 0 and up to π/2.
+    strengths_db : array (A,) or (A, F) [dB re 1 m^2/m^2]
+    frequencies : array (F,) [Hz], optional
+        Of the columns, increasing; needed where there are several. One column holds at all frequencies.
+    name : str
+        How errors call it.
+
+    Raises
+    ------
+    ValueError
+        If the numbers do not make a table, or more would come back than arrives.
+    """
+
+    angles: np.ndarray
+    strengths_db: np.ndarray
+    frequencies: np.ndarray = None
+    name: str = "empirical"
+
+    def __post_init__(self):
+        angles, strengths = np.atleast_1d(np.asarray(self.angles, float)), np.asarray(self.strengths_db, float)
+        strengths = strengths[:, None] if strengths.ndim == 1 else strengths
+        if angles.ndim != 1 or not angles.size or not ((0 < angles) & (angles <= np.pi / 2 + 1e-6)).all() \
+                or (np.diff(angles) <= 0).any():
+            raise ValueError(f"{self.name}: the grazing angles must increase, from above 0 to at most 90 degrees.")
+        if strengths.ndim != 2 or len(strengths) != len(angles) or not np.isfinite(strengths).all():
+            raise ValueError(f"{self.name}: {len(angles)} grazing angles need as many rows of finite strengths [dB], got "
+                             f"an array of shape {np.shape(self.strengths_db)}.")
+        frequencies = np.full(1, 1.0) if self.frequencies is None else np.atleast_1d(np.asarray(self.frequencies, float))
+        if frequencies.shape != strengths.shape[1:] or not (frequencies > 0).all() or (np.diff(frequencies) <= 0).any():
+            raise ValueError(f"{self.name}: {strengths.shape[1]} columns of strengths need as many frequencies [Hz], "
+                             "above 0 and increasing.")
+        for field, value in (("angles", angles), ("strengths_db", strengths), ("frequencies", frequencies)):
+            object.__setattr__(self, field, value)
+        for frequency in frequencies:
+            share, angle = self._largest_share(frequency)
+            if share > 1 + 1e-6:
+                column = "" if len(frequencies) == 1 else f" at {frequency / 1e3:g} kHz"
+                raise ValueError(f"{self.name}: more comes back than arrives{column}: {share:.3g} of what comes in at "
+                                 f"{np.degrees(angle):.1f} degrees; check the strengths, in dB re 1 m²/m².")
+
+    def backscatter_strength(self, grazing, frequency):
+        """Give σ_b [-] at grazing angles [rad] and frequencies [Hz] that broadcast."""
+        grazing, frequency = np.broadcast_arrays(np.asarray(grazing, float), frequency)
+        first, last = self.angles[[0, -1]]
+        row, rest = _place(self.angles, np.clip(grazing, first, last))
+        column, part = _place(np.log(self.frequencies), np.log(frequency))
+        after = np.minimum(row + 1, len(self.angles) - 1), np.minimum(column + 1, len(self.frequencies) - 1)
+        table = self.strengths_db
+        low = table[row, column] * (1 - rest) + table[after[0], column] * rest
+        high = table[row, after[1]] * (1 - rest) + table[after[0], after[1]] * rest
+        below = np.minimum(np.sin(grazing) / np.sin(first), 1) ** 2
+        return 10 ** ((low * (1 - part) + high * part) / 10) * below
+
+    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+        """Give σ [-], for angles [rad] and frequency [Hz]; azimuth and sound speed only give it its shape."""
+        way_in, way_out, frequency, *_ = np.broadcast_arrays(grazing_in, grazing_out, frequency, azimuth, sound_speed)
+        return np.sqrt(self.backscatter_strength(way_in, frequency) * self.backscatter_strength(way_out, frequency))
+
+    def _largest_share(self, frequency):
+        """Largest share of what comes in that goes out again, and the grazing angle [rad] it comes in at."""
+        angle = np.union1d(np.linspace(0, np.pi / 2, STEPS + 1), self.angles)[1:]
+        root = np.sqrt(self.backscatter_strength(angle, frequency))
+        whole = 2 * np.pi * np.trapezoid(np.append(0, root * np.cos(angle)), np.append(0, angle))
+        share = whole * root / np.sin(angle)
+        return share.max(), angle[share.argmax()]
+
+
+def _place(nodes, value):
+    """Index of the node before each value, and how far it lies towards the next, 0..1; held beyond both ends."""
+    index = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(len(nodes) - 2, 0))
+    if len(nodes) == 1:
+        return index, np.zeros(np.shape(value))
+    return index, np.clip((value - nodes[index]) / (nodes[index + 1] - nodes[index]), 0, 1)

@@ -1,0 +1,81 @@
+"""Seabed of measured backscatter strength (`empirical`): a table against grazing angle, from a CSV file.
+
+- ``filename``: columns grazing angle [degrees] and strength [dB]; for several frequencies one column each, called as
+  "100 kHz". See `mitsonar.io.backscatter`, and `mitsonar.scattering.empirical` for what lies between the entries.
+- ``patchiness``, ``patch_size`` [m, 1]: as of `lambert`.
+
+.. code-block:: xml
+
+    <bsdf type="empirical" id="measured"><string name="filename" value="backscatter.csv"/></bsdf>
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.io import backscatter
+from mitsonar.plugins.bsdfs.material import Material, read_patches
+from mitsonar.plugins.properties import Attributes
+from mitsonar.propagation.device import upload
+
+
+class Empirical(Material):
+    """See the module's text."""
+
+    def __init__(self, props):
+        attributes = Attributes(props)
+        path = attributes.file("filename")
+        self.patches = read_patches(attributes)
+        attributes.finish()
+        try:
+            table = backscatter.read(path)
+        except ValueError as error:
+            raise attributes.error(str(error)) from None
+        super().__init__(props)
+        self.table = table
+        self.angles = upload(mi.Float, table.angles.astype(np.float32))
+        self.log_frequencies = upload(mi.Float, np.log(table.frequencies).astype(np.float32))
+        self.strengths_db = upload(mi.Float, table.strengths_db.astype(np.float32))
+        dr.eval(self.angles, self.log_frequencies, self.strengths_db)
+
+    def traverse(self, callback):
+        callback.put("strengths_db", self.strengths_db, mi.ParamFlags.Differentiable)
+
+    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+        """σ of the law: the root of the backscatter strengths at both angles."""
+        place = _place(self.log_frequencies, dr.log(frequency))
+        both = self._half_db(wi, place) + self._half_db(wo, place)
+        return dr.select(active, dr.exp(float(np.log(10) / 10) * both) * self._below(wi) * self._below(wo), 0)
+
+    def _half_db(self, w, columns):
+        """Half the backscatter strength [dB] at a direction's grazing angle, not below the first of the table."""
+        width = len(self.log_frequencies)
+        row, rest = _place(self.angles, dr.atan2(w.z, dr.sqrt(w.x * w.x + w.y * w.y)))
+        column, part = columns
+        found = 0
+        for k, share in ((0, 1 - rest), (1, rest)):
+            line = dr.minimum(row + k, len(self.angles) - 1) * width
+            for j, portion in ((0, 1 - part), (1, part)):
+                at = line + dr.minimum(column + j, width - 1)
+                found += share * portion * dr.gather(mi.Float, self.strengths_db, at)
+        return 0.5 * found
+
+    def _below(self, w):
+        """Fall of the root of σ_b below the first angle of the table."""
+        return dr.clip(w.z * float(1 / np.sin(self.table.angles[0])), 0, 1)
+
+    def to_string(self):
+        return f"Empirical[{self.table.name}]"
+
+
+def _place(nodes, value):
+    """Index of the node before each value, and how far it lies towards the next, 0..1; held beyond both ends."""
+    count = len(nodes)
+    if count == 1:
+        return mi.UInt32(0), mi.Float(0)
+    after = dr.binary_search(1, count - 1, lambda index: dr.gather(mi.Float, nodes, index) <= value)
+    index = mi.UInt32(after) - 1
+    low, high = (dr.gather(mi.Float, nodes, index + k) for k in range(2))
+    return index, dr.clip((value - low) / (high - low), 0, 1)
+
+
+mi.register_bsdf("empirical", Empirical)
