@@ -250,7 +250,8 @@ def warn_where_too_coarse(geometry, wavelength):
         if found is not None:
             warnings.warn(f"the smooth mesh \"{shape.id()}\" is too coarse for a wavelength of {1e3 * wavelength:.3g} "
                           f"mm: its facets lie {1e3 * found[0]:.2g} mm off the bent surface they stand for, over a "
-                          f"sixteenth of it, and will glint one by one; take edges of at most {found[1]:.2g} m", stacklevel=2)
+                          f"sixteenth of it, and will glint one by one; take edges of at most {found[1]:.2g} m",
+                          stacklevel=2)
 
 
 def _vertex_normals(shape):

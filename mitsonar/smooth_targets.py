@@ -106,7 +106,7 @@ class SmoothTargets:
     def __bool__(self):
         return len(self.facets) > 0
 
-    def __call__(self, sources, origins, source):
+    def __call__(self, sources, origins, source, choose=None):
         """Light the surfaces.
 
         Parameters
@@ -116,6 +116,8 @@ class SmoothTargets:
             NumPy; where sound leaves from.
         source : (P,) uint32
             NumPy; the index into `sources` of each.
+        choose : callable(number, centre (F, 3), radius (F,)) -> Bool (F,)
+            Which facets, of balls about centres [m], are worth a look from the place of that number; None: all.
 
         Yields
         ------
@@ -127,9 +129,9 @@ class SmoothTargets:
         if not self:
             return
         place = _Places(self.lib, np.asarray(origins, float), source)
-        yield from self._lit(sources, place, None)
+        yield from self._lit(sources, place, None, choose)
         if self.bounces > 1 and not self.facets.convex:
-            yield from self._lit(sources, place, BOUNCE_CELL * self.wavelength)
+            yield from self._lit(sources, place, BOUNCE_CELL * self.wavelength, choose)
 
     def edges(self, origin):
         """Longest side of cells of every facet as seen from an origin (3,), (F,) [m], and which facets may be."""
@@ -145,11 +147,13 @@ class SmoothTargets:
         hidden = facets.outward * plane < -BEHIND * facets.side
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
 
-    def _blocks(self, places, finest):
+    def _blocks(self, places, finest, choose):
         """Lists of cells as (place, facet, s, n); of at most `finest` [m] where that is given, as far as it goes."""
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
             edge, seen = self.edges(origin)
+            if choose is not None:
+                seen &= choose(number, facets.centre, facets.radius)
             seen = np.flatnonzero(seen)
             if finest is not None:
                 # area of a cell of equal sides
@@ -164,9 +168,9 @@ class SmoothTargets:
                 yield from _listed(np.concatenate(runs))
                 runs = []
 
-    def _lit(self, sources, places, finest):
+    def _lit(self, sources, places, finest, choose):
         """Echoes of one bounce; where cells are cut finer, those of more bounces in their place."""
-        for number, facet, s, n in self._blocks(places, finest):
+        for number, facet, s, n in self._blocks(places, finest, choose):
             cells = self.facets.cells(facet, s, n)
             origin, source = places(number)
             way = self.connector(sources, origin, source, cells.point, cells.normal)

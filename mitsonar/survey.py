@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 
 from .bounces import Bounces
+from .coherent_echoes import CoherentEchoes
 from .connection import Connector
 from .free_rays import FreeRays
 from .materials import scattering_strength
@@ -26,7 +27,6 @@ from .paths import Paths
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .sonar.directivity import sinc
-from .scatterers import TARGET_RADIUS
 from .sonar.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles, refine_quantiles
 from .trace import Tracer
 from .water_echoes import WaterEchoes
@@ -129,7 +129,7 @@ class Survey:
 
         Returns
         -------
-        dict of (ping, side, bin) arrays, as `EchoSums.read` gives them
+        dict of (ping, side, bin) arrays, as `EchoSums.read` gives them, and `CoherentEchoes` where there are some
         """
         pings, block = self.track.pings, self.pings_per_block()
         kernel = _Block(self, seed)
@@ -181,9 +181,9 @@ class _Block:
         self.per_bin = upload(mi.Float, per_bin)
         dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
-        self.targets = geometry.targets()
         self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
         self.connector = Connector(self.tracer)
+        self.coherent = CoherentEchoes(survey, self.connector, self.absorption)
         self.bounces = self._bounces(deepest) if survey.max_depth > 1 else None
         self.water = None
         if survey.volume is not None:
@@ -212,10 +212,9 @@ class _Block:
             self._add_ghosts(place, ray, hits, sums)
         if self.water is not None:
             self._add_water(place, sums)
-        if self.targets:
-            self._add_targets(place, sums)
         dr.eval(sums.energy, sums.depth, sums.count, sums.path_energy)
-        return sums.read(10 ** (survey.sonar.source_level_db / 10) * self.unit, survey.geometry.depth_range)
+        record = sums.read(10 ** (survey.sonar.source_level_db / 10) * self.unit, survey.geometry.depth_range)
+        return {**record, **self.coherent(place, ping, source)} if self.coherent else record
 
     def _first_quantiles(self, ping):
         survey = self.survey
@@ -273,34 +272,6 @@ class _Block:
     def _trace(self, place, ray):
         origin = place.origin(ray.ping)
         return self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
-
-    def _add_targets(self, place, sums):
-        """Add the echoes of point targets, which no ray would find: p² = 10^((SL + TS - 2 ᾱ L)/10) B / (A A')."""
-        lib, sonar = self.lib, self.survey.sonar
-        position, strength_db, label = (np.array(column) for column in zip(*self.targets))
-        count = dr.opaque(mi.UInt32, len(position))
-        index = dr.arange(mi.UInt32, place.rows // 2 * len(position))
-        ping = index // count
-        which = index - ping * count
-        point = lib.Array3f64(*(dr.gather(mi.Float64, upload(mi.Float64, axis), which) for axis in position.T))
-        way = self.connector(place.sources, place.origin(ping), place.source(ping), point, mi.Vector3f(0, 0, 0),
-                             short=TARGET_RADIUS)
-        body = place.body(ping, way.launch_direction)
-        v = body.z * dr.cos(self.depression) - abs(body.y) * dr.sin(self.depression)
-        along, across = self._patterns(body.x, v)
-        bin, inside = self._bin(way.travel_time, way.free)
-        source_depth, source_speed = place.medium(ping)
-        units, unit_loss_db = dr.gather(lib.Array2f, self.per_bin, bin, inside)
-        loss_db = self.absorption(source_depth, mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
-        ratio = mi.Float(way.sound_speed) / source_speed
-        strength = dr.gather(mi.Float, upload(mi.Float, (10 ** (strength_db / 10)).astype(np.float32)), which)
-        energy = strength * along * across * dr.square(ratio / way.spreading_area) * dr.exp(
-            (unit_loss_db - loss_db) * float(np.log(10) / 10))
-        sums.add(row=2 * ping + dr.select(body.y > 0, mi.UInt32(1), mi.UInt32(0)), bin=bin,
-                 label=dr.gather(mi.UInt32, upload(mi.UInt32, label.astype(np.uint32)), which),
-                 units=mi.Float64(energy) * mi.Float64(units), in_beam=along > BEAM_EDGE,
-                 height=dr.clip((mi.Float(-point.z) - self.top) * self.per_depth, 0, 1),
-                 active=inside & dr.isfinite(energy))
 
     def _bounces(self, deepest):
         survey, geometry = self.survey, self.survey.geometry

@@ -5,14 +5,16 @@
 
 E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g and n circular complex Gaussian of unit
 variance: the sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson & Richardson
-2007, ch. 16). Where a bin is longer than the pulse it holds several cells, whose intensities are averaged.
+2007, ch. 16). Where a bin is longer than the pulse it holds several cells, whose intensities are averaged. What has a
+phase of its own, point targets and smooth surfaces (z_c), adds before it is squared: to the mean <|z_c|²>, and to a
+realisation so that amplitudes are Rice's (S. O. Rice, 1945): <|z + z_c|²> over each cell, z being one number there.
 """
 import numpy as np
 import xarray
 
 from mitsonar.units import db_from_power, power_from_db
 
-__all__ = ["image", "mean_intensity", "pulse_shares", "realisation"]
+__all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation"]
 
 NOTHING_DB = -200.0                # level where no sound arrives at all
 WORK = 1 << 18                     # bins drawn at a time
@@ -35,6 +37,11 @@ def pulse_shares(bin_length, pulse_length):
     return np.clip(np.minimum(start + 1, ratio) - np.maximum(start, -ratio), 0, 1)
 
 
+def pulse_cells(bin_length, pulse_length):
+    """How many pulses follow each other in a bin: the cells whose intensities are averaged."""
+    return max(1, round(bin_length / pulse_length))
+
+
 def mean_intensity(intensity, shares):
     """Mean level of the bins, (..., bins) [µPa²], of echoes `intensity` (..., bins) and a pulse's `shares`."""
     if len(shares) == 1:
@@ -42,7 +49,7 @@ def mean_intensity(intensity, shares):
     return _gate(np.repeat(0.5 * intensity, 2, -1), shares)
 
 
-def realisation(intensity, shares, noise, random):
+def realisation(intensity, shares, noise, random, coherent=None, coherent_intensity=0.0):
     """Draw the intensity one ping would record.
 
     Parameters
@@ -52,24 +59,29 @@ def realisation(intensity, shares, noise, random):
         See `pulse_shares`.
     noise : float [µPa²]
     random : numpy.random.Generator
+    coherent : (..., bins, cells) complex [µPa] or None
+        Means of what has a phase of its own over the cells of bins.
+    coherent_intensity : (..., bins) [µPa²]
+        Mean of its square.
 
     Returns
     -------
     (..., bins) [µPa²]
     """
     if len(shares) == 1:
-        cells = max(1, round(1 / shares[0]))
+        cells = pulse_cells(1.0, shares[0])
         echo = np.zeros(intensity.shape)
-        for _ in range(cells):
+        for cell in range(cells):
             z = np.sqrt(shares[0] * intensity) * _gaussian(random, intensity.shape)
             z += np.sqrt(noise) * _gaussian(random, intensity.shape)
-            echo += np.abs(z) ** 2
-        return echo / cells
+            echo += np.abs(z) ** 2 + _crossed(z, coherent, cell)
+        return np.maximum(echo / cells + coherent_intensity, 0)
     half = np.sqrt(np.repeat(0.5 * intensity, 2, -1))
     z = _gate(half * _gaussian(random, half.shape), np.sqrt(shares))
     # noise has the band of the pulse as well; drawn on both sides of the record, its level holds to the ends
     drawn = _gaussian(random, (*half.shape[:-1], half.shape[-1] + len(shares) - 2))
-    return np.abs(z + np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))) ** 2
+    z += np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))
+    return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
 
 
 def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckle, seed, absorption_db,
@@ -79,7 +91,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     Parameters
     ----------
     echoes : dict of (ping, side, bin) arrays
-        As `EchoSums.read` gives them.
+        As `EchoSums.read` gives them, and `CoherentEchoes` where there are some.
     sonar : Sidescan
     track : Track
     depth_below : (P,) [m]
@@ -106,19 +118,27 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
+    label, depth, in_beam = (echoes[name] for name in ("label", "depth", "rays_in_beam"))
+    if "coherent" in echoes:
+        label, depth, in_beam = label.copy(), depth.copy(), in_beam + echoes["coherent_in_beam"]
     step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
     for start in range(0, pings, step):
         some = slice(start, start + step)
         energy = echoes["intensity"][some].astype(float)
-        mean = mean_intensity(energy, shares)
+        mean, with_phase = mean_intensity(energy, shares), ()
+        if "coherent" in echoes:
+            with_phase = echoes["coherent"][some], echoes["coherent_intensity"][some].astype(float)
+            _name(label[some], depth[some], mean, np.where(in_beam[some] > 0, echoes["coherent_label"][some], 0),
+                  echoes["coherent_depth"][some], with_phase[1])
+            mean = mean + with_phase[1]
         mean_level[some] = _level(mean)
         if speckle:
             random = np.random.default_rng([abs(int(seed)), start])
-            level[some] = _level(realisation(energy, shares, noise, random))
+            level[some] = _level(realisation(energy, shares, noise, random, *with_phase))
         else:
             level[some] = _level(mean + noise)
     slant_range = 0.5 * sonar.sound_speed * time
-    shadow = _shadow(echoes["rays_in_beam"], slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
+    shadow = _shadow(in_beam, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
     dims = ("ping", "side", "range")
 
     def entry(values, units, long_name, dims=dims, **more):
@@ -128,8 +148,8 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     dataset = xarray.Dataset(
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
-         "label": entry(echoes["label"], "1", "shape that brings most of the echo"),
-         "depth": entry(echoes["depth"], "m", "depth of the hits, weighted by echo energy"),
+         "label": entry(label, "1", "shape that brings most of the echo"),
+         "depth": entry(depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
          "rays": entry(echoes["rays"], "1", "rays that arrive")},
         coords={
@@ -152,24 +172,43 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
                "labels": {str(number): name for number, name in labels.items()}})
     if "path_intensity" in echoes:
-        dataset = dataset.assign(_by_path(echoes["path_intensity"], shares, entry)).assign_coords(
+        dataset = dataset.assign(_by_path(echoes, shares, entry)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
     return dataset
 
 
-def _by_path(intensity, shares, entry):
+def _by_path(echoes, shares, entry):
     """Levels of every path, (path_name, ping, side, range), and the number of the strongest."""
+    intensity, coherent = echoes["path_intensity"], echoes.get("coherent_path_intensity")
     pings, sides, paths, bins = intensity.shape
     level = np.empty((paths, pings, sides, bins), np.float32)
     step = max(1, WORK // (sides * paths * bins))
     for start in range(0, pings, step):
         some = slice(start, start + step)
         mean = mean_intensity(intensity[some].astype(float), shares)
+        if coherent is not None:
+            mean += coherent[some]
         level[:, some] = _level(np.moveaxis(mean, 2, 0))
+    if coherent is not None:
+        intensity = intensity + coherent
     strongest = np.where(intensity.max(2) > 0, intensity.argmax(2) + 1, 0).astype(np.uint32)
     return {"path_level": entry(level, "dB re 1 µPa", "echo level of each path, without speckle and noise",
                                 ("path_name", "ping", "side", "range")),
             "path": entry(strongest, "1", "path that brings most of the echo, counted from 1; 0: nothing")}
+
+
+def _name(label, depth, mean, coherent_label, coherent_depth, coherent_mean):
+    """Let what has a phase name the bins that it dominates, and count where it is, in place."""
+    there = (coherent_label > 0) & (coherent_mean > 0)
+    total = np.where(there, mean + coherent_mean, 1)
+    known = np.where(np.isnan(depth), 0, depth)
+    depth[...] = np.where(there, (mean * known + coherent_mean * coherent_depth) / total, depth)
+    label[...] = np.where(there & (coherent_mean > mean), coherent_label, label)
+
+
+def _crossed(z, coherent, cell):
+    """What the square of a sum has more than the sum of squares."""
+    return 0.0 if coherent is None else 2 * (z * np.conj(coherent[..., cell])).real
 
 
 def _gate(half_bins, weights):

@@ -3,8 +3,8 @@
 - ``position`` (point) [m]: z up
 - ``target_strength_db`` [0 dB re 1 µPa at 1 m, that is re 1 m²]
 
-It is drawn as an octahedron of 1 cm, which casts as good as no shadow. A sidescan adds its energy to that of the bed,
-and with speckle its echo fluctuates as theirs does.
+It is drawn as an octahedron of 1 cm, which casts as good as no shadow. Its echo adds to those of the bed and of other
+targets as pressures do: in a sidescan's speckle its amplitudes are Rice's.
 
 .. code-block:: xml
 

@@ -2,8 +2,8 @@
 
 One omnidirectional element, water without loss: the sum of the response's samples is its spectrum at the carrier, the
 echo's complex pressure. TS = 20 log |sum r_1 r_2|, ranges to where the body is met, for a sphere r (r + a). Closed
-forms are those of the far field (Urick 1983, ch. 9; plates and corners by physical optics); bodies are so small, or so far,
-that the near field takes under 0.05 dB, and 0.3 dB is asked for: what edges in steps of half a wavelength leave of
+forms are those of the far field (Urick 1983, ch. 9; plates and corners by physical optics); bodies are so small, or so
+far, that the near field takes under 0.05 dB, and 0.3 dB is asked for: what edges in steps of half a wavelength leave of
 corners, and what facets leave of round bodies.
 """
 from dataclasses import replace
