@@ -4,8 +4,8 @@
     5, -38.2, -34.0
     45, -24.1, -21.5
 
-The first column is the grazing angle. One more column holds at all frequencies, whatever it is called; several are named
-by their frequencies in kHz. Rows may come in any order.
+The first column is the grazing angle. One more column holds at all frequencies, whatever it is called; several are
+named by their frequencies in kHz. Rows may come in any order.
 """
 import re
 from pathlib import Path
@@ -41,14 +41,14 @@ def read(path):
     """
     names, lines, rows = records(path, "backscatter table")
     if len(names) < 2:
-        raise ValueError(f"cannot read the backscatter table {path}: it has one column; give the grazing angle [degrees] "
-                         "and, beside it, the strength [dB].")
+        raise ValueError(f"cannot read the backscatter table {path}: it has one column; give the grazing angle "
+                         "[degrees] and, beside it, the strength [dB].")
     columns = [floats(path, lines, name, [row[k] for row in rows]) for k, name in enumerate(names)]
     angle = columns[0]
     if not ((angle > 0) & (angle <= 90)).all():
         wrong = np.flatnonzero(~((angle > 0) & (angle <= 90)))[0]
-        raise ValueError(f"{path}, line {lines[wrong]}: the grazing angle is {angle[wrong]:g}; it must be above 0 and at "
-                         "most 90 degrees.")
+        raise ValueError(f"{path}, line {lines[wrong]}: the grazing angle is {angle[wrong]:g}; it must be above 0 and "
+                         "at most 90 degrees.")
     order = np.argsort(angle)
     same = np.flatnonzero(np.diff(angle[order]) == 0)
     if same.size:

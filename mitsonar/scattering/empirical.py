@@ -48,9 +48,9 @@ class EmpiricalSeabed:
                 or (np.diff(angles) <= 0).any():
             raise ValueError(f"{self.name}: the grazing angles must increase, from above 0 to at most 90 degrees.")
         if strengths.ndim != 2 or len(strengths) != len(angles) or not np.isfinite(strengths).all():
-            raise ValueError(f"{self.name}: {len(angles)} grazing angles need as many rows of finite strengths [dB], got "
-                             f"an array of shape {np.shape(self.strengths_db)}.")
-        frequencies = np.full(1, 1.0) if self.frequencies is None else np.atleast_1d(np.asarray(self.frequencies, float))
+            raise ValueError(f"{self.name}: {len(angles)} grazing angles need as many rows of finite strengths [dB], "
+                             f"got an array of shape {np.shape(self.strengths_db)}.")
+        frequencies = np.atleast_1d(np.asarray(1.0 if self.frequencies is None else self.frequencies, float))
         if frequencies.shape != strengths.shape[1:] or not (frequencies > 0).all() or (np.diff(frequencies) <= 0).any():
             raise ValueError(f"{self.name}: {strengths.shape[1]} columns of strengths need as many frequencies [Hz], "
                              "above 0 and increasing.")

@@ -13,8 +13,8 @@ a mirror's reflection, single scattering by the features that are left, and R, w
 one direction but in a Gaussian of ΔK of variance 0.03 ΔK_z² <slope²>/2, the slope that of what was taken out: wide
 enough that many facets of such slopes take part, and little against what they spread it by. R is tabled for one γ, as
 its ratio to the same integral without a cut (Hankel transforms on logarithmic grids). First order does not keep
-energy strictly: of sound that comes in at 3 to 10 degrees, below the critical angle, up to 1.23 may go out (sandy gravel
-without its features over 15 cm, 100 kHz; sands 1.1).
+energy strictly: of sound that comes in at 3 to 10 degrees, below the critical angle, up to 1.23 may go out (sandy
+gravel without its features over 15 cm, 100 kHz; sands 1.1).
 """
 from functools import lru_cache
 

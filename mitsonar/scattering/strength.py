@@ -47,7 +47,7 @@ class LambertSeabed:
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
 
 
-# Laws by name: classes whose objects have `scattering_strength(grazing_in, grazing_out, azimuth, frequency, sound_speed)`
+# Laws by name: classes of objects with scattering_strength(grazing_in, grazing_out, azimuth, frequency, sound_speed)
 LAWS = {"lambert": LambertSeabed, "sediment": Sediment, "elastic": ElasticSediment, "empirical": EmpiricalSeabed,
         "sea_surface": SeaSurface}
 NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws whose seabeds have names, and one of these

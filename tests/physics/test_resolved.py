@@ -4,8 +4,8 @@ The table against direct quadrature of the definition, with Φ from its own quad
 The composite: a mesh with the sediment's own spectrum, facet by facet under the law cut at its nodes' distance, gives
 the level of the whole law on a flat bed. Bias: facets follow features near their own size in part, and tilted facets
 change the angle that the amplitude a is taken at, most about the critical angle; 0.3 dB from nadir to 50 degrees,
-where what is left is rough to the sound (2 k h > 1). Where it is smooth, facets are mirrors to the sound, and levels within 10
-degrees of nadir are off by some dB: that is stated, not hidden.
+where what is left is rough to the sound (2 k h > 1). Where it is smooth, facets are mirrors to the sound, and levels
+within 10 degrees of nadir are off by some dB: that is stated, not hidden.
 """
 from dataclasses import replace
 

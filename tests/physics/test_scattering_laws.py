@@ -2,8 +2,8 @@
 
 σ(θ_i, θ_s, φ) is reciprocal, to rounding; nothing is negative or infinite, from along the surface to nadir; sound that
 comes along the surface is not scattered; the scattered power ∫ σ dΩ_s / sin θ_i stays below the incident one, to 1 %:
-first order does not keep energy strictly where all is reflected at 1 degree. The last integral runs over the direction along the surface, polar about the specular one, ln r = ln r_end - v², which is dense
-where lobes peak (midpoint rule, 1e-3 at the narrowest lobes here).
+first order does not keep energy strictly where all is reflected at 1 degree. The last integral runs over the direction
+along the surface, polar about the specular one, ln r = ln r_end - v², which is dense where lobes peak (midpoint rule, 1e-3 at the narrowest lobes here).
 """
 import numpy as np
 import pytest
@@ -24,6 +24,7 @@ from mitsonar.scattering import (
 
 MEASURED = dict(angles=np.radians([8, 20, 45, 75, 90]), frequencies=[30e3, 300e3],
                 strengths_db=[[-32, -28], [-26, -22], [-20, -18], [-14, -14], [-4, -9]])
+DEGREES = np.radians(np.arange(1, 91))
 CASES = {                          # law -> {name: object}
     "lambert": {"strongest": LambertSeabed(mu_db=10 * np.log10(lambert.STRONGEST))},
     "sediment": {**{name: Sediment.of(name) for name in SEDIMENTS},
@@ -32,8 +33,8 @@ CASES = {                          # law -> {name: object}
                  "steep spectrum": Sediment.of("sand", gamma=3.8, w2=1e-3)},
     "elastic": {name: ElasticSediment.of(name) for name in ELASTIC_SEDIMENTS},
     "empirical": {"measured": EmpiricalSeabed(**MEASURED),
-                  "as much as comes in": EmpiricalSeabed(angles=np.radians(np.arange(1, 91)), strengths_db=20 * np.log10(
-                      np.sin(np.radians(np.arange(1, 91)))) - 4.98)},
+                  "all that comes in": EmpiricalSeabed(angles=DEGREES, strengths_db=20 * np.log10(np.sin(DEGREES))
+                                                       - 4.98)},
     "sea_surface": {f"{wind} m/s": SeaSurface(wind_speed=wind) for wind in (1, 5, 15)},
 }
 ALL = [pytest.param(law, id=f"{name}-{case}") for name, laws in CASES.items() for case, law in laws.items()]
