@@ -3,7 +3,8 @@
 σ(θ_i, θ_s, φ) is reciprocal, to rounding; nothing is negative or infinite, from along the surface to nadir; sound that
 comes along the surface is not scattered; the scattered power ∫ σ dΩ_s / sin θ_i stays below the incident one, to 1 %:
 first order does not keep energy strictly where all is reflected at 1 degree. The last integral runs over the direction
-along the surface, polar about the specular one, ln r = ln r_end - v², which is dense where lobes peak (midpoint rule, 1e-3 at the narrowest lobes here).
+along the surface, polar about the specular one, ln r = ln r_end - v², which is dense where lobes peak (midpoint rule,
+1e-3 at the narrowest lobes here).
 """
 import numpy as np
 import pytest
