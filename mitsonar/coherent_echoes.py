@@ -49,8 +49,8 @@ class CoherentEchoes:
                                     farthest=0.5 * (window[1] + sonar.pulse_length) * fastest,
                                     bounces=survey.max_depth)
         self.targets = survey.geometry.targets()
-        # where a pulse began at once, each of its edges would find a zone of its own on a bent surface: k of Kirchhoff's
-        # integral is that of the carrier. Samples of some cycles round them off.
+        # where a pulse began at once, each of its edges would find a zone of its own on a bent surface: the k of
+        # Kirchhoff's integral is that of the carrier. Samples of some cycles round them off.
         per_pulse = min(PER_BIN * sonar.pulse_length / survey.bin_length, sonar.pulse_length * sonar.frequency / CYCLES)
         per_pulse = max(PER_PULSE, int(per_pulse))
         self.step, self.per_pulse = sonar.pulse_length / per_pulse, per_pulse

@@ -38,6 +38,7 @@ DEEP = 1 / 3                       # of the range resolution: within half a radi
 BEHIND = 1.0                       # of a facet's side that the source may lie behind its plane
 NEAREST = 0.05                     # [m] range that cells are cut for at least
 MOST_CUTS = 32768
+MOST_CELLS = 10 ** 8               # of a ping: minutes of connecting
 BOUNCE_CELL = 0.5                  # of the wavelength: edges cut footprints that finely,
 BOUNCE_CELLS = 1 << 18             # if there are not more such cells than this, about, to a ping
 FLATTEST = 0.02                    # sine of the grazing angle below which a tube has no footprint
@@ -163,6 +164,11 @@ class SmoothTargets:
             if n.max(initial=1) > MOST_CUTS:
                 raise ValueError(f"a smooth facet of {facets.side[seen].max():.0f} m has to be cut into cells of "
                                  f"{edge[seen].min():.2g} m, more than {MOST_CUTS} to a side; take smaller facets")
+            cells = int(np.sum(n.astype(np.int64) ** 2))
+            if cells > MOST_CELLS:
+                raise ValueError(f"smooth surfaces within reach of a ping take {cells:.2g} cells, of half a wavelength where "
+                                 f"they are bent, and {MOST_CELLS:.0e} is the most; make large surfaces rough ones, or "
+                                 "take a shorter range or a lower frequency")
             runs.append(np.stack([np.full(len(seen), number), seen, n], 1))
             if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
                 yield from _listed(np.concatenate(runs))
