@@ -18,6 +18,8 @@ RUNS = {
                     "NumPy delay-and-sum"),
     "elements": (["elements.py", "--elements", "3", "--cell", "2", "--rounds", "1"], "whole ping"),
     "lighting": (["elements.py", "--lighting", "--cell", "2", "--rays", "2000", "--rounds", "1"], "2,000 rays"),
+    "scattering": (["scattering.py", *SMALL, "--rays", "4000", "--hits", "4096", "--pings", "1", "--rounds", "1"],
+                   "law alone, two directions"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 
