@@ -4,7 +4,8 @@
 
 The point lies at r along a straight line from the sonar, for which dV is exact; how sound gets there, and whether it
 does, is the eigenray's to say (A its spreading area; symbols as in `signal.echoes`). Distances of a row are a lattice
-over all its directions: gates of time get their share of points almost without chance.
+over all its directions, shifted as a whole by chance: gates of time get their share of points almost without chance,
+and other points every ping.
 """
 from dataclasses import dataclass
 from math import gcd
@@ -19,6 +20,7 @@ from .propagation.volume_table import volume_table
 __all__ = ["WaterEchoes"]
 
 GOLDEN = 0.6180339887498949
+NEAREST = 0.25                     # [m]: what is nearer is no far field, and rings as long as the pulse is sent
 NEARER, FARTHER = 0.97, 1.03       # of the window's straight ranges: rays bend
 
 
@@ -61,6 +63,7 @@ class WaterEchoes:
         self.connector, self.absorption = connector, absorption
         speed = np.asarray(connector.tracer.profile.sound_speed)
         near, far = 0.5 * window[0] * speed.min() * NEARER, 0.5 * window[1] * speed.max() * FARTHER
+        near, far = max(near, NEAREST), max(far, 2 * NEAREST)
         self.near, self.span = dr.opaque(mi.Float, near), dr.opaque(mi.Float, far - near)
 
     def __call__(self, sources, origin, source, source_speed, direction, solid_angle, strata, chance):
@@ -78,17 +81,19 @@ class WaterEchoes:
         strata : Strata
             How the rays are numbered.
         chance : Float (R,)
-            In [0, 1), independent.
+            In [0, 1), independent, and another for every ping.
 
         Returns
         -------
         _Drawn
         """
-        _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
+        row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
+        first = dr.gather(mi.Float, chance, row * strata.per_row)
         count = strata.shape[0] * strata.shape[1]
         step = _coprime(count)
         turn = mi.UInt32(mi.UInt64(within) * dr.opaque(mi.UInt64, step) % dr.opaque(mi.UInt64, count))
-        r = self.near + self.span * (mi.Float(turn) + chance) / mi.Float(strata.per_row)
+        place = (mi.Float(turn) + chance) / mi.Float(strata.per_row) + first
+        r = self.near + self.span * (place - dr.floor(place))
         point = origin + type(origin)(direction * r)
         in_water = point.z < 0
         way = self.connector(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)

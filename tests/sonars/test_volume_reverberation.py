@@ -1,0 +1,79 @@
+"""Reverberation of the water, through the chains of a sidescan and of an array.
+
+Uniform water: RL = SL - 20 log R - 2 α R + S_v + 10 log(ψ ΔR) (Urick 1983, chapter 8), ψ the two-way beam [sr]. A layer:
+s_v by direction, at depth z = z_0 + R sin(depression), integrated over the beam,
+
+    p²(R) = 10^(SL/10) R^-2 10^(-2 α R/10) ∫∫ B(u, φ) s_v(z) du dφ ΔR
+
+Means over pings; tolerance 0.05 dB for uniform water and 0.2 dB in gates of the layer, several standard errors either.
+"""
+import numpy as np
+from array_scene import array_scene, buried_bed
+from scipy.integrate import trapezoid
+from sidescan_scene import plane, sidescan
+
+import mitsonar
+from mitsonar.water.volume import volume_reverberation_db
+
+ALPHA = 0.030
+
+
+def rendered(water, pings=20, rays=40_000):
+    scene = sidescan({"seabed": plane(400.0, mu_db=-60.0, half=100.0)}, rays=rays, water=water,
+                     sensor={"pings": pings, "start": [0.0, 0.0, -200.0]}, film={"bins": 400, "range": 100.0})
+    dataset = mitsonar.render(scene)
+    sonar = scene.sensors()[0].sonar(200.0)
+    width = dataset.attrs["bin_width"]
+    share = min(1.0, sonar.resolution / width)
+    power = 10 ** (dataset["path_level"].sel(path_name="v").values.astype(float) / 10) / share
+    return dataset, sonar, power.mean(0), width
+
+
+def test_uniform_water(variant):
+    dataset, sonar, power, width = rendered({"volume_strength_db": -60.0})
+    r = dataset["range"].values
+    expected = volume_reverberation_db(sonar.source_level_db, r, -60.0, sonar.solid_angle(), 2 * width / 1500, ALPHA)
+    off = 10 * np.log10(power.mean(0))[20:] - expected[20:]
+    assert abs(off.mean()) < 0.01
+    assert np.abs(off.reshape(-1, 20).mean(1)).max() < 0.05
+    assert dataset.attrs["labels"]["2"] == "water"
+    assert not dataset["label"].values[..., :300].any()          # no ray of the main lobe comes back from the water
+
+
+def test_a_layer(variant):
+    """From 20 to 40 m below the sonar: heard from 20 m on, most where the beam looks into it."""
+    dataset, sonar, power, width = rendered({"layers": "fish 220 240 -60"}, pings=60)
+    r = dataset["range"].values
+    phi = np.linspace(-np.pi / 2, np.pi / 2, 20001)
+    u = np.linspace(-1, 1, 4001)
+    across = sonar.across_intensity(np.sin(phi - sonar.depression_angle))
+    # v = w sin(φ - δ): across the beam w is 1 within 1e-4
+    along = trapezoid(sonar.along_intensity(u), u)
+    for side in (0, 1):
+        for gate in range(90, 390, 30):
+            some = slice(gate, gate + 30)
+            inside = [trapezoid(across * ((R * np.sin(phi) > 20) & (R * np.sin(phi) < 40)), phi) for R in r[some]]
+            expected = 10 ** (sonar.source_level_db / 10 - 6) * along * np.array(inside) * width * r[some] ** -2 * (
+                10 ** (-0.2 * ALPHA * r[some]))
+            assert abs(10 * np.log10(power[side, some].sum() / expected.sum())) < 0.2
+    assert power[:, :79].max() < 1e-6 * power.max()              # nothing nearer than the layer
+
+
+def test_an_array_hears_as_much(variant):
+    """Energies of the echoes that an omnidirectional element hears: ψ = 4π less what lies above the surface."""
+    scene = array_scene({"bed": buried_bed(60.0)}, sensor={"start": [0.0, 0.0, -30.0]},
+                        water={"volume_strength_db": -60.0}, film={"range": 28.0},
+                        integrator={"cell": 5.0, "rays": 100_000})
+    survey = scene.integrator().array_survey(scene, scene.sensors()[0])
+    light = survey._run.light
+    edges = np.arange(4.0, 28.0, 4.0)
+    found = np.zeros(len(edges) - 1)
+    for echoes in light(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):
+        if echoes.path == "v":
+            found += np.histogram(1500 * echoes.out.travel_time.numpy(), edges, weights=echoes.energy.numpy().astype(float))[0]
+            amplitude = np.hypot(*(part.numpy() for part in echoes.amplitude)) ** 2 / echoes.energy.numpy()
+    fine = [np.linspace(a, b, 201) for a, b in zip(edges[:-1], edges[1:])]
+    expected = [trapezoid(4 * np.pi * 1e-6 * r ** -2 * 10 ** (-0.2 * ALPHA * r), r) for r in fine]
+    assert np.abs(10 * np.log10(found / expected)).max() < 0.05
+    assert abs(amplitude.mean() - 1) < 4 / np.sqrt(len(amplitude))
+    assert mitsonar.impulse_response(scene, paths=["v"]).values.any()
