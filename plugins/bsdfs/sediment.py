@@ -21,6 +21,8 @@ facets or nodes of a mesh carry.
         <float name="volume_parameter" value="0.003"/>
     </bsdf>
 """
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -105,8 +107,10 @@ class SedimentBed(Material):
         self._tabulate()
 
     def check(self, frequency, sound_speed):
-        """Refuse frequencies at which the law holds for none, or not all, of the sediments as they are written."""
+        """Refuse frequencies at which the law does not hold for every sediment; what textures bring is not known."""
         for sediment in self.sediments:
+            if {"w2", "gamma"} & set(self.varying):
+                sediment = replace(sediment, w2=LEAST["w2"])
             sediment.check(frequency, 2 * np.pi * frequency / sound_speed)
 
     def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):

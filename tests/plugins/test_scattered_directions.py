@@ -17,6 +17,7 @@ MATERIALS = {
     "sand": {"type": "sediment", "sediment": "medium sand"},
     "clay": {"type": "sediment", "sediment": "clay"},
     "gravel": {"type": "sediment", "sediment": "sandy gravel"},
+    "resolved": {"type": "sediment", "mesh_resolution": 0.1},
     "steep spectrum": {"type": "sediment", "gamma": 3.8, "w2": 1e-4},
     "shallow spectrum": {"type": "sediment", "gamma": 2.5, "w2": 2e-6},
     "rock": {"type": "elastic", "sediment": "rock"},
