@@ -5,8 +5,8 @@
 Two questions, and the answer as the ratio to lambert's time, round by round:
 
 - the whole traced ping: rays out, refracted, materials, echoes into bins, as `ping.py` renders it; aim 2 at most;
-- the law alone: `materials.scattering_strength` of hits that are there already (points, normals, directions, in memory),
-  frames and dispatch included, which every law needs; aim 2 as well. The same towards given directions.
+- the law alone: `materials.scattering_strength` of hits that are there already (points, normals, directions, in
+  memory), frames and dispatch included, which every law needs; aim 2 as well. The same towards given directions.
 """
 import argparse
 from types import SimpleNamespace
@@ -59,8 +59,10 @@ def main(argv=None):
 
 def law(description):
     """Put textures of two by two pixels where a law's description names one."""
-    return {name: {"type": "bitmap", "raw": True, "bitmap": mi.Bitmap(np.resize(np.float32(TEXTURES[value]), (2, 2, 1)))}
-            if value in TEXTURES else value for name, value in description.items()}
+    def texture(values):
+        return {"type": "bitmap", "raw": True, "bitmap": mi.Bitmap(np.resize(np.float32(values), (2, 2, 1)))}
+
+    return {name: texture(TEXTURES[value]) if value in TEXTURES else value for name, value in description.items()}
 
 
 def ping(description, arguments):
