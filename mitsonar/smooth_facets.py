@@ -24,6 +24,7 @@ __all__ = ["SmoothCells", "SmoothFacets", "too_coarse", "warn_where_too_coarse"]
 SHARP = np.radians(30.0)           # angle between neighbours from which on an edge is one
 FLAT_ENOUGH = 1e-5                 # of the wavelength that cells may lie below a bent surface: more acts as a grating
 RESOLVED = 0.55                    # wavelengths a side, below which they do not: there is no angle that they glint at
+TURN = 0.06                        # [rad] that a surface turns by over a cell that is lit or not as a whole
 CONVEX_SIZE = 1 << 24              # facets x corners up to which a mesh is looked at whether it is convex
 
 
@@ -35,8 +36,10 @@ class SmoothCells:
     ----------
     point : Array3f64 (R,) [m]
         Their centroids.
-    corners : list of three Vector3f (R,) [m]
-        From the centroid to the bent surface.
+    corners, flat : list of three Vector3f (R,) [m]
+        From the centroid to the bent surface, and in the facet.
+    places : list of three (Float, Float) (R,)
+        Barycentric coordinates of the corners in the facet.
     normal : Vector3f (R,)
         Of the facet, unit.
     facet : UInt32 (R,)
@@ -45,6 +48,8 @@ class SmoothCells:
 
     point: object
     corners: list
+    flat: list
+    places: list
     normal: object
     facet: object
     area: object
@@ -65,8 +70,8 @@ class SmoothFacets:
     centre, normal : (F, 3) [m], [-]
     radius, side : (F,) [m]
         Of a ball about the centre that holds the facet; its longest side.
-    fewest : (F,) int
-        n that the surface's bend asks for.
+    fewest, fewest_lit : (F,) int
+        n that the surface's bend asks for, of parts over which phases are linear, and of cells that are lit as a whole.
     outward : (F,) int
         1 where the normal leads out of a closed body, -1 where into one, 0 where the shape is open.
     convex : bool
@@ -109,6 +114,8 @@ class SmoothFacets:
                                                        self.side / (RESOLVED * wavelength)))).astype(int)
         outward = [_outward(corner) for corner, *_ in parts]
         self.outward = np.repeat(outward, [len(corner) for corner, *_ in parts])
+        turn = np.linalg.norm(normals - np.roll(normals, 1, axis=1), axis=-1).max(1)
+        self.fewest_lit = np.maximum(1, np.ceil(turn / TURN)).astype(int)
         self.convex = len(parts) == 1 and _is_convex(self.corner, self.normal, outward[0])
         facts = np.concatenate([np.stack(np.broadcast_arrays(
             index, np.arange(len(corner)), number_of[shape.id() or shape.class_name()], 0), 1)
@@ -143,10 +150,21 @@ class SmoothFacets:
         places = [place(lib, s, n, lib.Float64(x), lib.Float64(y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
         flat = [(b - a) * u + (c - a) * v for u, v in places]
         middle = (flat[0] + flat[1] + flat[2]) * (1 / 3)
-        corners = [mi.Vector3f(corner - middle) + self.height(facet, mi.Float(u), mi.Float(v)) * normal
-                   for corner, (u, v) in zip(flat, places)]
-        return SmoothCells(point=a + middle, corners=corners, normal=normal, facet=facet,
+        flat = [mi.Vector3f(corner - middle) for corner in flat]
+        places = [(mi.Float(u), mi.Float(v)) for u, v in places]
+        corners = [corner + self.height(facet, u, v) * normal for corner, (u, v) in zip(flat, places)]
+        return SmoothCells(point=a + middle, corners=corners, flat=flat, places=places, normal=normal, facet=facet,
                            area=0.5 * twice / (cuts * cuts))
+
+    def bend_of(self, facet, active=True):
+        """κ of the three edges of facets, Float (R,) [m]."""
+        row = dr.gather(self.lib.Array4f, self._bend, facet, active)
+        return [row[0], row[1], row[2]]
+
+    def normals_of(self, facet, active=True):
+        """Normals of the surface at the three corners of facets, Vector3f (R,)."""
+        rows = (dr.gather(self.lib.Array4f, self._normals, 3 * facet + i, active) for i in range(3))
+        return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
 
     def flat_normal(self, facet):
         """Normals of the facets themselves, Vector3f (R,)."""
@@ -155,7 +173,7 @@ class SmoothFacets:
 
     def height(self, facet, u, v):
         """How far the bent surface lies over the facet, to the side of its normal [m]."""
-        bend = dr.gather(self.lib.Array4f, self._bend, facet)
+        bend = self.bend_of(facet)
         return bend[0] * (1 - u - v) * u + bend[1] * u * v + bend[2] * v * (1 - u - v)
 
     def barycentric(self, facet, point, offsets):
@@ -177,8 +195,7 @@ class SmoothFacets:
 
         Linear between those of the corners: the side is that the facet's corners run round counter-clockwise.
         """
-        rows = [dr.gather(self.lib.Array4f, self._normals, 3 * facet + i) for i in range(3)]
-        a, b, c = (mi.Vector3f(row[0], row[1], row[2]) for row in rows)
+        a, b, c = self.normals_of(facet)
         return [dr.normalize(a + (b - a) * u + (c - a) * v) for u, v in self.barycentric(facet, point, offsets)]
 
     def of(self, shape, primitive, point, active):

@@ -27,6 +27,7 @@ from .propagation.device import arrays_of, upload
 from .scattering.cells import divisions
 from .scattering.facets import phase_mean
 from .smooth_facets import SmoothFacets, warn_where_too_coarse
+from .smooth_parts import further, mean_sent_back
 
 __all__ = ["SmoothTargets"]
 
@@ -130,9 +131,9 @@ class SmoothTargets:
         if not self:
             return
         place = _Places(self.lib, np.asarray(origins, float), source)
-        yield from self._lit(sources, place, None, choose)
+        yield from self._single(sources, place, choose)
         if self.bounces > 1 and not self.facets.convex:
-            yield from self._lit(sources, place, BOUNCE_CELL * self.wavelength, choose)
+            yield from self._several(sources, place, choose)
 
     def edges(self, origin):
         """Longest side of cells of every facet as seen from an origin (3,), (F,) [m], and which facets may be."""
@@ -149,7 +150,10 @@ class SmoothTargets:
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
 
     def _blocks(self, places, finest, choose):
-        """Lists of cells as (place, facet, s, n); of at most `finest` [m] where that is given, as far as it goes."""
+        """Lists of cells as (place, facet, s, n, m): to be lit as a whole and integrated over in m² parts.
+
+        Where `finest` [m] is given, cells are no longer than that, as far as it goes, and of one part.
+        """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
             edge, seen = self.edges(origin)
@@ -160,52 +164,62 @@ class SmoothTargets:
                 # area of a cell of equal sides
                 affordable = np.sqrt(facets.area[seen].sum() * 4 / (np.sqrt(3) * BOUNCE_CELLS))
                 edge = np.minimum(edge, max(finest, affordable))
-            n = np.maximum(divisions(facets.side[seen], edge[seen]), facets.fewest[seen])
+            n = divisions(facets.side[seen], edge[seen]).astype(np.int64)
+            n = np.maximum(n, facets.fewest_lit[seen] if finest is None else facets.fewest[seen])
+            parts = -(-facets.fewest[seen] // n)
             if n.max(initial=1) > MOST_CUTS:
                 raise ValueError(f"a smooth facet of {facets.side[seen].max():.0f} m has to be cut into cells of "
                                  f"{edge[seen].min():.2g} m, more than {MOST_CUTS} to a side; take smaller facets")
-            cells = int(np.sum(n.astype(np.int64) ** 2))
+            cells = int(np.sum((n * parts) ** 2))
             if cells > MOST_CELLS:
-                raise ValueError(f"smooth surfaces within reach of a ping take {cells:.2g} cells, of half a wavelength where "
-                                 f"they are bent, and {MOST_CELLS:.0e} is the most; make large surfaces rough ones, or "
-                                 "take a shorter range or a lower frequency")
-            runs.append(np.stack([np.full(len(seen), number), seen, n], 1))
+                raise ValueError(f"smooth surfaces within reach of a ping take {cells:.2g} cells, of half a wavelength "
+                                 f"where they are bent, and {MOST_CELLS:.0e} is the most; make large surfaces rough, "
+                                 "or take a shorter range or a lower frequency")
+            runs.append(np.stack([np.full(len(seen), number), seen, n, parts], 1))
             if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
                 yield from _listed(np.concatenate(runs))
                 runs = []
 
-    def _lit(self, sources, places, finest, choose):
-        """Echoes of one bounce; where cells are cut finer, those of more bounces in their place."""
-        for number, facet, s, n in self._blocks(places, finest, choose):
+    def _single(self, sources, places, choose):
+        """Echoes of one bounce."""
+        for number, facet, s, n, parts in self._blocks(places, None, choose):
             cells = self.facets.cells(facet, s, n)
             origin, source = places(number)
             way = self.connector(sources, origin, source, cells.point, cells.normal)
             direction, radius = way.arrival_direction, dr.sqrt(way.spreading_area)
             active = way.free & (way.travel_time < self.longest) & dr.isfinite(radius)
+            wavenumber = self.turn_rate / mi.Float(way.sound_speed)
+            mean = mean_sent_back(self.facets, cells, parts, direction, radius, wavenumber, active)
+            pressure = (self._gain(sources, source, origin, cells.point, way) * wavenumber * cells.area
+                        * float(0.5 / np.pi))
+            factor = self._coefficient(facet, cells.point, direction, way.sound_speed, active)
+            yield from _sent(number, self.facets.facts(facet)[2], Leg.along(way, origin, cells.point), None,
+                             dr.zeros(mi.Float64, dr.width(s)), _turned(factor, mean, pressure), "b", active)
+
+    def _several(self, sources, places, choose):
+        """Echoes of more bounces."""
+        for number, facet, s, n, _ in self._blocks(places, BOUNCE_CELL * self.wavelength, choose):
+            cells = self.facets.cells(facet, s, n)
+            origin, source = places(number)
+            way = self.connector(sources, origin, source, cells.point, cells.normal)
+            direction, radius = way.arrival_direction, dr.sqrt(way.spreading_area)
             tube = _Tube(
-                active=active, place=number, facet=facet, point=cells.point, corners=cells.corners, area=cells.area,
-                ways=[_further(corner, direction, radius) for corner in cells.corners],
+                active=way.free & (way.travel_time < self.longest) & dr.isfinite(radius), place=number, facet=facet,
+                point=cells.point, corners=cells.corners, area=cells.area,
+                ways=[further(corner, direction, radius) for corner in cells.corners],
                 directions=[direction, *(dr.normalize(radius * direction + corner) for corner in cells.corners)],
                 pressure=dr.sqrt(self._gain(sources, source, origin, cells.point, way)),
                 reflected=(dr.ones(mi.Float, dr.width(s)), dr.zeros(mi.Float, dr.width(s))),
                 between=dr.zeros(mi.Float64, dr.width(s)), out=Leg.along(way, origin, cells.point))
-            if finest is None:
-                tube = self._reflected(tube, way.sound_speed)
-                yield from self._sent_back(sources, places, tube, way, "b")
-                continue
-            path = "b"
-            while tube is not None and len(path) < self.bounces:
-                tube = self._on(sources, self._reflected(tube, way.sound_speed), way)
-                path += "b"
-                if tube is not None:
-                    origin, source = places(tube.place)
-                    way = self.connector(sources, origin, source, tube.point, self.facets.flat_normal(tube.facet))
-                    mirrored = self._reflected(tube, way.sound_speed)
-                    yield from self._sent_back(sources, places, mirrored, way, path)
-
-    def _normal(self, tube):
-        """Of the surface in the middle of tubes' footprints."""
-        return self.facets.normals_at(tube.facet, tube.point, [dr.zeros(mi.Vector3f, dr.width(tube.facet))])[0]
+            tube, path = self._reflected(tube, way.sound_speed), "b"
+            while len(path) < self.bounces:
+                tube = self._on(sources, tube, way)
+                if tube is None:
+                    break
+                origin, source = places(tube.place)
+                way = self.connector(sources, origin, source, tube.point, self.facets.flat_normal(tube.facet))
+                tube, path = self._reflected(tube, way.sound_speed), path + "b"
+                yield from self._sent_back(sources, places, tube, way, path)
 
     def _gain(self, sources, source, origin, point, way):
         """Power at the end of a leg over that 1 m from its beginning: (c_h / c_0) 10^(-ᾱ L / 10) / A."""
@@ -214,14 +228,22 @@ class SmoothTargets:
         return (mi.Float(way.sound_speed / source_speed) / way.spreading_area
                 * dr.exp(loss_db * float(-np.log(10) / 20)))
 
-    def _reflected(self, tube, sound_speed):
-        """The tube with the coefficient of the facet it meets."""
-        shape, primitive, _ = self.facets.facts(tube.facet)
-        normal, direction = self._normal(tube), tube.directions[0]
-        hits = _Hits(point=tube.point, normal=dr.select(dr.dot(normal, direction) > 0, -normal, normal),
+    def _normal(self, facet, point):
+        """Of the surface that facets stand for, at points of them."""
+        return self.facets.normals_at(facet, point, [dr.zeros(mi.Vector3f, dr.width(facet))])[0]
+
+    def _coefficient(self, facet, point, direction, sound_speed, active):
+        """Reflection coefficient for sound that comes along `direction`."""
+        shape, primitive, _ = self.facets.facts(facet)
+        normal = self._normal(facet, point)
+        hits = _Hits(point=point, normal=dr.select(dr.dot(normal, direction) > 0, -normal, normal),
                      arrival_direction=direction, sound_speed=sound_speed, shape=shape, primitive=primitive,
                      uv=dr.zeros(mi.Point2f, dr.width(primitive)))
-        real, imaginary = reflection(hits, tube.active, self.frequency)
+        return reflection(hits, active, self.frequency)
+
+    def _reflected(self, tube, sound_speed):
+        """The tube with the coefficient of the facet it meets."""
+        real, imaginary = self._coefficient(tube.facet, tube.point, tube.directions[0], sound_speed, tube.active)
         a, b = tube.reflected
         changed = {"reflected": (a * real - b * imaginary, a * imaginary + b * real)}
         return _Tube(**{field.name: getattr(tube, field.name) for field in fields(tube)} | changed)
@@ -229,30 +251,18 @@ class SmoothTargets:
     def _sent_back(self, sources, places, tube, way, path):
         """What the footprints of tubes send back along `way`."""
         origin, source = places(tube.place)
-        normal, towards, back = self._normal(tube), tube.directions[0], way.arrival_direction
+        normal, towards, back = self._normal(tube.facet, tube.point), tube.directions[0], way.arrival_direction
         wavenumber = self.turn_rate / mi.Float(way.sound_speed)
         in_cosine, out_cosine = dr.dot(normal, towards), dr.dot(normal, back)
         active = tube.active & way.free & (in_cosine * out_cosine > 0)
         active &= tube.out.travel_time + tube.between + way.travel_time < 2 * self.longest
         radius = dr.sqrt(way.spreading_area)
-        phases = [-wavenumber * (further + _further(corner, back, radius))
-                  for further, corner in zip(tube.ways, tube.corners)]
-        real, imaginary = phase_mean(*phases)
+        mean = phase_mean(*(-wavenumber * (way_there + further(corner, back, radius))
+                            for way_there, corner in zip(tube.ways, tube.corners)))
         pressure = tube.pressure * dr.sqrt(self._gain(sources, source, origin, tube.point, way))
         pressure *= wavenumber * float(0.25 / np.pi) * abs(in_cosine + out_cosine) * tube.area
-        a, b = tube.reflected
-        amplitude = -pressure * (a * imaginary + b * real), pressure * (a * real - b * imaginary)
-        energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
-        leg = tube.out if len(path) == 1 else Leg.along(way, origin, tube.point)
-        echoes = Echoes(out=tube.out, back=leg, between=tube.between, energy=energy, amplitude=amplitude,
-                        path=path).evaluated()
-        label = self.facets.facts(tube.facet)[2]
-        active &= dr.isfinite(energy)
-        dr.eval(active, label, tube.place)
-        index = dr.compress(active)
-        if dr.width(index):
-            yield (dr.gather(mi.UInt32, tube.place, index), dr.gather(mi.UInt32, label, index),
-                   echoes.chosen(index).evaluated())
+        yield from _sent(tube.place, self.facets.facts(tube.facet)[2], tube.out, Leg.along(way, origin, tube.point),
+                         tube.between, _turned(tube.reflected, mean, pressure), path, active)
 
     def _on(self, sources, tube, way):
         """Mirror tubes and follow them to the next smooth facet: the tubes that meet one, or None."""
@@ -284,7 +294,7 @@ class SmoothTargets:
         steep, short = dr.dot(direction, normal), mi.Float(length)
         active = (length > 0) & (abs(steep) > FLATTEST)
         corners, ways = [], []
-        for corner, further, other in zip(tube.corners, tube.ways, directions[1:]):
+        for corner, way_there, other in zip(tube.corners, tube.ways, directions[1:]):
             aside = corner + short * (other - direction)
             falling = dr.dot(other, normal)
             active &= falling * steep > FLATTEST * abs(steep)
@@ -293,7 +303,7 @@ class SmoothTargets:
             ((u, v),) = self.facets.barycentric(facet, point, [aside + more * other])
             more += self.facets.height(facet, u, v) / falling
             corners.append(aside + more * other)
-            ways.append(further + more)
+            ways.append(way_there + more)
         area = 0.5 * dr.norm(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
         # power in the tube: its cross-section before and after
         widening = area * abs(steep) / dr.maximum(tube.area * abs(dr.dot(side, direction)), 1e-30)
@@ -305,6 +315,25 @@ class SmoothTargets:
                      between=tube.between + length / speed, out=tube.out)
         dr.eval({field.name: getattr(tube, field.name) for field in fields(tube) if field.name != "out"})
         return tube
+
+
+def _turned(factor, mean, pressure):
+    """i times complex factor, mean and a real pressure."""
+    (a, b), (real, imaginary) = factor, mean
+    return -pressure * (a * imaginary + b * real), pressure * (a * real - b * imaginary)
+
+
+def _sent(place, label, out, back, between, amplitude, path, active):
+    """Yield what of some echoes is there; `back` None: the way out."""
+    energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
+    echoes = Echoes(out=out, back=out if back is None else back, between=between, energy=energy, amplitude=amplitude,
+                    path=path).evaluated()
+    active &= dr.isfinite(energy)
+    dr.eval(active, label, place)
+    index = dr.compress(active)
+    if dr.width(index):
+        yield (dr.gather(mi.UInt32, place, index), dr.gather(mi.UInt32, label, index),
+               echoes.chosen(index).evaluated())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,14 +363,8 @@ class _Places:
         return self.lib.Array3f64(row[0], row[1], row[2]), dr.gather(mi.UInt32, self._source, number)
 
 
-def _further(offset, direction, radius):
-    """How much further a spherical wave of a radius [m] along `direction` has come at `offset` [m] from its middle."""
-    twice = 2 * radius * dr.dot(direction, offset) + dr.squared_norm(offset)
-    return twice / (dr.sqrt(dr.maximum(radius * radius + twice, 0)) + radius)
-
-
 def _listed(runs):
-    """Yield cells (place, facet, s, n), UInt32, of runs (K, 3) of (place, facet, n), CELLS_PER_BLOCK at most."""
+    """Yield cells (place, facet, s, n, m), UInt32, of runs (K, 4) of all but s, CELLS_PER_BLOCK at most."""
     counts = runs[:, 2].astype(np.int64) ** 2
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0
@@ -350,4 +373,4 @@ def _listed(runs):
         run = np.searchsorted(ends, cell, side="right")
         s = cell - (ends[run] - counts[run])
         yield tuple(upload(mi.UInt32, column.astype(np.uint32))
-                    for column in (runs[run, 0], runs[run, 1], s, runs[run, 2]))
+                    for column in (runs[run, 0], runs[run, 1], s, runs[run, 2], runs[run, 3]))

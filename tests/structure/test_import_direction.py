@@ -22,6 +22,7 @@ FLOORS = """
     tessellation
     materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays
     smooth_facets
+    smooth_parts
     smooth_targets
     coherent_echoes
     ensonification array_station array_survey array_signals

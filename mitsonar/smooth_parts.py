@@ -1,0 +1,82 @@
+"""Kirchhoff's integral over cells of bent surfaces, part by part.
+
+A cell is lit as a whole, along one ray; over it the bent surface is cut into m² parts so small that a phase is linear
+over each and no angle is left at which they act as a grating:
+
+    <n·u e^iφ> = (1/m²) Σ_j max(n_j·u, 0) <e^iφ>_j,    φ = -2k (|x - s| - |x_c - s|)
+
+s where the wave comes from, at the radius of its curvature behind the cell's middle x_c; n_j the surface's own normal
+in the middle of part j (`smooth_facets` on heights and normals, `scattering.facets` on the means).
+"""
+import drjit as dr
+import mitsuba as mi
+
+from .scattering.cells import place
+from .scattering.facets import phase_mean
+
+__all__ = ["further", "mean_sent_back"]
+
+CORNERS = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
+
+
+def further(offset, direction, radius):
+    """How much further a spherical wave of a radius [m] along `direction` has come at `offset` [m] from its middle."""
+    twice = 2 * radius * dr.dot(direction, offset) + dr.squared_norm(offset)
+    return twice / (dr.sqrt(dr.maximum(radius * radius + twice, 0)) + radius)
+
+
+def mean_sent_back(facets, cells, parts, direction, radius, wavenumber, active):
+    """Mean of n·u e^iφ over cells, there and back.
+
+    Parameters
+    ----------
+    facets : SmoothFacets
+    cells : SmoothCells
+    parts : UInt32 (R,)
+        m.
+    direction, radius : Vector3f, Float (R,) [-], [m]
+        Of the wave that comes in.
+    wavenumber : Float (R,) [rad/m]
+    active : Bool (R,)
+
+    Returns
+    -------
+    real, imaginary : Float (R,)
+    """
+    bend, normals = facets.bend_of(cells.facet, active), facets.normals_of(cells.facet, active)
+    return _summed(facets.lib, parts, cells.flat, cells.places, bend, normals, cells.normal, direction, radius,
+                   wavenumber, active)
+
+
+@dr.syntax
+def _summed(lib, parts, flat, places, bend, normals, normal, direction, radius, wavenumber, active):
+    # -------------------------------------------------- loop state
+    j = mi.UInt32(0)                                             # part
+    real, imaginary = mi.Float(0), mi.Float(0)                   # sums so far
+    active = mi.Bool(active)
+    one = dr.opaque(mi.UInt32, 1)
+    while active:
+        a, b = _part(lib, j, parts, flat, places, bend, normals, normal, direction, radius, wavenumber)
+        real += a
+        imaginary += b
+        j += one
+        active = active & (j < parts * parts)
+    share = 1 / (mi.Float(parts) * mi.Float(parts))
+    return real * share, imaginary * share
+
+
+def _part(lib, j, parts, flat, places, bend, normals, normal, direction, radius, wavenumber):
+    phases, (a, b, c) = [], normals
+    middle_u, middle_v = 0, 0
+    for x, y in CORNERS:
+        s, t = (mi.Float(w) for w in place(lib, j, parts, lib.Float64(x), lib.Float64(y)))
+        (u, v), offset = (start + (first - start) * s + (second - start) * t for start, first, second in
+                          ((mi.Point2f(*places[0]), mi.Point2f(*places[1]), mi.Point2f(*places[2])), flat))
+        height = bend[0] * (1 - u - v) * u + bend[1] * u * v + bend[2] * v * (1 - u - v)
+        phases.append(-2 * wavenumber * further(offset + height * normal, direction, radius))
+        middle_u, middle_v = middle_u + u * (1 / 3), middle_v + v * (1 / 3)
+    n = dr.normalize(a + (b - a) * middle_u + (c - a) * middle_v)
+    # whichever side of the facet the sound is on
+    cosine = dr.maximum(dr.mulsign(-dr.dot(n, direction), -dr.dot(normal, direction)), 0)
+    mean = phase_mean(*phases)
+    return cosine * mean[0], cosine * mean[1]
