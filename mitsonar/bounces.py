@@ -136,19 +136,19 @@ class Bounces:
         ------
         Ghosts
         """
-        direct = self._first(hits, solid_angle, origin)
-        views = [direct]
+        most = self.paths.max_depth
+        views = {1: self._first(hits, solid_angle, origin)}             # by bounces made so far
         if self.mirror:
-            views.append(self._folded(direct, origin))
-            yield from self._by_the_mirror(*views, source_speed)
-        for a in views:
-            for bounces in range(2, self.paths.max_depth + 1):
+            views[2] = self._folded(views[1], origin)
+            yield from self._by_the_mirror(views[1], views[2], source_speed)
+        for made, a in views.items():
+            for bounces in range(made, most):
                 partner, chance = _partners(strata, key ^ mi.UInt32(PARTNER_SALT + bounces))
-                for b in views:
-                    b = b.chosen(partner)
+                for more, b in views.items():
                     for folded in (False, True)[:len(views)]:
-                        yield self._connected(a, b, chance, source_speed, folded)
-                if bounces < self.paths.max_depth or self._smooth:
+                        if bounces + folded + more <= most:
+                            yield self._connected(a, b.chosen(partner), chance, source_speed, folded)
+                if bounces + 1 < most or self._smooth:
                     a, mirrored = self._on(a, strata, key ^ mi.UInt32(LOBE_SALT + bounces))
                     if self._smooth:
                         yield from self._home(replace(a, valid=a.valid & mirrored), origin, source_speed, homeward)
@@ -209,7 +209,6 @@ class Bounces:
         loss_db = self._loss_db(start, -b.point.z, way, folded)
         code = Paths.extended(a.code, mi.Bool(True)) if folded else a.code
         code = _joined(code, b.code)
-        active &= code < (2 << self.paths.max_depth)
         return self._ghosts(energy, a, b, a.between + way.travel_time, code, active, loss_db)
 
     def _on(self, ends, strata, key):
@@ -237,7 +236,6 @@ class Bounces:
         energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * ratio * ratio / way.spreading_area
         back = replace(ends, leg=Leg.along(way, origin, ends.point),
                        loss_db=self._loss_db(-origin.z, -ends.point.z, way))
-        active &= ends.code < (2 << self.paths.max_depth)
         for one, other in ((ends, back), (back, ends)):
             yield self._ghosts(energy, one, other, ends.between, ends.code, active)
 
