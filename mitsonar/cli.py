@@ -124,7 +124,7 @@ def _parser():
     published.set_defaults(run=_published)
 
     validate = commands.add_parser("validate", help="compare with closed forms, published numbers and exact eigenrays")
-    validate.add_argument("-o", "--output", metavar="FOLDER", help="write report.md and pictures into it; default: none")
+    validate.add_argument("-o", "--output", metavar="FOLDER", help="write report.md and pictures there; default: none")
     validate.add_argument("--only", nargs="+", metavar="NAME", help="of the comparisons; default: all")
     validate.add_argument("--quick", action="store_true", help="fewer rays and sediments: a minute in place of several")
     validate.set_defaults(run=_validate)

@@ -5,7 +5,8 @@ whole chain is compared, and gives rows of got, expected and allowed.
 """
 import time
 
-from . import beams, closure, elements, rays, report, sediments, vectors, water
+from . import (beams, closure, crossover, elements, ghosts, rays, report, sediments, statistics, surface, targets,
+               vectors, volume, water)
 from .case import Case, Line, Panel, Row, Table
 
 __all__ = ["CASES", "Case", "Line", "Panel", "Row", "Table", "validate"]
@@ -18,6 +19,12 @@ CASES = {
     "beams": beams.CASE,
     "closure": closure.CASE,
     "elements": elements.CASE,
+    "statistics": statistics.CASE,
+    "targets": targets.CASE,
+    "crossover": crossover.CASE,
+    "surface": surface.CASE,
+    "volume": volume.CASE,
+    "ghosts": ghosts.CASE,
 }
 
 

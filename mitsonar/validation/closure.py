@@ -58,7 +58,8 @@ def _strengths(water, khz, material, law, rays, pings, seed=1):
     scene = scenes.sidescan(
         {"bed": scenes.bed(BED_DEPTH, material)}, depth=SONAR_DEPTH, rays=rays, pings=pings,
         sensor={"frequency_khz": float(khz), "vertical_beam_width_deg": 180.0},
-        water={**scenes.water_of(profile), "absorption_db_per_km": 1e3 * ABSORPTION[khz]}, film={"range": RANGE, "bins": BINS})
+        water={**scenes.water_of(profile), "absorption_db_per_km": 1e3 * ABSORPTION[khz]},
+        film={"range": RANGE, "bins": BINS})
     image = mitsonar.render(scene, seed=seed)
     got = np.mean(10 ** (image["mean_level"].values.astype(float) / 10), axis=(0, 1))
     sonar = scene.sensors()[0].sonar(SONAR_DEPTH)

@@ -57,7 +57,7 @@ def _numbers(row):
     decimals = max(0, 1 - int(np.floor(np.log10(row.allowed))))
     if decimals > MOST_DECIMALS:
         return f"{row.got:.10g}", f"{row.expected:.10g}", f"{row.error:.1e}", f"{row.allowed:.1e}"
-    return f"{row.got:.{decimals}f}", f"{row.expected:.{decimals}f}", f"{row.error:+.{decimals}f}", f"{row.allowed:g}"
+    return f"{row.got:.{decimals}f}", f"{row.expected:.{decimals}f}", f"{row.error:+.{decimals}f}", f"{row.allowed:.3g}"
 
 
 def check_folder(folder):

@@ -1,4 +1,4 @@
-"""The sonar equation of a flat bed, integrated numerically over exact eigenrays: what levels of the chain should be.
+"""The sonar equation of a level bed or sea surface, integrated over exact eigenrays: what levels should be.
 
     <p²>(t1, t2) = 10^(SL/10) ∫ Φ(x) σ(θ) (c_b/c_0)² 10^(-2 α L/10) / A² x dx      over x with t1 <= 2 T(x) < t2
 
@@ -20,7 +20,7 @@ NODES = 40_001
 
 @dataclass(frozen=True, eq=False)
 class FlatBed:
-    """Hold the direct eigenrays from a sonar to a flat bed, at ranges (x,) from nadir to where there are no more.
+    """Hold the direct eigenrays from a sonar to a level plane, at ranges (x,) from nadir to where there are no more.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class FlatBed:
     time, length : array (x,) [s], [m]
         One way.
     launch, grazing : array (x,) [rad]
-        At sonar and bed.
+        At sonar and plane, from the horizontal.
     spread : array (x,) [1/m^4]
         (c_b/c_0)² / A², the loss of a point scatterer there and back.
     """
@@ -43,16 +43,22 @@ class FlatBed:
 
     @classmethod
     def of(cls, profile, sonar_depth, bed_depth, longest):
-        """Find the rays out to the horizontal range `longest` [m], or to the first that is not alone."""
+        """Find the rays out to the horizontal range `longest` [m], or to the first that is not alone.
+
+        The plane may lie above the sonar, as the sea surface does; nothing else is in the water then.
+        """
         across = np.linspace(0, longest, NODES)
         ray = eigenray(profile, sonar_depth, bed_depth, across)
         ratio = float(profile.at(bed_depth) / profile.at(sonar_depth))
-        columns = (across, ray.travel_time, ray.arc_length, ray.launch_angle, ray.arrival_angle,
+        towards = np.sign(bed_depth - sonar_depth)
+        columns = (across, ray.travel_time, ray.arc_length, towards * ray.launch_angle, towards * ray.arrival_angle,
                    (ratio / ray.spreading_area) ** 2)
-        lonely = np.logical_and.accumulate(ray.exists & np.isnan(ray.turning_depth) & (ray.arrival_angle > 0))
+        lonely = np.logical_and.accumulate(ray.exists & np.isnan(ray.turning_depth)
+                                            & (towards * ray.arrival_angle > 0))
         # rays that turn within the water arrive besides, from some time on
         more = eigenrays(profile, sonar_depth, bed_depth, across[::100])
-        turned = np.where((more.turning_depth > 0) & (more.turning_depth < bed_depth), more.travel_time, np.inf)
+        lowest = bed_depth if towards > 0 else np.inf
+        turned = np.where((more.turning_depth > 0) & (more.turning_depth < lowest), more.travel_time, np.inf)
         lonely &= ray.travel_time < np.min(turned, initial=np.inf)
         return cls(*(column[lonely] for column in columns))
 
