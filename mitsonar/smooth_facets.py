@@ -70,6 +70,8 @@ class SmoothFacets:
     centre, normal : (F, 3) [m], [-]
     radius, side : (F,) [m]
         Of a ball about the centre that holds the facet; its longest side.
+    bent : (F,) bool
+        Whether it stands for a surface that is not flat.
     fewest, fewest_lit : (F,) int
         n that the surface's bend asks for, of parts over which phases are linear, and of cells that are lit as a whole.
     outward : (F,) int
@@ -110,6 +112,7 @@ class SmoothFacets:
         normals = np.concatenate([normals for _, normals, *_ in parts])
         bend = _bend(self.corner, normals)
         deep = np.abs(bend).max(1) / 4
+        self.bent = deep > FLAT_ENOUGH * wavelength
         self.fewest = np.maximum(1, np.ceil(np.minimum(np.sqrt(deep / (FLAT_ENOUGH * wavelength)),
                                                        self.side / (RESOLVED * wavelength)))).astype(int)
         outward = [_outward(corner) for corner, *_ in parts]

@@ -12,7 +12,7 @@ Sound goes on from a lit cell as a tube: its corners are mirrored each at the su
 optics has it, until they meet the next smooth facet. There the tube's footprint sends back as a cell does, S its area,
 φ with the corners' ways in between, the pressure as high as keeps the power in the tube; so do the third facet's
 footprint, and so on. Legs in between are straight. All orders of facets are there, for all are lit: a dihedral's two,
-a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas Propag. 25, 112.)
+a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas Propag. 25, 406.)
 """
 from dataclasses import dataclass, fields
 
@@ -40,8 +40,9 @@ BEHIND = 1.0                       # of a facet's side that the source may lie b
 NEAREST = 0.05                     # [m] range that cells are cut for at least
 MOST_CUTS = 32768
 MOST_CELLS = 10 ** 8               # of a ping: minutes of connecting
-BOUNCE_CELL = 0.25                  # of the wavelength: edges cut footprints that finely,
-BOUNCE_CELLS = 1 << 18             # if there are not more such cells than this, about, to a ping
+# sides of the cells that tubes start from, in wavelengths, if there are not more such cells to a ping than about this:
+FLAT_CELLS = 0.25, 1 << 18         # edges cut footprints that finely
+BENT_CELLS = 0.125, 1 << 19        # tubes of bent surfaces widen
 FLATTEST = 0.02                    # sine of the grazing angle below which a tube has no footprint
 STRONGEST_FOCUS = 1e4              # ratio of power densities along a tube: beyond lies a caustic
 
@@ -149,10 +150,10 @@ class SmoothTargets:
         hidden = facets.outward * plane < -BEHIND * facets.side
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
 
-    def _blocks(self, places, finest, choose):
+    def _blocks(self, places, tubes, choose):
         """Lists of cells as (place, facet, s, n, m): to be lit as a whole and integrated over in m² parts.
 
-        Where `finest` [m] is given, cells are no longer than that, as far as it goes, and of one part.
+        Those that `tubes` start from are smaller, and of one part.
         """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
@@ -160,12 +161,13 @@ class SmoothTargets:
             if choose is not None:
                 seen &= choose(number, facets.centre, facets.radius)
             seen = np.flatnonzero(seen)
-            if finest is not None:
-                # area of a cell of equal sides
-                affordable = np.sqrt(facets.area[seen].sum() * 4 / (np.sqrt(3) * BOUNCE_CELLS))
-                edge = np.minimum(edge, max(finest, affordable))
+            if tubes:
+                bent = facets.bent[seen]
+                for some, (share, most) in ((seen[~bent], FLAT_CELLS), (seen[bent], BENT_CELLS)):
+                    affordable = np.sqrt(facets.area[some].sum() * 4 / (np.sqrt(3) * most))
+                    edge[some] = np.minimum(edge[some], max(share * self.wavelength, affordable))
             n = divisions(facets.side[seen], edge[seen]).astype(np.int64)
-            n = np.maximum(n, facets.fewest_lit[seen] if finest is None else facets.fewest[seen])
+            n = np.maximum(n, facets.fewest[seen] if tubes else facets.fewest_lit[seen])
             parts = -(-facets.fewest[seen] // n)
             if n.max(initial=1) > MOST_CUTS:
                 raise ValueError(f"a smooth facet of {facets.side[seen].max():.0f} m has to be cut into cells of "
@@ -182,7 +184,7 @@ class SmoothTargets:
 
     def _single(self, sources, places, choose):
         """Echoes of one bounce."""
-        for number, facet, s, n, parts in self._blocks(places, None, choose):
+        for number, facet, s, n, parts in self._blocks(places, False, choose):
             cells = self.facets.cells(facet, s, n)
             origin, source = places(number)
             way = self.connector(sources, origin, source, cells.point, cells.normal)
@@ -198,7 +200,7 @@ class SmoothTargets:
 
     def _several(self, sources, places, choose):
         """Echoes of more bounces."""
-        for number, facet, s, n, _ in self._blocks(places, BOUNCE_CELL * self.wavelength, choose):
+        for number, facet, s, n, _ in self._blocks(places, True, choose):
             cells = self.facets.cells(facet, s, n)
             origin, source = places(number)
             way = self.connector(sources, origin, source, cells.point, cells.normal)

@@ -113,6 +113,26 @@ def test_dihedral(variant):
     assert strength_db(dihedral(0.2, 0.3), 150.0) < -10
 
 
+@pytest.mark.parametrize("frequency_khz", [35.0, 50.0])
+def test_sphere_by_way_of_a_plane(variant, frequency_khz):
+    """The image's sphere, met on the way out or on the way back: both together a / (r r'), r' to the image.
+
+    Half a decibel: a plane of 12 m has edges, and a sphere at 16 m is not quite far.
+    """
+    a, ball, mirror = 0.3, np.array([0.0, 20.0, -13.5]), -15.0
+    plane = placed("rectangle", [6, 0, 0], [0, 6, 0], [0, 0, 1], [0, 15.4, mirror])
+    shapes = {"plane": plane, "ball": {"type": "sphere", "center": list(ball), "radius": a, "bsdf": RIGID}}
+    scene = array_scene({"bed": buried_bed(900.0), **shapes}, water={"absorption_db_per_km": 0.0},
+                        integrator={"rays": 1000}, film={"range": 26},
+                        sensor={"pulse": "cw", "pulse_ms": 1.0, "frequency_khz": frequency_khz})
+    survey = replace(scene.integrator().array_survey(scene, scene.sensors()[0]), max_depth=2)
+    start = np.array([0, 0, -10.0])
+    image = np.array([0, 0, 2 * mirror - start[2]])
+    expected = a / (np.linalg.norm(ball - start) * np.linalg.norm(ball - image))
+    got = survey.responses(0, paths=("bb",))[0, 0].astype(complex).sum()
+    assert 20 * np.log10(abs(got) / expected) == pytest.approx(0, abs=0.5)
+
+
 @pytest.mark.parametrize("plates, expected_db", [("square", 13.290587), ("triangular", 3.748162)])
 def test_trihedral(variant, tmp_path, plates, expected_db):
     a, e = 0.2, corner()
