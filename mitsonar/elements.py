@@ -121,8 +121,8 @@ def _known_paths(survey, paths):
     chosen = [name if name in known else name[::-1] for name in map(str, paths)]
     for name in chosen:
         if name not in known:
-            raise ValueError(f"path {name[::-1]!r} was asked for, but the scene has {', '.join(known)}; raise max_depth "
-                             "for longer ones, or leave it out")
+            raise ValueError(f"path {name[::-1]!r} was asked for, but the scene has {', '.join(known)}; raise "
+                             "max_depth for longer ones, or leave it out")
     return chosen
 
 

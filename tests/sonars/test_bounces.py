@@ -7,7 +7,8 @@ between the two points:
     p² = 10^(SL/10) Σ_bed Σ_wall 2 B(u_b) B(u_w) (μ sin sin)(μ' sin sin) / (R_b² D² R_w²) 10^(-α (R_b + D + R_w)/10)
 
 in gates of (R_b + D + R_w)/2. The sum is drawn evenly over both faces (standard error of gates below 0.1 dB), the
-record over 40 pings (its own spread says its error); 4 joint standard errors are asked for, each below 6 % (0.25 dB). (Where the corner itself is heard, next to where both meet, the integrand has no variance: gates begin behind.)
+record over 40 pings (its own spread says its error); 4 joint standard errors are asked for, each below 6 % (0.25
+dB). Gates begin behind the corner where both meet: the integrand has no variance there.
 """
 import numpy as np
 import pytest

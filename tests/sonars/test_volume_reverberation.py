@@ -1,7 +1,7 @@
 """Reverberation of the water, through the chains of a sidescan and of an array.
 
-Uniform water: RL = SL - 20 log R - 2 α R + S_v + 10 log(ψ ΔR) (Urick 1983, chapter 8), ψ the two-way beam [sr]. A layer:
-s_v by direction, at depth z = z_0 + R sin(depression), integrated over the beam,
+Uniform water: RL = SL - 20 log R - 2 α R + S_v + 10 log(ψ ΔR) (Urick 1983, chapter 8), ψ the two-way beam [sr]. A
+layer: s_v by direction, at depth z = z_0 + R sin(depression), integrated over the beam,
 
     p²(R) = 10^(SL/10) R^-2 10^(-2 α R/10) ∫∫ B(u, φ) s_v(z) du dφ ΔR
 
@@ -70,8 +70,9 @@ def test_an_array_hears_as_much(variant):
     found = np.zeros(len(edges) - 1)
     for echoes in light(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):
         if echoes.path == "v":
-            found += np.histogram(1500 * echoes.out.travel_time.numpy(), edges, weights=echoes.energy.numpy().astype(float))[0]
-            amplitude = np.hypot(*(part.numpy() for part in echoes.amplitude)) ** 2 / echoes.energy.numpy()
+            energy = echoes.energy.numpy().astype(float)
+            found += np.histogram(1500 * echoes.out.travel_time.numpy(), edges, weights=energy)[0]
+            amplitude = np.hypot(*(part.numpy() for part in echoes.amplitude)) ** 2 / energy
     fine = [np.linspace(a, b, 201) for a, b in zip(edges[:-1], edges[1:])]
     expected = [trapezoid(4 * np.pi * 1e-6 * r ** -2 * 10 ** (-0.2 * ALPHA * r), r) for r in fine]
     assert np.abs(10 * np.log10(found / expected)).max() < 0.05
