@@ -98,7 +98,7 @@ def _run(quick):
             Row("traced hit, summer cast: spreading, 99 % of hits", float(np.quantile(np.abs(spreading), 0.99)), 0.0,
                 0.005, "dB"))
     depth = np.linspace(0, 60, 241)
-    reach = np.linspace(1, 250, 400)
+    reach = np.linspace(1, 270, 400)
     ray = eigenray(SIX_NODES, 3.0, 60.0, reach)
     some = slice(None, None, max(1, len(across) // 2000))
     return Table(rows, (
