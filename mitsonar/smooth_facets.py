@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from .propagation.device import arrays_of, upload
 from .scattering.cells import place
@@ -25,7 +27,6 @@ SHARP = np.radians(30.0)           # angle between neighbours from which on an e
 FLAT_ENOUGH = 1e-5                 # of the wavelength that cells may lie below a bent surface: more acts as a grating
 RESOLVED = 0.55                    # wavelengths a side, below which they do not: there is no angle that they glint at
 TURN = 0.06                        # [rad] that a surface turns by over a cell that is lit or not as a whole
-CONVEX_SIZE = 1 << 24              # facets x corners up to which a mesh is looked at whether it is convex
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,13 +319,25 @@ def _outward(corner):
 
 
 def _is_convex(corner, normal, outward):
-    """Whether facets are all in one plane, or the surface of a convex body; False where too many to tell."""
-    points = np.unique(corner.reshape(-1, 3), axis=0)
-    if len(points) * len(corner) > CONVEX_SIZE:
-        return False
-    height = (points @ normal.T) - np.sum(corner[:, 0] * normal, axis=1)
+    """Whether facets are all in one plane, or the surface of a convex body."""
+    points, number = np.unique(corner.reshape(-1, 3).round(6), axis=0, return_inverse=True)
     slack = 1e-5 * np.ptp(points, axis=0).max()
-    return bool(np.all(np.abs(height) < slack) or (outward and np.all(outward * height < slack)))
+    if np.abs((points - points[0]) @ normal[0]).max() < slack:
+        return True
+    # a closed, connected surface is convex where it is so over every edge (van Heijenoort 1952)
+    number = number.reshape(-1, 3)
+    edge = np.sort(np.stack([number, np.roll(number, -1, axis=1)], -1), -1).reshape(-1, 2)
+    order = np.lexsort(edge.T)
+    first, second = order[0::2], order[1::2]
+    if not outward or len(order) % 2 or np.any(edge[first] != edge[second]) or np.any(
+            np.all(edge[first][1:] == edge[first][:-1], axis=1)):
+        return False
+    joined = coo_array((np.ones(len(first)), (first // 3, second // 3)), shape=(len(corner), len(corner)))
+    if connected_components(joined, directed=False)[0] > 1:
+        return False
+    # the corner of the one facet that the other has not, over the plane of the other
+    apex = corner[second // 3, (second % 3 + 2) % 3] - corner[first // 3, 0]
+    return bool(np.all(outward * np.sum(apex * normal[first // 3], axis=1) < slack))
 
 
 def _four_wide(rows):
