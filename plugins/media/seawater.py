@@ -10,7 +10,8 @@ Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; wi
   as deep as the formula reaches (``medwin``: 1000 m); constant below.
 - ``temperature`` [deg C, 10], ``salinity`` [35], ``ph`` [8]: for these formulas and absorption.
 - ``absorption_formula`` [francois-garrison]: of `mitsonar.water.absorption_db`.
-- ``absorption_db_per_km``: absorption given instead, the same at all depths.
+- ``absorption_db_per_km``: absorption given instead, the same at all frequencies; a number, or a table: depth [m] : dB/km,
+  increasing depths, linear between, constant beyond.
 - ``wind_speed`` [m/s, 5], ``shipping`` [0..1, 0.5]: ambient noise.
 - ``volume_strength_db``: what the water sends back [dB re 1/m], a number or a table, depth [m] : strength; none by
   default.
@@ -56,9 +57,7 @@ class Seawater(mi.Medium):
         self.shipping = attributes.number("shipping", 0.5, minimum=0, maximum=1)
         self.absorption_formula = attributes.text("absorption_formula", "francois-garrison",
                                                   choices=list(absorption.FORMULAS))
-        given_db = attributes.number("absorption_db_per_km", None, minimum=0, unit="dB/km")
-        _only_one(attributes, "absorption_formula", "absorption_db_per_km")
-        self.given_absorption_db = None if given_db is None else given_db / 1000
+        self.given_absorption = self._read_absorption(attributes)
         self.volume = self._read_volume(attributes)
         self.cast = None
         self.profile = self._read_profile(attributes)
@@ -68,6 +67,18 @@ class Seawater(mi.Medium):
         except ValueError as error:
             raise attributes.error(str(error)) from None
         super().__init__(props)
+
+    def _read_absorption(self, attributes):
+        """The column that the scene writes, the same at all frequencies; None where a formula is to say."""
+        table = attributes.number_or_table("absorption_db_per_km", None, unit="dB/km")
+        _only_one(attributes, "absorption_formula", "absorption_db_per_km")
+        if table is None:
+            return None
+        depth, per_km_db = table
+        try:
+            return AbsorptionColumn(depth, per_km_db / 1000)
+        except ValueError as error:
+            raise attributes.error(f"absorption_db_per_km: {error}; write numbers of 0 or more.") from None
 
     def _read_profile(self, attributes):
         _only_one(attributes, "profile", "cast", "sound_speed", "sound_speed_formula")
@@ -101,8 +112,8 @@ class Seawater(mi.Medium):
 
     def absorption_column(self, frequency):
         """Absorption against depth at one frequency [Hz], as an `AbsorptionColumn`."""
-        if self.given_absorption_db is not None:
-            return AbsorptionColumn([0.0], [self.given_absorption_db])
+        if self.given_absorption is not None:
+            return self.given_absorption
         if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
             depth = self.profile.depth
             return AbsorptionColumn(depth, absorption_db(frequency, self.cast.temperature, self.cast.salinity,
@@ -112,7 +123,7 @@ class Seawater(mi.Medium):
 
     def mean_absorption(self, top, bottom):
         """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
-        if self.given_absorption_db is not None:
+        if self.given_absorption is not None:
             return None
         depth = np.linspace(top, max(bottom, top + 1), 33)
 

@@ -67,6 +67,9 @@ def test_cast_with_temperature_and_salinity_sets_absorption(water, tmp_path):
 def test_absorption_given_is_the_same_everywhere(water):
     assert absorption(water(absorption_db_per_km=30), [0, 10, 5000]) == pytest.approx([0.03] * 3, rel=1e-15)
     assert absorption(water(absorption_db_per_km=0), 10) == 0
+    table = water(absorption_db_per_km="0:30, 20:50")
+    assert absorption(table, [-1, 0, 5, 20, 90]) == pytest.approx([0.03, 0.03, 0.035, 0.05, 0.05], rel=1e-15)
+    assert table.mean_absorption(0, 20) is None
 
 
 @pytest.mark.parametrize("formula", FORMULAS)
@@ -107,7 +110,9 @@ def test_only_one_kind_of_sound_speed(refusal, one, other):
     ({"ph": 3.0}, "ph is 3; it must lie in 7..9"),
     ({"wind_speed": -1.0}, "wind_speed is the float -1.0; expected a number [m/s] at least 0"),
     ({"shipping": 2.0}, "shipping is the float 2.0; expected a number at least 0 and at most 1"),
-    ({"absorption_db_per_km": -1.0}, "expected a number [dB/km] at least 0"),
+    ({"absorption_db_per_km": -1.0}, "absorption must be finite and not negative"),
+    ({"absorption_db_per_km": "5:30, 2:40"}, "depths increasing"),
+    ({"absorption_db_per_km": "thirty"}, 'a number or a table of finite numbers'),
     ({"sound_speed": 3000.0}, "expected a number [m/s] above 300.0 and below 3000.0"),
     ({"profile": "0:1500, 0:1490"}, "sort the nodes and merge repeated depths"),
     ({"cast": "no.csv"}, 'cast names the file "no.csv", which is not there'),
