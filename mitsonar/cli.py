@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import time
+import warnings
 from importlib.resources import files
 
 from . import __version__
@@ -30,7 +31,9 @@ def main(argv=None):
     with _Signals() as signals:
         try:
             arguments = _parser().parse_args(argv)
-            return arguments.run(arguments) or 0
+            with warnings.catch_warnings():
+                warnings.showwarning = _warn
+                return arguments.run(arguments) or 0
         except BrokenPipeError:
             _mute()
             return 128 + signal.SIGPIPE
@@ -42,6 +45,10 @@ def main(argv=None):
                 raise
             print(f"mitsonar: {_sentence(error)}", file=sys.stderr)
             return 2
+
+
+def _warn(message, *_):
+    print(f"mitsonar: {message}", file=sys.stderr)
 
 
 class _Signals:

@@ -151,3 +151,31 @@ def test_image_is_what_mitsubas_own_render_gives(folder, accepted):
     level = exr.read("o.exr")["level"].values
     image = np.array(mi.render(mi.load_file(str(folder / "scene.xml")), seed=3))
     assert np.array_equal(image[..., 0], np.concatenate([level[:, 0, ::-1], level[:, 1]], -1))
+
+
+def test_a_warning_is_one_sentence_on_standard_error(folder, capfd):
+    """A rigid body of few, large facets: told, and rendered."""
+    from small_scene import spoilt
+
+    body = """<shape type="ply" id="ball"><string name="filename" value="ball.ply"/>
+        <boolean name="face_normals" value="true"/><bsdf type="rigid"/></shape></scene>"""
+    (folder / "ball.ply").write_text(coarse_ball())
+    (folder / "scene.xml").write_text(spoilt(("</scene>", body)))
+    assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 0
+    out, err = capfd.readouterr()
+    assert out == "o.exr\n"
+    assert re.fullmatch(r'mitsonar: the smooth mesh "ball" is too coarse for a wavelength of .*\n', err)
+
+
+def coarse_ball():
+    """A ball of 1 m whose edges turn by less than what counts as sharp, as PLY text."""
+    angle = np.linspace(0, 2 * np.pi, 17)[:-1]
+    rings = [(np.cos(t) * np.cos(angle), np.cos(t) * np.sin(angle), np.full(16, np.sin(t))) for t in
+             np.linspace(-1.4, 1.4, 15)]
+    points = np.concatenate([np.stack(ring, 1) for ring in rings]) + [30, 0, -28]
+    faces = [(16 * i + j, 16 * i + (j + 1) % 16, 16 * (i + 1) + (j + 1) % 16) for i in range(14) for j in range(16)]
+    faces += [(16 * i + j, 16 * (i + 1) + (j + 1) % 16, 16 * (i + 1) + j) for i in range(14) for j in range(16)]
+    header = (f"ply\nformat ascii 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\n"
+              f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n")
+    return (header + "".join("%f %f %f\n" % tuple(point) for point in points)
+            + "".join("3 %d %d %d\n" % face for face in faces))
