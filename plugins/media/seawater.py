@@ -10,8 +10,8 @@ Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; wi
   as deep as the formula reaches (``medwin``: 1000 m); constant below.
 - ``temperature`` [deg C, 10], ``salinity`` [35], ``ph`` [8]: for these formulas and absorption.
 - ``absorption_formula`` [francois-garrison]: of `mitsonar.water.absorption_db`.
-- ``absorption_db_per_km``: absorption given instead, the same at all frequencies; a number, or a table: depth [m] : dB/km,
-  increasing depths, linear between, constant beyond.
+- ``absorption_db_per_km``: absorption given instead, the same at all frequencies; a number, or a table: depth [m] :
+  dB/km, increasing depths, linear between, constant beyond.
 - ``wind_speed`` [m/s, 5], ``shipping`` [0..1, 0.5]: ambient noise.
 - ``volume_strength_db``: what the water sends back [dB re 1/m], a number or a table, depth [m] : strength; none by
   default.
