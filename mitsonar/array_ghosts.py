@@ -128,11 +128,13 @@ class ArrayGhosts:
             energy = ghosts.energy * self._absorbed(ghosts.loss_db)
             active = self._worthwhile(energy, ghosts.active)
             path = self.paths.numbers(ghosts.code)
+            # once for all names, and no kernel of its own for any of them
+            dr.eval(energy, active, path, vars(ghosts), vars(ghosts.out), vars(ghosts.back))
             for name in self.paths.names:
-                some = dr.compress(active & (path == self.paths.number(name)))
+                some = dr.compress(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
                 if dr.width(some):
                     power = dr.gather(mi.Float, energy, some)
-                    chance = hashed(self.lib, some, row_key, mi.UInt32(number))
+                    chance = hashed(self.lib, some, row_key, dr.opaque(mi.UInt32, number))
                     yield Echoes(out=ghosts.out.chosen(some), back=ghosts.back.chosen(some),
                                  between=dr.gather(mi.Float64, ghosts.between, some), energy=power, path=name,
                                  amplitude=self._drawn(power, chance)).evaluated()
