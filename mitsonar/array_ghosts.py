@@ -55,7 +55,8 @@ class ArrayGhosts:
         self.folded_db = Absorption(absorption.mirrored(), profile.mirrored(), deepest, mi.Float,
                                     top=-deepest) if self.mirror else None
         self.bounces = Bounces(free_rays, loss_db, self.folded_db, frequency=frequency, paths=self.paths,
-                               surface_label=geometry.surface_label, mirror=self.mirror) if max_depth > 1 else None
+                               surface_label=geometry.surface_label, mirror=self.mirror,
+                               single=False) if max_depth > 1 else None
         self.water = None if volume is None else WaterEchoes(volume, connector, loss_db, window)
 
     # ---- one scatterer, by way of the mirror
@@ -70,12 +71,12 @@ class ArrayGhosts:
         yield from self._made(energy, (-dr.sqrt(energy), dr.zeros(mi.Float, 1)), Leg.along(way, origin, point), None,
                               way.free, "s")
 
-    def of_cells(self, sources, origin, hits, way, cells):
-        """Echoes of lit cells by way of the mirror: there, back, and both."""
+    def of_cells(self, sources, origin, hits, way, cells, area):
+        """Echoes of lit cells by way of the mirror: there, back, and both; `area` [m²] that each stands for."""
         if self.mirror and self.max_depth > 1:
             def strength(out, back, lit):
                 seen = hits.seen_along(out)
-                return bistatic_strength(seen, -back.arrival_direction, lit, self.frequency)[0] * cells.area
+                return bistatic_strength(seen, -back.arrival_direction, lit, self.frequency)[0] * area
 
             yield from self._by_the_mirror(sources, origin, cells.point, cells.normal, way, strength, cells.amplitude)
 

@@ -106,11 +106,14 @@ class Bounces:
         Label of the sea surface, 0 if there is none.
     mirror : bool
         Whether it is flat.
+    single : bool
+        Make those of one bounce with the mirror before or after it as well: arrays make theirs of cells.
     """
 
-    def __init__(self, free_rays, absorption, folded_absorption, *, frequency, paths, surface_label, mirror):
+    def __init__(self, free_rays, absorption, folded_absorption, *, frequency, paths, surface_label, mirror,
+                 single=True):
         self.free_rays, self.absorption, self.folded_absorption = free_rays, absorption, folded_absorption
-        self.frequency, self.paths, self.mirror = frequency, paths, mirror
+        self.frequency, self.paths, self.mirror, self.single = frequency, paths, mirror, single
         self.surface = dr.opaque(mi.UInt32, surface_label)
         self._smooth = any(getattr(shape.bsdf(), "smooth", False)
                            for shape in free_rays.tracer.geometry.scene.shapes())
@@ -140,7 +143,8 @@ class Bounces:
         views = {1: self._first(hits, solid_angle, origin)}             # by bounces made so far
         if self.mirror:
             views[2] = self._folded(views[1], origin)
-            yield from self._by_the_mirror(views[1], views[2], source_speed)
+            if self.single:
+                yield from self._by_the_mirror(views[1], views[2], source_speed)
         for made, a in views.items():
             for bounces in range(made, most):
                 partner, chance = _partners(strata, key ^ mi.UInt32(PARTNER_SALT + bounces))

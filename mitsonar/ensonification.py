@@ -117,12 +117,12 @@ class Ensonification:
             found = self._found(sources, start, rotation, depth_below, key)
             for path, at_surface in (("b", False), ("s", True)):
                 there = self.scatterers.at_surface[found[0]] == at_surface
-                facet, s, energy = (column[there] for column in found)
+                facet, s, *brought = (column[there] for column in found)
                 for first in range(0, len(facet), CELLS_PER_BLOCK):
                     some = slice(first, first + CELLS_PER_BLOCK)
                     yield from self._echoes(sources, start, rotation, upload(mi.UInt32, facet[some]),
                                             upload(mi.UInt32, s[some]), path,
-                                            upload(mi.Float, energy[some].astype(np.float32)))
+                                            [upload(mi.Float, column[some].astype(np.float32)) for column in brought])
         if self.scatterers.targets:
             yield from self._targets(sources, start)
         for _, _, echoes in self.smooth(sources, np.array([origin], float), np.zeros(1, np.uint32)):
@@ -133,8 +133,8 @@ class Ensonification:
         if self.ghosts.water is not None:
             yield from self.ghosts.of_water(sources, start, *self.drawn_rays(start, rotation, None, key), key)
 
-    def _echoes(self, sources, origin, rotation, facet, s, path, energy=None):
-        """Echoes of cells, lit by connecting them, or with the energies (R,) that rays have brought."""
+    def _echoes(self, sources, origin, rotation, facet, s, path, brought=None):
+        """Echoes of cells, lit by connecting them, or with the energies and areas (R,) that rays have brought."""
         if self.pattern is not None:
             # where the rays leave for: the straight line there may lie in another lobe
             point = self.scatterers.at(facet, s).point
@@ -143,13 +143,16 @@ class Ensonification:
             if not dr.width(index):
                 return
             facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
-            energy = None if energy is None else dr.gather(mi.Float, energy, index)
-            dr.eval(facet, s, energy)
+            brought = brought and [dr.gather(mi.Float, column, index) for column in brought]
+            dr.eval(facet, s, brought)
         cells = self.scatterers.at(facet, s)
-        way = self.connector(sources, origin, mi.UInt32(0), cells.point, cells.normal, occlusion=energy is None)
+        way = self.connector(sources, origin, mi.UInt32(0), cells.point, cells.normal, occlusion=brought is None)
         lit = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
         hits = _Lit(cells, way)
-        if energy is None:
+        if brought is not None:
+            energy, area = brought
+        else:
+            area = cells.area
             strength, sin_grazing = scattering_strength(hits, lit, self.frequency)
             energy = strength * cells.area * self._way_back(sources, cells.point, way) / way.spreading_area
             lit &= sin_grazing > 1e-6
@@ -158,7 +161,7 @@ class Ensonification:
         yield from self._kept(origin, cells.point, way, energy, tuple(root * part for part in cells.amplitude), lit,
                               path)
         if path == "b":
-            yield from self.ghosts.of_cells(sources, origin, hits, way, cells)
+            yield from self.ghosts.of_cells(sources, origin, hits, way, cells, area)
 
     def _targets(self, sources, origin):
         """Echoes of the point targets."""
@@ -191,20 +194,22 @@ class Ensonification:
     # ---- rays that find cells
 
     def _found(self, sources, origin, rotation, depth_below, key):
-        """Cells that rays find: facets, numbers within them, and the energies of their rays."""
+        """Cells that rays find: facets, numbers within them, and the energies and areas of their rays."""
         direction, solid_angle, _ = self.drawn_rays(origin, rotation, depth_below, key)
         hits = self.tracer(sources, origin, mi.UInt32(0), direction)
         strength, sin_grazing = scattering_strength(hits, hits.valid, self.frequency)
         energy = solid_angle * strength / dr.maximum(sin_grazing, 1e-6)
         energy *= self._way_back(sources, hits.point, hits)
         facet, s = self.scatterers.of(hits)
-        dr.eval(facet, s, energy, hits.valid, sin_grazing)
+        area = solid_angle * hits.spreading_area / dr.maximum(sin_grazing, 1e-6)
+        columns = facet, s, energy, area
+        dr.eval(columns, hits.valid, sin_grazing)
         found = hits.valid.numpy() & (sin_grazing.numpy() > 1e-6) & (energy.numpy() > 0)
-        facet, s, energy = facet.numpy()[found], s.numpy()[found], energy.numpy()[found]
+        facet, s, energy, area = (column.numpy()[found] for column in columns)
         found = self.scatterers.scattering[facet]
         cell, which = np.unique((facet[found].astype(np.uint64) << np.uint64(32)) | s[found], return_inverse=True)
         return ((cell >> np.uint64(32)).astype(np.uint32), cell.astype(np.uint32),
-                np.bincount(which, weights=energy[found], minlength=len(cell)))
+                *(np.bincount(which, weights=column[found], minlength=len(cell)) for column in (energy, area)))
 
 
 class _Lit:
