@@ -6,8 +6,9 @@ The stages of one ping, in order (`ArraySurvey.responses`):
     transmit, return, sum     to all receive elements, from one transmit element after the other    `array_station`
 
 A source is a point that rays are traced from; `Fans` says which there are and which share of each transmit element
-they stand for. Elements' patterns are taken at the frequency of the carrier, towards where the ray was sent and, coming
-back, from where it returns to the moved array.
+they stand for. What is drawn by chance, paths of more bounces and the water, is always seen from the array's centre.
+Elements' patterns are taken at the frequency of the carrier, towards where the ray was sent and, coming back, from
+where it returns to the moved array.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,6 +31,7 @@ MOST_DOUBTFUL = 0.5                # share of such echoes at which an array is t
 SMALL_ARRAY = 1.0                  # [m] from its centre: smaller ones are traced echo by echo without a word
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are lit anew
 BAND = 0.75                        # c / 2B of two thirds of the sampling rate
+DRAWN = -1                         # number that stands for a source of what is drawn by chance
 FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
 
 
@@ -303,9 +305,11 @@ class _Run:
         `sums` are pairs of what chooses echoes and the buffer for them; gives for each whether there were any.
         """
         fans, heard = self.survey.fans, np.zeros(len(sums), bool)
-        for source in np.flatnonzero(fans.share[:, element]):
-            station = Station(self, ping, fans.position[source])
-            share = float(weight * fans.share[source, element])
+        # what is drawn by chance is the same for all transmit elements only where it is drawn from one place
+        places = [(source, fans.position[source], fans.share[source, element])
+                  for source in np.flatnonzero(fans.share[:, element])]
+        for source, position, share in [*places, (DRAWN, np.zeros(3), 1.0)]:
+            station, share = Station(self, ping, position), float(weight * share)
             for echoes in self._echoes(ping, source, station):
                 if paths is not None and echoes.path not in paths:
                     continue
@@ -319,15 +323,16 @@ class _Run:
         return heard
 
     def _echoes(self, ping, source, station):
-        """Echoes of a ping lit from a source; kept, where they are not too many, for the next transmit element."""
+        """Echoes of a ping from a source; kept, where they are not too many, for the next transmit element."""
         if (ping, source) in self._lit:
             yield from self._lit[ping, source]
             return
         self._lit = {place: blocks for place, blocks in self._lit.items() if place[0] == ping}
         room = KEPT_ECHOES - sum(block.count for blocks in self._lit.values() for block in blocks)
         kept = []
-        key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + int(source) * 0xC2B2AE35
-        for block in self.light(station.origin, station.rotation, float(self.survey.depth_below[ping]), key):
+        key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + max(int(source), 0) * 0xC2B2AE35
+        light = self.light.drawn if source == DRAWN else self.light.lit
+        for block in light(station.origin, station.rotation, float(self.survey.depth_below[ping]), key):
             room -= block.count
             kept = kept + [block] if kept is not None and room >= 0 else None
             yield block

@@ -97,10 +97,14 @@ class Ensonification:
         Yields
         ------
         Echoes
-            Block by block; point targets and smooth surfaces come last.
+            Block by block; point targets and smooth surfaces come after cells, and last what is `drawn`.
         """
-        sources = self.tracer.sources([-origin[2]])
-        start = self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin))
+        yield from self.lit(origin, rotation, depth_below, key)
+        yield from self.drawn(origin, rotation, depth_below, key)
+
+    def lit(self, origin, rotation, depth_below, key):
+        """Echoes of scatterers alone, whose phases are their own: the same from wherever they are lit."""
+        sources, start = self._source(origin)
         if self.lighting == "scatterers":
             facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
             for path, at_surface in (("b", False), ("s", True)):
@@ -128,10 +132,18 @@ class Ensonification:
         for _, _, echoes in self.smooth(sources, np.array([origin], float), np.zeros(1, np.uint32)):
             yield echoes
         yield from self.ghosts.overhead(sources, start)
+
+    def drawn(self, origin, rotation, depth_below, key):
+        """Echoes of more bounces and of the water: by chance, and others from every source."""
+        sources, start = self._source(origin)
         if self.ghosts.bounces is not None:
             yield from self.ghosts.of_rays(sources, start, *self.drawn_rays(start, rotation, depth_below, key), key)
         if self.ghosts.water is not None:
             yield from self.ghosts.of_water(sources, start, *self.drawn_rays(start, rotation, None, key), key)
+
+    def _source(self, origin):
+        return (self.tracer.sources([-origin[2]]),
+                self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
     def _echoes(self, sources, origin, rotation, facet, s, path, brought=None):
         """Echoes of cells, lit by connecting them, or with the energies and areas (R,) that rays have brought."""

@@ -115,3 +115,20 @@ def test_energy_of_two_bounces_between_bed_and_wall(variant):
     energy *= (72 * 120) * (80 * 10) / n * 10 ** (-0.003 * (r + d + s))
     expected = np.histogram((r + d + s) / 2, [16, 20, 24], weights=energy)[0]
     assert np.abs(10 * np.log10(total / expected)).max() < 0.3
+
+
+@pytest.mark.parametrize("fans", ["elements", "interpolated"])
+def test_transmit_elements_share_what_is_drawn_by_chance(variant, fans):
+    """Paths of more bounces and the water add over transmit elements as they do where all have one fan: exactly."""
+    def signals(fans, path):
+        scene = array_scene({"bed": bed(20.0), "sea": {"type": "sea_surface", "wind_speed": 8.0, "size": 200.0}},
+                            film={"range": 25.0}, water={"volume_strength_db": -50.0},
+                            sensor={"transmit": "line", "transmit_elements": 4, "transmit_pitch": 0.0075,
+                                    "transmit_axis": "1, 0, 0"},
+                            integrator={"max_depth": 2, "cell": 2.0, "rays": 2000, "fans": fans})
+        return mitsonar.element_signals(scene, paths=[path]).values
+
+    for path in ("bs", "v"):
+        expected = signals("centre", path)
+        assert np.abs(expected).max() > 0
+        np.testing.assert_allclose(signals(fans, path), expected, atol=1e-5 * np.abs(expected).max())
