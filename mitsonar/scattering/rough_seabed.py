@@ -30,10 +30,12 @@ class RoughSeabed:
         Distance of the nodes of a mesh that holds the larger features, which are then left out; 0 for none.
     steepest : float [-]
         Root-mean-square slope of the roughness that sound sees, up to which the law is taken.
+    steep : float [-]
+        The same, from which on its levels near nadir are too low by some dB; elsewhere they are good to 5 dB.
     """
 
     mesh_resolution = 0.0
-    steepest = 1.0
+    steepest, steep = 1.7, 1.0     # of sandy gravel, the coarsest that is fluid, at 950 and 230 kHz
 
     def roughness_slope(self, wavenumber):
         """Give the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
@@ -76,6 +78,14 @@ class RoughSeabed:
                 f"{self.name} at {frequency / 1e3:g} kHz is too rough for the law of small slopes: its features down "
                 f"to half a wavelength have a root-mean-square slope of {slope:.2g}, and the law holds up to "
                 f"{self.steepest:g}; take a lower frequency or the law lambert.")
+
+    def doubt(self, frequency, wavenumber):
+        """Say what is doubtful of the law at a frequency [Hz] and its wavenumber [rad/m], or None."""
+        slope = self.roughness_slope(wavenumber)
+        if slope <= self.steep:
+            return None
+        return (f"{self.name} at {frequency / 1e3:g} kHz is rougher than the law of small slopes is sure of (slope "
+                f"{slope:.2g}): within 30 degrees of nadir its levels are too low by some dB")
 
     def _check_bounds(self, bounds, or_none=()):
         """Raise `ValueError` if a field is not above and up to its bounds; those in ``or_none`` may be 0."""

@@ -21,6 +21,7 @@ facets or nodes of a mesh carry.
         <float name="volume_parameter" value="0.003"/>
     </bsdf>
 """
+import warnings
 from dataclasses import replace
 
 import drjit as dr
@@ -112,6 +113,8 @@ class SedimentBed(Material):
             if {"w2", "gamma"} & set(self.varying):
                 sediment = replace(sediment, w2=LEAST["w2"])
             sediment.check(frequency, 2 * np.pi * frequency / sound_speed)
+            if doubt := sediment.doubt(frequency, 2 * np.pi * frequency / sound_speed):
+                warnings.warn(doubt, stacklevel=2)
 
     def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
         """σ of surface and volume."""

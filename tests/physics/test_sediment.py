@@ -287,7 +287,7 @@ def test_lambert_in_decibels():
 
 @pytest.mark.parametrize("arguments, parameters, words", [
     (("sediment", 0.5, 30e3), dict(sediment="rough rock"), "rough rock at 30 kHz is too rough"),
-    (("sediment", 0.5, 400e3), dict(sediment="cobble"), "cobble at 400 kHz is too rough"),
+    (("sediment", 0.5, 400e3), dict(sediment="cobble"), "cobble at 400 kHz is not a fluid"),
     (("sediment", 0.5, [20e3, 100e3]), dict(sediment="cobble"), "cobble at 100 kHz is not a fluid"),
     (("sediment", 0.5, 120e3), dict(sediment="rock"), "rock at 120 kHz is not a fluid"),
     (("sediment", 0.5, 30e3), dict(sediment="porridge"), 'no sediment is called "porridge"'),
