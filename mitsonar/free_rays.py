@@ -182,14 +182,14 @@ class FreeRays:
         launch = mi.Vector3f(heading.x * launch_cosine, heading.y * launch_cosine, up)
         arrival = mi.Vector3f(heading.x * cosine, heading.y * cosine, -sine)
         exists = found & dr.isfinite(time) & dr.isfinite(area)
-        free = exists
+        blocked = mi.Bool(False)
         if occlusion:
             lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
             begin = mi.Point3f(start) + dr.copysign(lift, dr.dot(start_normal, launch)) * start_normal
             finish = mi.Point3f(end) + dr.copysign(lift, -dr.dot(end_normal, arrival)) * end_normal - short * arrival
-            free &= ~_blocked(self.tracer.geometry.scene, table, lib, begin, heading, z0, launch_sine, p, finish, x,
-                              dr.opaque(lib.Float64, 8 * TOLERANCE), folded, exists)
-        return Connection(exists=exists, free=free, horizontal_range=x, travel_time=time, arc_length=arc,
+            blocked = _blocked(self.tracer.geometry.scene, table, lib, begin, heading, z0, launch_sine, p, finish, x,
+                               dr.opaque(lib.Float64, 8 * TOLERANCE), folded, self.tracer.geometry.only_meshes, exists)
+        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
                           spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
                           sound_speed=c)
 
@@ -236,7 +236,7 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
 
 
 @dr.syntax
-def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded, active):
+def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded, only_meshes, active):
     """Tell whether something lies on the way to `end`, at horizontal range x."""
     F = lib.Float64
     # -------------------------------------------------- loop state
@@ -257,9 +257,17 @@ def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded
             height = -dr.maximum(abs(height), LIFT)
         there = mi.Point3f(dr.fma(flat, heading.x, start.x), dr.fma(flat, heading.y, start.y), height)
         stop = dr.select(last, end, there)
-        ray, long_enough = _segment(here, stop)
-        met = scene.ray_test(ray, coherent=False, active=active & long_enough)
-        blocked |= met & active & long_enough
+        if dr.hint(only_meshes, mode="scalar"):
+            ray, long_enough = _segment(here, stop)
+            blocked |= scene.ray_test(ray, coherent=False, active=active & long_enough) & active & long_enough
+        else:
+            # from both ends: of spheres and cylinders far from where a ray starts they do not know the edge, and a
+            # point on one is in its own shadow or not
+            middle = 0.5 * (here + stop)
+            ray, long_enough = _segment(here, middle)
+            blocked |= scene.ray_test(ray, coherent=False, active=active & long_enough) & active & long_enough
+            ray, long_enough = _segment(stop, middle)
+            blocked |= scene.ray_test(ray, coherent=False, active=active & long_enough) & active & long_enough
         active = active & ~blocked & ~last
         here = stop
         z, s, k = F(z2), F(s2), k2
