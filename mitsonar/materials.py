@@ -4,15 +4,19 @@ Hits are anything with ``point``, ``normal``, ``arrival_direction``, ``sound_spe
 ``primitive`` as `trace.Hits` has them. Materials are mitsonar's own (`plugins.bsdfs.material`) or Mitsuba's, which are
 taken at their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
 """
+import re
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 __all__ = ["bistatic_strength", "check", "reflection", "scattered", "scattering_strength"]
 
+SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
+
 
 def check(geometry, profile, frequency):
-    """Ask every material of a scene whether its law holds.
+    """Ask every material of a scene whether its law holds, and whether it can be heard as it is put together.
 
     Parameters
     ----------
@@ -23,13 +27,67 @@ def check(geometry, profile, frequency):
     Raises
     ------
     ValueError
-        If one does not; the message says which and why.
+        If one does not, if a texture finds nothing to read at its shape, or if one of Mitsuba's materials only
+        mirrors or holds one of mitsonar's; the message says which and why.
     """
     slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
     for shape in geometry.scene.shapes():
-        material = shape.bsdf()
+        material, inside = shape.bsdf(), _Inside.of(shape.bsdf())
+        _check_kind(shape, material, inside)
+        for part in inside:
+            if isinstance(part, mi.Texture):
+                _check_texture(shape, part)
         if hasattr(material, "check"):
             material.check(frequency, slowest)
+
+
+class _Inside(mi.TraversalCallback):
+    """Collects what an object holds, however deep."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    @classmethod
+    def of(cls, thing):
+        inside = cls()
+        thing.traverse(inside)
+        return [part for found in inside.found for part in (found, *cls.of(found))]
+
+    def put(self, _name, value, *_):
+        if isinstance(value, mi.Object):
+            self.found.append(value)
+
+
+def _check_kind(shape, material, inside):
+    """Mitsuba's own materials are asked for their value, which knows neither frequency nor mirrors."""
+    if hasattr(material, "patchy_strength"):
+        return
+    for part in inside:
+        if hasattr(part, "patchy_strength") and not mi.has_flag(part.flags(), mi.BSDFFlags.DiffuseReflection):
+            raise ValueError(f"the material of {_name(shape)} holds another, {part}, which must stand alone; give that "
+                             "one to the shape itself")
+    if not any(mi.has_flag(material.flags(), flag) for flag in SCATTERING):
+        raise ValueError(f"the material of {_name(shape)}, {material.class_name()}, scatters nothing that could be "
+                         "heard; take rigid, soft or impedance for what is smooth, lambert for what is rough")
+
+
+def _check_texture(shape, texture):
+    """A texture that finds nothing to read at a shape is 0 there, and would pass for a parameter."""
+    if texture.class_name() == "MeshAttribute":
+        name = re.search(r'name = "(.*?)"', str(texture))[1]
+        if not np.any(shape.has_attribute(name)):
+            raise ValueError(f'a texture of {_name(shape)} reads the mesh attribute "{name}", which this shape does '
+                             'not have; in a PLY file, face_mud is the property "mud_1" of the faces, vertex_mud of '
+                             "the vertices")
+    elif texture.is_spatially_varying() and "vertex_positions" in mi.traverse(shape) \
+            and not shape.has_vertex_texcoords():
+        raise ValueError(f"{_name(shape)} has a texture but no texture coordinates; write them into the mesh, or take "
+                         "a mesh_attribute")
+
+
+def _name(shape):
+    return f'"{shape.id()}"' if shape.id() else f"a {shape.class_name()}"
 
 
 def scattering_strength(hits, active, frequency):

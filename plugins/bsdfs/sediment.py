@@ -11,7 +11,7 @@
 - ``patchiness``, ``patch_size`` [m, 1]: as of `lambert`.
 
 Textures of parameters are best ``raw``, those of classes also ``filter_type`` nearest; ``mesh_attribute`` takes what
-facets or nodes of a mesh carry.
+facets or nodes of a mesh carry: in PLY files, a property of faces called ``sediment_1`` is ``face_sediment``.
 
 .. code-block:: xml
 

@@ -14,6 +14,9 @@ class Smooth(Material):
 
     smooth = True
 
+    def __init__(self, props):
+        super().__init__(props, flags=mi.BSDFFlags.DeltaReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
+
     def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
         """None in any direction."""
         return dr.zeros(mi.Float, dr.width(wi))
