@@ -76,6 +76,7 @@ def load_file(path, /, **parameters):
     prepare()
     from .plugins.errors import as_exception
 
+    _check_bitmaps(path)
     try:
         scene = mi.load_file(path, optimize=False, **values)
     except RuntimeError as error:
@@ -136,6 +137,20 @@ def _root(path):
         return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: the XML is broken: {error}") from None
+
+
+def _check_bitmaps(path):
+    """Refuse bitmaps without a file, which end the process in Mitsuba 3.9."""
+    try:
+        elements = ElementTree.parse(path).getroot().iter("texture")
+    except ElementTree.ParseError:
+        return                                     # Mitsuba says so, with the line
+    for element in elements:
+        inside = {(child.tag, child.get("name")) for child in element}
+        if element.get("type") == "bitmap" and not inside & {("string", "filename"), ("ref", "bitmap")}:
+            name = element.get("name") or element.get("id") or ""
+            raise ValueError(f'{path}: the bitmap "{name}" has no filename; write <string name="filename" '
+                             'value="..."/> into it')
 
 
 def _naming_parameters(error, path):

@@ -91,6 +91,7 @@ class Geometry:
         shapes = scene.shapes()
         if not shapes:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
+        _check_extents(shapes)
         self.scene = scene
         names = sorted({shape.id() or shape.class_name() for shape in shapes})
         self.labels = {number: name for number, name in enumerate(names, 1)}
@@ -141,8 +142,18 @@ class Geometry:
     def targets(self):
         """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
         number_of = {name: number for number, name in self.labels.items()}
-        return [(np.asarray(shape.position, float), float(shape.target_strength_db), number_of[shape.id()])
+        return [(np.asarray(shape.position, float), float(shape.target_strength_db),
+                 number_of[shape.id() or shape.class_name()])
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
+
+
+def _check_extents(shapes):
+    for shape in shapes:
+        box = shape.bbox()
+        extents = np.array(box.max, float) - np.array(box.min, float)
+        if not (np.isfinite(extents).all() and np.sum(extents > 0) >= 2):
+            name = f'"{shape.id()}"' if shape.id() else f"of the kind {shape.class_name().lower()}"
+            raise ValueError(f"the shape {name} has no extent; give it a radius, a length or a scale above 0")
 
 
 def _padded(parts, kind):

@@ -94,6 +94,8 @@ def _raised(traceback):
 
 def _unreferenced(match):
     names = re.findall(r"^  - (\w+) \"(.*?)\"", match["list"], re.MULTILINE)
+    if all(name.startswith("_arg_") for _, name in names):                 # nested without a name of its own
+        return f"{match['plugin']}: something is nested that a {match['kind']} of this type does not take."
     listed = ", ".join(f'"{name}" ({kind})' for kind, name in names)
     return f"{match['plugin']}: there is no attribute {listed} in a {match['kind']} of this type."
 
@@ -129,10 +131,14 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
     (r"unresolved reference to \"(.*?)\"", lambda m: f'no object has the id "{m[1]}".'),
     (r"The property \"(.*?)\" has the wrong type \(expected (.*?), got (.*?)\)",
      lambda m: f"{m[1]} is a {m[3]}; expected {m[2]}."),
+    (r"Property \"(.*?)\" cannot be found!", lambda m: f"attribute {m[1]} is missing."),
     (r"Property \"(.*?)\" was specified multiple times", lambda m: f"attribute {m[1]} is written twice."),
     (r"Wavelengths must be specified in increasing order",
      lambda m: "the first numbers of a table (such as depths) must increase."),
     (r"Spectrum must have at least two entries", lambda m: "a table needs at least two entries."),
+    (r"\"(.*?)\": I/O error while attempting to open file: (.*)", lambda m: f'cannot open "{m[1]}": {m[2].lower()}.'),
+    (r"(?:Bitmap: Unknown file format|Fatal lib\w+ error|\"[^\"]*\": I/O error while attempting to read)",
+     lambda m: "the file is cut short, or no picture or mesh of its kind."),
     (r"\"(.*?)\": file does not exist!", lambda m: f'there is no file "{m[1]}".'),
     (r"Could not parse wavelength:value pair \"(.*?)\"",
      lambda m: f'the table holds "{m[1]}"; expected pairs of numbers such as 0:1490.5, 10:1485.'),

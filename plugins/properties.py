@@ -92,8 +92,10 @@ class Attributes:
             return default
         path = str(mi.file_resolver().resolve(value))  # a name that is nowhere comes back unchanged
         if not os.path.isfile(path):
-            folders = ", ".join(dict.fromkeys(str(folder) for folder in mi.file_resolver()))
-            raise self.error(f'{name} names the file "{value}", which is not there (looked in {folders}).')
+            if os.path.isdir(path):
+                raise self.error(f'{name} names the folder "{value}"; give the name of a file.')
+            raise self.error(f'{name} names the file "{value}", which is not there; it is looked for beside the scene, '
+                             "then where you are.")
         if not os.access(path, os.R_OK):
             raise self.error(f'{name} names the file "{path}", which you may not read; change its permissions.')
         return path
@@ -192,7 +194,7 @@ class Attributes:
             if name in known or name in _SHAPE_ATTRIBUTES or self.props.type(name).name in _OBJECTS:
                 continue
             raise self.error(f'got {self._got(name)} for the unknown attribute "{name}"{_nearest(name, known)}. '
-                             f"Known: {', '.join(known)}.")
+                             f"Known: {', '.join(known) or 'none'}.")
 
     def _value(self, name, default, expected, types):
         self._asked.add(name)

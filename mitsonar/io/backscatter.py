@@ -58,6 +58,8 @@ def read(path):
         frequencies = hertz_from_khz(np.array([_frequency(path, name) for name in names[1:]]))
         columns[1:] = [columns[1 + k] for k in np.argsort(frequencies)]
         frequencies = np.sort(frequencies)
+        if frequencies[0] <= 0 or (np.diff(frequencies) == 0).any():
+            raise ValueError(f"{path}: the frequencies of the columns must be above 0, and each be there once.")
     return EmpiricalSeabed(angles=np.radians(angle[order]), strengths_db=np.stack(columns[1:], 1)[order],
                            frequencies=frequencies, name=Path(path).name)
 

@@ -34,7 +34,7 @@ def records(path, what):
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no text file, holds no record, or a record has too few fields or open quotation marks.
+        If it is no text file, has no header, holds no record, or a record has too few fields or open quotation marks.
     """
     path = Path(path)
     if not path.exists():
@@ -54,6 +54,8 @@ def records(path, what):
             raise csv.Error("a field runs over several lines")
     except csv.Error as error:
         raise ValueError(f"cannot read the {what} {path}: {error}; close the quotation marks.") from None
+    if all(np.isfinite(_number(name)) for name in header):
+        raise ValueError(f"{path}, line {kept[0][0]}: numbers where the names of columns belong; give a header line.")
     names, lines = [name.strip().lower() for name in header], [number for number, _ in kept[1:]]
     for number, row in zip(lines, rows, strict=True):
         if len(row) < len(names):

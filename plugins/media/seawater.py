@@ -70,7 +70,8 @@ class Seawater(mi.Medium):
 
     def _read_absorption(self, attributes):
         """The column that the scene writes, the same at all frequencies; None where a formula is to say."""
-        table = attributes.number_or_table("absorption_db_per_km", None, unit="dB/km")
+        table = _downwards(attributes, "absorption_db_per_km",
+                           attributes.number_or_table("absorption_db_per_km", None, unit="dB/km"))
         _only_one(attributes, "absorption_formula", "absorption_db_per_km")
         if table is None:
             return None
@@ -82,7 +83,7 @@ class Seawater(mi.Medium):
 
     def _read_profile(self, attributes):
         _only_one(attributes, "profile", "cast", "sound_speed", "sound_speed_formula")
-        table = attributes.table("profile", None)
+        table = _downwards(attributes, "profile", attributes.table("profile", None))
         path = attributes.file("cast", None)
         constant = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
         formula = attributes.text("sound_speed_formula", "teos-10", choices=list(seawater.FORMULAS))
@@ -100,15 +101,20 @@ class Seawater(mi.Medium):
             raise attributes.error(str(error)) from None
 
     def _read_volume(self, attributes):
-        table = attributes.number_or_table("volume_strength_db", None, unit="dB re 1/m")
+        table = _downwards(attributes, "volume_strength_db",
+                           attributes.number_or_table("volume_strength_db", None, unit="dB re 1/m"))
         layers = attributes.text("layers", "")
         if table is None and not layers.strip():
             return None
         try:
-            return VolumeScattering(*(table or ()), layers=[Layer.read(layer) for layer in layers.split(";")
-                                                            if layer.strip()])
+            layers = [Layer.read(layer) for layer in layers.split(";") if layer.strip()]
+            volume = VolumeScattering(*(table or ()), layers=layers)
         except ValueError as error:
             raise attributes.error(str(error)) from None
+        for layer in layers:
+            if layer.top < 0:
+                raise attributes.error(f"layer {layer.name} begins at {layer.top:g} m; depths are positive down.")
+        return volume
 
     def absorption_column(self, frequency):
         """Absorption against depth at one frequency [Hz], as an `AbsorptionColumn`."""
@@ -154,6 +160,13 @@ class Seawater(mi.Medium):
     def to_string(self):
         speed = self.profile.sound_speed
         return f"Seawater[{len(speed)} nodes, {speed.min():.1f}..{speed.max():.1f} m/s]"
+
+
+def _downwards(attributes, name, table):
+    """A table against depth as it is; its author may have written z."""
+    if table is not None and (table[0] < 0).any():
+        raise attributes.error(f"{name} has the depth {table[0].min():g} m; depths are positive down.")
+    return table
 
 
 def _only_one(attributes, *names):

@@ -17,6 +17,9 @@ FILM = '<float name="range" value="$range"/>'
 RAYS = '<integer name="rays" value="$rays"/>'
 DEPTH = '<float name="depth" value="30"/>'
 END = "</scene>"
+END_OF_SHAPE = "</shape></scene>"
+BITMAP = '<texture type="bitmap" name="mu_db"><string name="filename" value="{}"/></texture>'
+MESH_ATTRIBUTE = '<texture type="mesh_attribute" name="mu_db"><string name="name" value="face_mud"/></texture>'
 
 
 def whole(tag):
@@ -32,6 +35,10 @@ def water(text):
     return (WATER, text)
 
 
+def ball(material):
+    return (END, '<shape type="sphere" id="ball"><point name="center" x="9" y="0" z="-20"/>' + material + END_OF_SHAPE)
+
+
 SCENES = {
     # attributes
     "unknown attribute": ([sensor('<float name="altitud" value="3"/>')],
@@ -39,7 +46,7 @@ SCENES = {
                           '(did you mean "altitude"?). Known: altitude, beam_width_deg,'),
     "unknown attribute of the water": ([water('<float name="soundspeed" value="1"/>')], 'did you mean "sound_speed"?'),
     "unknown attribute of the film": ([(FILM, '<integer name="width" value="5"/>')], "Known: bins, range, range_min"),
-    "unknown attribute of the integrator": ([(RAYS, '<integer name="max_depth" value="5"/>')], "lighting, rays."),
+    "unknown attribute of the integrator": ([(RAYS, '<integer name="deep" value="5"/>')], "lighting, max_depth, rays."),
     "unknown attribute of the material": ([('"mu_db"', '"mu"')], 'lambert "sand": got the float -27.0'),
     "unknown attribute of the seabed": ([('"spacing"', '"spacin"')], 'did you mean "spacing"?'),
     "wrong type": ([(PINGS, '<string name="pings" value="many"/>')],
@@ -63,7 +70,38 @@ SCENES = {
                     "makes 8e+10 bins of the range; lower it"),
     "share of the first pass": ([(RAYS, RAYS + '<float name="first_pass" value="2"/>')], "at most 0.9"),
     "material brighter than its law": ([('"-27"', '"0"')], "mu_db is the float 0.0; expected a number [dB] at most"),
+    # materials
+    "attribute that the mesh has not": ([('<float name="mu_db" value="-27"/>', MESH_ATTRIBUTE)],
+                                        'a texture of "bed" reads the mesh attribute "face_mud", which this'),
+    "attribute of a sphere": ([ball(f'<bsdf type="lambert">{MESH_ATTRIBUTE}</bsdf>')], 'a texture of "ball" reads the'),
+    "mirror of Mitsuba's": ([ball('<bsdf type="conductor"/>')], "take rigid, soft or impedance for what is smooth"),
+    "smooth material within another": ([ball('<bsdf type="twosided"><bsdf type="rigid"/></bsdf>')],
+                                       'the material of "ball" holds another, Rigid[], which must stand alone'),
+    "bitmap without a file": ([('<float name="mu_db" value="-27"/>', '<texture type="bitmap" name="mu_db"/>')],
+                              'scene.xml: the bitmap "mu_db" has no filename; write <string name="filename"'),
+    "bitmap that is not there": ([('<float name="mu_db" value="-27"/>', BITMAP.format("no.png"))],
+                                 'bitmap: cannot open "no.png": no such file or directory.'),
+    "bitmap that is none": ([('<float name="mu_db" value="-27"/>', BITMAP.format("scene.xml"))],
+                            "line 13: bitmap: the file is cut short, or no picture"),
+    "mesh attribute without a name": ([('<float name="mu_db" value="-27"/>',
+                                        '<texture type="mesh_attribute" name="mu_db"/>')], "name is missing."),
+    "something nested": ([('<float name="mu_db" value="-27"/>', '<shape type="cube"/>')],
+                         "lambert: something is nested that a bsdf of this type does not take"),
+    "attribute where none is known": ([ball('<bsdf type="soft"><float name="mu_db" value="-9"/></bsdf>')],
+                                      'for the unknown attribute "mu_db". Known: none.'),
+    "sphere without extent": ([ball('<float name="radius" value="0"/><bsdf type="rigid"/>')],
+                              'the shape "ball" has no extent; give it a radius'),
+    "sediment within another": ([ball('<bsdf type="mask"><bsdf type="sediment"/></bsdf>')], "Sediment[medium sand]"),
     # water
+    "volume above the surface": ([water(WATER + '<string name="volume_strength_db" value="-20:-70, -5:-80"/>')],
+                                 "volume_strength_db has the depth -20 m; depths are positive down."),
+    "layer above the surface": ([water(WATER + '<string name="layers" value="kelp -12 -5 -55"/>')],
+                                "layer kelp begins at -12 m; depths are positive down."),
+    "layer without numbers": ([water(WATER + '<string name="layers" value="kelp"/>')], 'is not "name top bottom dB"'),
+    "volume as loud as a wall": ([water(WATER + '<float name="volume_strength_db" value="20"/>')],
+                                 "strength is 20 dB re 1/m; it must lie in -200..0 dB"),
+    "profile against z": ([water('<spectrum name="profile" value="-20:1490, -5:1500"/>')],
+                          "profile has the depth -20 m; depths are positive down."),
     "NaN in the profile": ([water('<spectrum name="profile" value="0:1500, 10:nan"/>')],
                            'line 10: seawater "water": profile is a spectrum; expected a table of finite numbers'),
     "NaN in a written profile": ([water('<string name="profile" value="0:1500, 10:nan"/>')], "of finite numbers"),
@@ -137,6 +175,12 @@ FILES = {
     "missing track": ("track", None, "", 'track names the file "missing.csv", which is not there'),
     "BAG that is not a BAG": ("filename", "area.bag", b"\x89HDF\r\n\x1a\nrubbish" * 20, "not a bathymetry grid that"),
     "text for a BAG": ("filename", "area.bag", "hello", "not a bathymetry grid that GDAL can read"),
+    "strengths without a header": ("strengths", "b.csv", "5,-38\n45,-24\n", "line 1: numbers where the names of"),
+    "strengths with a word": ("strengths", "b.csv", "grazing,dB\n5,high\n", "line 2: db is 'high', which is no"),
+    "strengths of losses": ("strengths", "b.csv", "grazing,dB\n5,38\n45,24\n", "more comes back than arrives"),
+    "strengths twice": ("strengths", "b.csv", "grazing,9 kHz,9 kHz\n5,-3,-4\n", "above 0, and each be there once"),
+    "strengths that are none": ("strengths", "b.csv", b"\x00\xff\xfe" * 50, "it is not a text file; give a CSV file"),
+    "missing strengths": ("strengths", None, "", "which is not there; it is looked for beside the scene"),
     "missing bathymetry": ("filename", None, "", 'filename names the file "missing.csv", which is not there'),
 }
 
@@ -203,7 +247,8 @@ def test_spoilt_files(folder, refusal, attribute, name, content, words):
     if name:
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     file = f'<string name="{attribute}" value="{name or "missing.csv"}"/>'
-    edit = {"cast": water(file), "track": (PINGS, file),
+    edit = {"strengths": ball(f'<bsdf type="empirical">{file.replace("strengths", "filename", 1)}</bsdf>'),
+            "cast": water(file), "track": (PINGS, file),
             "filename": (END, f'<shape type="bathymetry">{file}</shape></scene>')}[attribute]
     (folder / "scene.xml").write_text(spoilt(edit), encoding="utf-8")
     assert words in refusal(*RENDER)
@@ -223,6 +268,16 @@ def test_scenes_that_are_none(folder, refusal, content, words):
     (folder / "scene.xml").write_bytes(content)
     said = refusal(*RENDER)
     assert said.startswith("mitsonar: scene.xml") and words in said
+
+
+def test_texture_on_a_mesh_without_texture_coordinates(folder, refusal):
+    (folder / "flat.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 -20\n9 0 -20\n0 9 -20\n3 0 1 2\n")
+    (folder / "scene.xml").write_text(spoilt((END, """<shape type="ply" id="flat">
+        <string name="filename" value="flat.ply"/>
+        <bsdf type="lambert"><texture type="checkerboard" name="mu_db"/></bsdf></shape></scene>""")))
+    assert '"flat" has a texture but no texture coordinates; write them into the mesh' in refusal(*RENDER)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read every file")

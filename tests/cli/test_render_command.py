@@ -29,6 +29,13 @@ def test_files_and_their_names(folder, accepted):
     assert accepted("plot", "o.exr", "--what", "mean") == ["o_mean.png"]
 
 
+def test_a_point_target_needs_no_id(folder, accepted):
+    text = (folder / "scene.xml").read_text()
+    target = '<shape type="point_target"><point name="position" x="20" y="0" z="-20"/></shape></scene>'
+    (folder / "scene.xml").write_text(text.replace("</scene>", target))
+    assert accepted("render", "scene.xml", "-o", "o.exr") == ["o.exr"]
+
+
 def test_parameters_and_seed_reach_the_file(folder, accepted):
     from mitsonar.io import exr
 

@@ -58,7 +58,7 @@ def test_iso_times_become_seconds_since_1970(first, second, step, tmp_path):
     ("time,x,y,z\n", "a header but no records"),
     ("time,x,z\n0,1,2\n", "the column y is missing; the header has time, x, z"),
     ("time,x,y,height\n0,1,2,3\n", "the column z is missing"),
-    ("0,1,2,-3\n1,2,3,-3\n", "the column time is missing; the header has 0, 1, 2, -3"),
+    ("0,1,2,-3\n1,2,3,-3\n", "line 1: numbers where the names of columns belong"),
     ("time,x,x,y,z\n0,1,1,2,-3\n", "the column x is given twice"),
     ("time,x,y,z,roll,roll_deg\n0,1,2,-3,0,0\n", "the column roll is given twice"),
     ("time,x,y,z,depth\n0,1,2,-3,3\n", "both z and depth"),
