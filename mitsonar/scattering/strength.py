@@ -127,6 +127,8 @@ def bistatic_strength_db(law, grazing_in, grazing_out, azimuth, frequency, *, so
 def _seabed(law, parameters):
     """The object of a law given by name or as such."""
     if not isinstance(law, str):
+        if not hasattr(law, "scattering_strength"):
+            raise ValueError(f"the law is {law!r}; give a law's name, one of {', '.join(LAWS)}, or a law.")
         if parameters:
             raise ValueError(f"{law} has its parameters in it; {', '.join(parameters)} must not be given besides.")
         return law

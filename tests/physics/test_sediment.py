@@ -296,6 +296,7 @@ def test_lambert_in_decibels():
     (("sediment", 0.5, 30e3), dict(w2=1e-4), "sediment is given too little"),
     (("lambert", 0.5, 30e3), dict(mu_db=-3), "mu_db is -3"),
     (("lamberd", 0.5, 30e3), {}, 'no law of scattering is called "lamberd"'),
+    ((3, 0.5, 30e3), {}, "the law is 3; give a law's name, one of lambert, sediment,"),
     ((LambertSeabed(mu_db=-27), 0.5, 30e3), dict(mu_db=-20), "mu_db must not be given besides"),
     (("lambert", 30, 30e3), dict(mu_db=-27), "grazing angle is 30 rad"),
     (("lambert", 0.5, -1), dict(mu_db=-27), "frequency is -1 Hz"),
