@@ -14,8 +14,9 @@ near i.
 A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
 
 What only mirrors cannot be an end of a connection. Smooth targets send rays on, and what they hit is connected to the
-sonar; a flat sea surface is unfolded (`free_rays`): each end is seen by way of it as well, and so are ends from each
-other.
+sonar; paths that begin at a smooth target count the other way round too, for none can be drawn that ends there (and so
+those that begin and end at one, with something rough between, are left out). A flat sea surface is unfolded
+(`free_rays`): each end is seen by way of it as well, and so are ends from each other; rays that meet it go on.
 """
 from dataclasses import dataclass, fields, replace
 
@@ -85,6 +86,8 @@ class _Ends:
     loss_db: object
     code: object
     leg: object
+    first_label: object            # of what the ray met first
+    first_smooth: object           # whether that was a smooth target
 
     def chosen(self, index):
         return _Ends(**{field.name: value.chosen(index) if isinstance(value, Leg) else
@@ -151,11 +154,17 @@ class Bounces:
                 for more, b in views.items():
                     for folded in (False, True)[:len(views)]:
                         if bounces + folded + more <= most:
-                            yield self._connected(a, b.chosen(partner), chance, source_speed, folded)
+                            ghosts = self._connected(a, b.chosen(partner), chance, source_speed, folded)
+                            yield ghosts
+                            if self._smooth and bounces > made:
+                                yield self._reversed(ghosts, a, origin)
                 if bounces + 1 < most or self._smooth:
                     a, mirrored = self._on(a, strata, key ^ mi.UInt32(LOBE_SALT + bounces))
+                    if bounces == made:
+                        a = _evaluated(replace(a, first_smooth=mirrored))
                     if self._smooth:
-                        yield from self._home(replace(a, valid=a.valid & mirrored), origin, source_speed, homeward)
+                        yield from self._home(replace(a, valid=a.valid & mirrored), origin, source_speed, homeward,
+                                              bounces + 2 <= most)
 
     def _loss_db(self, z0, z1, way, folded=False):
         """Absorption of one way [dB]."""
@@ -166,13 +175,16 @@ class Bounces:
         leg = Leg.along(hits, origin, hits.point)
         sine = -dr.dot(hits.normal, hits.arrival_direction)
         valid = hits.valid & (sine > GRAZING)
+        if self.mirror:
+            valid &= hits.label != self.surface                         # what lies beyond is seen folded
         patch = hits.spreading_area * solid_angle / dr.maximum(sine, GRAZING)
         return _evaluated(_Ends(
             valid=valid, point=hits.point, normal=hits.normal, arrival_direction=hits.arrival_direction,
             sound_speed=hits.sound_speed, uv=hits.uv, shape=hits.shape, primitive=hits.primitive, label=hits.label,
             solid_angle=solid_angle, patch=patch, between=dr.zeros(mi.Float64, dr.width(solid_angle)),
             loss_db=self._loss_db(-origin.z, -hits.point.z, hits),
-            code=Paths.extended(mi.UInt32(1), hits.label == self.surface), leg=leg))
+            code=Paths.extended(mi.UInt32(1), hits.label == self.surface), leg=leg,
+            first_label=hits.label, first_smooth=dr.zeros(mi.Bool, dr.width(solid_angle))))
 
     def _folded(self, ends, origin):
         """The same points, met by way of the mirror."""
@@ -221,6 +233,10 @@ class Bounces:
         third, _ = mi.sample_tea_32(second, ~key)
         direction, share, mirrored = scattered(ends, ends.valid, self.frequency, _unit(first),
                                                mi.Point2f(_unit(second), _unit(third)))
+        if self.mirror:
+            at_surface, towards = ends.label == self.surface, ends.arrival_direction
+            image = towards - 2 * dr.dot(ends.normal, towards) * ends.normal
+            direction, share = dr.select(at_surface, image, direction), dr.select(at_surface, 1, share)
         active = ends.valid & (share > 0)
         hits = self.free_rays.hit(ends.point, ends.normal, direction, active)
         sine = -dr.dot(hits.normal, hits.arrival_direction)
@@ -231,17 +247,31 @@ class Bounces:
             between=ends.between + hits.travel_time, code=Paths.extended(ends.code, hits.label == self.surface),
             loss_db=ends.loss_db + self._loss_db(-ends.point.z, -hits.point.z, hits))), mirrored
 
-    def _home(self, ends, origin, source_speed, homeward):
-        """What a smooth target has sent rays to, connected to the sonar; and the same paths the other way round."""
-        way = homeward(ends.point, ends.normal, ends.valid)
-        active = ends.valid & way.free
-        strength, sine = bistatic_strength(ends, -way.arrival_direction, active, self.frequency)
-        ratio = mi.Float(ends.sound_speed) / source_speed
-        energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * ratio * ratio / way.spreading_area
-        back = replace(ends, leg=Leg.along(way, origin, ends.point),
-                       loss_db=self._loss_db(-origin.z, -ends.point.z, way))
-        for one, other in ((ends, back), (back, ends)):
-            yield self._ghosts(energy, one, other, ends.between, ends.code, active)
+    def _home(self, ends, origin, source_speed, homeward, again):
+        """What a smooth target has sent rays to, connected to the sonar; by way of the mirror too if `again`."""
+        for folded in (False, True)[:1 + (self.mirror and again)]:
+            place, code = origin, ends.code
+            if folded:
+                way = self.free_rays.connect(origin, mi.Vector3f(0, 0, 0), ends.point, ends.normal, ends.valid,
+                                             folded=True)
+                place, code = type(origin)(origin.x, origin.y, -origin.z), Paths.extended(code, mi.Bool(True))
+            else:
+                way = homeward(ends.point, ends.normal, ends.valid)
+            active = ends.valid & way.free
+            strength, sine = bistatic_strength(ends, -way.arrival_direction, active, self.frequency)
+            ratio = mi.Float(ends.sound_speed) / source_speed
+            energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * ratio * ratio / way.spreading_area
+            back = replace(ends, leg=Leg.along(way, place, ends.point, folded=folded),
+                           loss_db=self._loss_db(-place.z, -ends.point.z, way, folded))
+            ghosts = self._ghosts(energy, ends, back, ends.between, code, active)
+            yield ghosts
+            yield self._reversed(ghosts, ends, origin)
+
+    def _reversed(self, ghosts, ends, origin):
+        """The same paths the other way round, of those that began at a smooth target."""
+        z = ghosts.out.offset.z + (-origin.z if ghosts.out.folded else origin.z)
+        return replace(ghosts, out=ghosts.back, back=ghosts.out, label=ends.first_label, depth=mi.Float(-z),
+                       active=ghosts.active & ends.first_smooth)
 
     def _ghosts(self, energy, out, back, between, code, active, loss_db=0.0):
         active = active & (energy > 0) & dr.isfinite(energy)
