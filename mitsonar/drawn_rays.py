@@ -31,7 +31,7 @@ class DrawnRays:
     pattern : callable or None
         As of `Ensonification`.
     surface : bool
-        Whether the scene has a sea surface.
+        Whether the scene has a sea surface that scatters.
     """
 
     def __init__(self, profile, *, window, rays, pattern, surface):

@@ -76,7 +76,7 @@ class Ensonification:
         self.smooth = SmoothTargets(self.connector, self.loss_db, frequency=frequency, resolution=resolution,
                                     reach=margin, farthest=self.farthest, bounces=max_depth)
         self.drawn_rays = DrawnRays(profile, window=window, rays=rays, pattern=pattern,
-                                    surface=geometry.surface_label > 0)
+                                    surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
         self.ghosts = ArrayGhosts(geometry, self.tracer, self.connector, self.free_rays, profile, absorption,
                                   self.loss_db, frequency=frequency, window=window, max_depth=max_depth, volume=volume)
 

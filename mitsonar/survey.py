@@ -11,7 +11,7 @@ Everything between launch and the bins is one Dr.Jit kernel; its numbers are opa
 numbers are hashed from (seed, ping, side, ray): neither blocks nor threads change them. The platform stands still
 during a ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import drjit as dr
@@ -225,7 +225,9 @@ class _Block:
         depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
         below = np.repeat(survey.depth_below[ping], 2)
         mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
-        above = np.repeat(-survey.track.position[ping, 2], 2) if survey.geometry.surface_label else None
+        above = None
+        if survey.geometry.surface_label and not survey.geometry.surface_mirrors:
+            above = np.repeat(-survey.track.position[ping, 2], 2)
         return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
 
     def _need(self, place, quantiles):
@@ -270,8 +272,12 @@ class _Block:
                      pattern=along * across)
 
     def _trace(self, place, ray):
-        origin = place.origin(ray.ping)
-        return self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
+        origin, geometry = place.origin(ray.ping), self.survey.geometry
+        hits = self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
+        if not geometry.surface_mirrors:
+            return hits
+        # nothing comes back from there: it lights no shadow, and what lies beyond is seen by other rays (`bounces`)
+        return replace(hits, valid=hits.valid & (hits.label != self.surface))
 
     def _bounces(self, deepest):
         survey, geometry = self.survey, self.survey.geometry

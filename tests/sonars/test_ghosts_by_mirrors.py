@@ -6,13 +6,11 @@ at the origin, 10 m deep, omnidirectional. A leg by way of the wall is straight 
     e² = Σ_p Σ_q (sin_p,in / l_0²) (μ_p sin_p,out sin_q,in / l_1²) (μ_q sin_q,out / l_2²) 10^(-α (l_0 + l_1 + l_2)/10)
 
 over points p, q of bed and board. The wall may come first, last, or between, where three bounces without it add to what
-is heard; each is heard once. The gate is 34 to 38 m of
-half the way; both are Monte-Carlo sums: 0.4 dB is four standard errors.
+is heard; each is heard once. The gate is 34 to 38 m of half the way; both are Monte-Carlo sums: 0.4 dB is four standard errors.
 """
 from itertools import product
 
 import numpy as np
-import pytest
 from array_scene import array_scene
 
 EDGES = np.array([34.0, 38.0])

@@ -8,6 +8,7 @@ bin's 1/80, as its strength near the vertical falls by 1 dB in 0.05 m. 0.05 dB i
 import numpy as np
 from scipy.integrate import trapezoid
 
+import mitsonar
 from mitsonar.scattering import backscatter_strength_db
 from sidescan_scene import lambert, plane, render, sidescan
 
@@ -74,3 +75,16 @@ def test_bed_is_seen_as_if_there_were_no_surface():
     assert np.abs(10 * np.log10(level / same))[:, seen].max() < 0.15
     assert np.all(both["mean_level"].values[..., alone["range"].values < 19] == -200)
     assert set(both.attrs["labels"].values()) == {"seabed", "surface"}
+
+
+def test_a_mirror_takes_no_rays_and_lights_no_shadow(variant):
+    """A flat surface sends nothing back: what is seen straight is the record without it, shadows and all."""
+    import mitsuba as mi
+    box = {"type": "cube", "bsdf": {"type": "lambert"},
+           "to_world": mi.ScalarTransform4f().translate([30, 0, -37]).scale([1, 8, 3])}
+    shapes = {"seabed": plane(40.0), "wreck": box}
+    alone = mitsonar.render(sidescan(shapes, rays=20_000))
+    under = mitsonar.render(sidescan({**shapes, "surface": {"type": "sea_surface", "wind_speed": 0.0}}, rays=20_000))
+    assert alone["shadow"].values.any()
+    for name in ("shadow", "rays", "mean_level"):
+        np.testing.assert_array_equal(under[name].values, alone[name].values)
