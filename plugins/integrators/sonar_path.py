@@ -38,7 +38,8 @@ from mitsonar.survey import Survey
 from mitsonar.trace import Geometry
 from mitsonar.units import db_from_power
 
-BYTES_PER_BIN = 50                 # of the record while it is made and written, all variables together
+BYTES_PER_BIN = 50                 # of the record while it is made and written, all variables together,
+BYTES_PER_PATH = 12                # and of each path where there is more than one
 BINS_PER_PULSE = 10_000
 MOST_BOUNCES = 6
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
@@ -75,12 +76,13 @@ class SonarPath(mi.SamplingIntegrator):
         geometry = Geometry(scene)
         track, sonar, below = sensor.plan(geometry, _origin(scene))
         window, bins = sensor.film().window(sonar.sound_speed)
-        _check_size(track.pings, bins, window, sonar.pulse_length)
         materials.check(geometry, sensor.water.profile, sonar.frequency)
-        return Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
-                      absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
-                      rays=self.rays, first_pass=self.first_pass, max_depth=self.max_depth,
-                      volume=sensor.water.volume)
+        survey = Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
+                        absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
+                        rays=self.rays, first_pass=self.first_pass, max_depth=self.max_depth,
+                        volume=sensor.water.volume)
+        _check_size(survey)
+        return survey
 
     def array_survey(self, scene, sensor, lead=0.0):
         """Plan a run of a sensor with arrays over the scene.
@@ -179,16 +181,19 @@ def _element_noise(sensor, plan, sampling_rate):
                         ambient_db=ambient_db, self_noise_db=own_db)
 
 
-def _check_size(pings, bins, window, pulse_length):
+def _check_size(survey):
     """Refuse what would end in exhausted memory, or in hours of summing over a pulse of a million bins."""
-    bin_length = (window[1] - window[0]) / bins
+    pings, bins, paths = survey.track.pings, survey.bins, len(survey.paths)
+    bin_length, pulse_length = survey.bin_length, survey.sonar.pulse_length
     if pulse_length > BINS_PER_PULSE * bin_length:
         raise ValueError(f"the film's bins last {1e6 * bin_length:.3g} µs and the pulse {1e6 * pulse_length:.3g} µs, "
                          f"more than {BINS_PER_PULSE} bins; take fewer bins, a longer range or a shorter pulse")
-    needed, there = BYTES_PER_BIN * pings * 2 * bins, _memory()
+    per_bin = BYTES_PER_BIN + (BYTES_PER_PATH * paths if paths > 1 else 0)
+    needed, there = per_bin * pings * 2 * bins, _memory()
     if needed > there:
-        raise ValueError(f"a record of {pings} pings with 2 x {bins} bins takes {needed / 1e9:.0f} GB, more than the "
-                         f"{there / 1e9:.0f} GB of this machine; take fewer pings or bins")
+        by_path, fewer = (f" and {paths} paths", "pings, bins or bounces") if paths > 1 else ("", "pings or bins")
+        raise ValueError(f"a record of {pings} pings with 2 x {bins} bins{by_path} takes {needed / 1e9:.0f} GB, more "
+                         f"than the {there / 1e9:.0f} GB of this machine; take fewer {fewer}")
 
 
 def _memory():
