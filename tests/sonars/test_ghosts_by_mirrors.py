@@ -1,12 +1,14 @@
 """Three bounces of which one is off a rigid wall, by the path's place in them, against brute force with images.
 
-A Lambert bed z = -20 m for -14 < x < 12 and a Lambert board x = -15 over it (-12 < z < 0) face a rigid wall x = 12. Sonar
-at the origin, 10 m deep, omnidirectional. A leg by way of the wall is straight to the image of where it ends, at 24 - x:
+A Lambert bed z = -20 m for -14 < x < 12 and a Lambert board x = -15 over it (-12 < z < 0) face a rigid wall x = 12.
+Sonar at the origin, 10 m deep, omnidirectional. A leg by way of the wall is straight to the image of where it ends, at
+24 - x:
 
     e² = Σ_p Σ_q (sin_p,in / l_0²) (μ_p sin_p,out sin_q,in / l_1²) (μ_q sin_q,out / l_2²) 10^(-α (l_0 + l_1 + l_2)/10)
 
-over points p, q of bed and board. The wall may come first, last, or between, where three bounces without it add to what
-is heard; each is heard once. The gate is 34 to 38 m of half the way; both are Monte-Carlo sums: 0.4 dB is four standard errors.
+over points p, q of bed and board. The wall may come first, last, or between, where three bounces without it add to
+what is heard; each is heard once. The gate is 34 to 38 m of half the way; both are Monte-Carlo sums: 0.4 dB is four
+standard errors.
 """
 from itertools import product
 
