@@ -32,7 +32,7 @@ def check(geometry, profile, frequency):
     """
     slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
     for shape in geometry.scene.shapes():
-        material, inside = shape.bsdf(), _Inside.of(shape.bsdf())
+        material, inside = shape.bsdf(), _inside(shape.bsdf())
         _check_kind(shape, material, inside)
         for part in inside:
             if isinstance(part, mi.Texture):
@@ -41,22 +41,20 @@ def check(geometry, profile, frequency):
             material.check(frequency, slowest)
 
 
-class _Inside(mi.TraversalCallback):
-    """Collects what an object holds, however deep."""
+def _inside(thing):
+    """What an object of Mitsuba's holds, however deep."""
+    class Collector(mi.TraversalCallback):          # of the variant that is set now
+        def __init__(self):
+            super().__init__()
+            self.found = []
 
-    def __init__(self):
-        super().__init__()
-        self.found = []
+        def put(self, _name, value, *_):
+            if isinstance(value, mi.Object):
+                self.found.append(value)
 
-    @classmethod
-    def of(cls, thing):
-        inside = cls()
-        thing.traverse(inside)
-        return [part for found in inside.found for part in (found, *cls.of(found))]
-
-    def put(self, _name, value, *_):
-        if isinstance(value, mi.Object):
-            self.found.append(value)
+    collector = Collector()
+    thing.traverse(collector)
+    return [part for found in collector.found for part in (found, *_inside(found))]
 
 
 def _check_kind(shape, material, inside):
