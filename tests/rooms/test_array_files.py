@@ -48,7 +48,7 @@ def test_normal_for_all_where_the_file_has_none(tmp_path):
     ("", "no header and no records"),
     ("x,y,z\n", "a header but no records"),
     ("x,y\n0,1\n", "the column z is missing; the header has x, y and needs x, y and z"),
-    ("0,1,2\n3,4,5\n", "the column x is missing; the header has 0, 1, 2"),
+    ("0,1,2\n3,4,5\n", "numbers where the names of columns belong; give a header line"),
     ("x,y,z,nx,nz\n0,1,2,0,1\n", "the column ny is missing"),
     ("x,y,z,z\n0,1,2,3\n", "the column z is given twice"),
     ("x,y,z\n0,1,2\n\n0,1,here\n", "line 4: z is 'here', which is not a finite number"),
