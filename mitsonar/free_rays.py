@@ -16,8 +16,7 @@ from .connection import LIFT, LIFT_PER_RANGE, Connection
 from .propagation.aiming import CLOSE_ENOUGH, aim
 from .propagation.fans import arc_step, first_layer
 from .propagation.layer_table import layer_table
-from .propagation.record import Record
-from .propagation.two_point import arc_length, arc_time, to_hit
+from .propagation.two_point import PointState, arc_length, arc_time, to_hit
 from .trace import TOLERANCE
 
 __all__ = ["FreeHits", "FreeRays"]
@@ -57,17 +56,6 @@ class FreeHits:
     ray_parameter: object
     arrival_direction: object
     sound_speed: object
-
-
-class _Here(Record):
-    """The medium at points that are all different, as `two_point.SourceState` tells it."""
-
-    depth: object
-    speed: object
-    moments: object
-
-    def gather(self, lib, index):
-        return self.depth, self.speed, self.moments
 
 
 class FreeRays:
@@ -172,7 +160,7 @@ class FreeRays:
         scale = mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
         heading = mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale), dr.select(upright, 0, mi.Float(dy) * scale))
         c0, moments = table.at(z0)
-        here, none = _Here(depth=z0, speed=c0, moments=moments), lib.UInt32(0)
+        here, none = PointState(depth=z0, speed=c0, moments=moments), lib.UInt32(0)
         sine0, cosine0, found = aim(table, lib, here, none, x, z, active)
         time, arc, area, p, sine, c = to_hit(table, lib, here, none, sine0, cosine0, x, z, found,
                                              dr.opaque(lib.Float64, CLOSE_ENOUGH))

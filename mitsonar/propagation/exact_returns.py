@@ -9,23 +9,11 @@ its place where it does not hold.
 import drjit as dr
 
 from .aiming import CLOSE_ENOUGH, aim
-from .record import Record
-from .two_point import to_hit
+from .two_point import PointState, to_hit
 
 __all__ = ["exact_return"]
 
 NEWTON_STEPS = 4               # each takes (v/c)² ~ 1e-5 of the error off
-
-
-class _Here(Record):
-    """The medium at sources that are all different, as `two_point.SourceState` tells it."""
-
-    depth: object
-    speed: object
-    moments: object
-
-    def gather(self, lib, index):
-        return self.depth, self.speed, self.moments
 
 
 def exact_return(table, lib, origin_depth, displacement, elapsed, offset, velocity, turn_rate, first):
@@ -69,7 +57,7 @@ def _solve(table, lib, origin_depth, displacement, elapsed, offset, velocity, tu
         across = dr.sqrt(across_x * across_x + across_y * across_y)
         depth = origin_depth - displacement.z
         c, moments = table.at(here)
-        source, none = _Here(depth=here, speed=c, moments=moments), lib.UInt32(0)
+        source, none = PointState(depth=here, speed=c, moments=moments), lib.UInt32(0)
         sine, cosine, found = aim(table, lib, source, none, across, depth, lib.Bool(True))
         t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, depth, found,
                                                       dr.opaque(F, CLOSE_ENOUGH))

@@ -23,7 +23,7 @@ from .device import upload
 from .fans import arc_step, first_layer, wavefront_step
 from .record import Record
 
-__all__ = ["SourceState", "arc_length", "arc_time", "source_state", "to_hit", "walk"]
+__all__ = ["PointState", "SourceState", "arc_length", "arc_time", "source_state", "to_hit", "walk"]
 
 SERIES_LIMIT = 2e-6
 FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
@@ -41,6 +41,18 @@ class SourceState(Record):
         head = dr.gather(lib.Array4f64, self.rows, 2 * index)
         moments = dr.gather(lib.Array4f64, self.rows, 2 * index + 1)
         return head[0], head[1], [moments[i] for i in range(4)]
+
+
+class PointState(Record):
+    """The medium at points that are all different, one a ray: depth, sound speed and moments, Float64 (R,)."""
+
+    depth: object
+    speed: object
+    moments: object
+
+    def gather(self, lib, index):
+        """As of `SourceState`; the index plays no part."""
+        return self.depth, self.speed, self.moments
 
 
 def source_state(table, source_depth):
