@@ -96,8 +96,10 @@ def share_scattered(law, grazing, frequency, radii=500, turns=120):
 
 @pytest.mark.parametrize("law", ALL)
 def test_scatters_no_more_than_it_receives(law):
-    # what a mesh holds taken out, first order keeps energy to a tenth for sand; see `scattering.resolved`
-    most = 1.1 if getattr(law, "mesh_resolution", 0) else 1.01
+    # first order keeps energy to a tenth for sand with what a mesh holds taken out (`scattering.resolved`), and to a
+    # hundredth for a spectrum flatter than that of any seabed of the table; all else to the quadrature's 1e-4
+    shallow = getattr(law, "gamma", 3.25) < 2.8
+    most = 1.1 if getattr(law, "mesh_resolution", 0) else 1.01 if shallow else 1 + 1e-4
     for frequency in holds_at(law):
         for degrees in (1, 5, 15, 30, 50, 70, 90):
             assert share_scattered(law, np.radians(degrees), frequency) <= most
