@@ -32,7 +32,7 @@ FLOORS = """
     plots doctor
     published
     validation
-    sweep
+    sweep labelling dataset
     bootstrap cli
     __main__
 """
