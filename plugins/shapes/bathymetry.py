@@ -36,7 +36,11 @@ class Bathymetry(mi.Mesh):
 
         "bed": {"type": "bathymetry", "filename": "survey.bag", "crop_size": "600, 400", "resolution": 1.0,
                 "bsdf": {"type": "lambert"}}
+
+    The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that.
     """
+
+    seabed = True
 
     def __init__(self, props):
         attributes = Attributes(props)

@@ -47,7 +47,11 @@ class Seabed(mi.Mesh):
         "bed": {"type": "seabed", "length": 100.0, "width": 150.0, "spacing": 0.1, "depth": 20.0,
                 "ripple_wavelength": 0.8, "ripple_height": 0.1, "fractal_sediment": "medium sand",
                 "bsdf": {"type": "lambert"}}
+
+    The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that.
     """
+
+    seabed = True
 
     def __init__(self, props):
         attributes = Attributes(props)
