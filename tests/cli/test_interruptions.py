@@ -42,7 +42,7 @@ class Finder:
             kill()
 sys.meta_path.insert(0, Finder())""",
     "within a plugin": "from mitsonar.io import casts; trap(casts, 'read', kill)",
-    "during the render": "from mitsonar import cli; trap(cli._Progress, '__call__', kill)",
+    "during the render": "from mitsonar.cli import progress; trap(progress.Progress, '__call__', kill)",
     "before the file is complete": "from mitsonar.io import exr; trap(exr, '_config', kill)",
 }
 

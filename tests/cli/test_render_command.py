@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mitsonar import cli
+from mitsonar.cli import progress
 
 
 @pytest.fixture
@@ -119,13 +120,13 @@ def shown(monkeypatch):
     """Give what is shown of a run that reports (seconds, pings done of 100)."""
     def run(reports, terminal):
         clock = iter([0.0, *(seconds for seconds, _ in reports)])
-        monkeypatch.setattr(cli, "time", types.SimpleNamespace(monotonic=lambda: next(clock)))
+        monkeypatch.setattr(progress, "time", types.SimpleNamespace(monotonic=lambda: next(clock)))
         monkeypatch.setattr(sys, "stderr", Terminal(terminal))
         monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setenv("COLUMNS", "100")
-        with cli._Progress() as progress:
+        with progress.Progress() as report:
             for _, done in reports:
-                progress(done, 100)
+                report(done, 100)
         return sys.stderr.getvalue()
     return run
 

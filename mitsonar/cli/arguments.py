@@ -1,0 +1,78 @@
+"""What the commands' arguments have in common: the parser, scenes by name, ``-D KEY=VALUE``, seeds and threads."""
+import argparse
+import os
+from importlib.resources import files
+
+__all__ = ["Parser", "add_scene", "parameters", "scene_file", "set_up", "whole"]
+
+MOST_THREADS = 1024
+
+
+class Parser(argparse.ArgumentParser):
+    """Argument parser whose complaints are errors like all others."""
+
+    def error(self, message):
+        raise ValueError(f"{message}; see {self.prog} --help")
+
+
+def add_scene(command):
+    """Add what a command that loads a scene takes: the scene, its parameters, seed and threads."""
+    command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
+    command.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
+                         help="value for a $parameter of the scene; repeatable")
+    command.add_argument("--seed", type=whole, default=0, metavar="N", help="of all that is random; default: 0")
+    command.add_argument("--threads", type=whole, metavar="N", help="worker threads, at least 2; default: one per core")
+
+
+def parameters(arguments):
+    """Give the values of ``-D`` by name, as text."""
+    values = {}
+    for key, value in map(_key_value, arguments.parameters):
+        if key in values:
+            raise ValueError(f"-D {key} is given twice, as {values[key]} and {value}; leave one out")
+        values[key] = value
+    return values
+
+
+def set_up(threads):
+    """Silence what Mitsuba says beside its errors, and set the number of threads."""
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_log_level(mi.LogLevel.Error)
+    if threads is None:
+        return
+    if not 2 <= threads <= MOST_THREADS:
+        raise ValueError(f"--threads is {threads}; give 2 to {MOST_THREADS} (Mitsuba needs two even on one core)")
+    try:
+        dr.set_thread_count(threads)
+    except RuntimeError as error:
+        raise ValueError(f"--threads is {threads}, more than this machine starts: {error}; give fewer") from None
+
+
+def whole(text):
+    """Read a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def scene_file(name):
+    """Find a scene: a file, or one that comes with mitsonar by its name."""
+    if os.path.exists(name):
+        return name
+    if os.path.dirname(name) == "":
+        shipped = files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
+        if shipped.is_file():
+            return str(shipped)
+    known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in files("mitsonar.scenes").iterdir()
+                             if entry.name.endswith(".xml")))
+    raise FileNotFoundError(f"scene {name} does not exist; give the path of a Mitsuba XML file or one of: {known}")
+
+
+def _key_value(text):
+    key, equals, value = text.partition("=")
+    if not (equals and key):
+        raise ValueError(f"-D takes KEY=VALUE, got {text!r}; for example -D pings=200")
+    return key, value

@@ -1,0 +1,23 @@
+"""The commands about this machine: doctor, test, llvm."""
+from .arguments import scene_file
+
+__all__ = ["add"]
+
+
+def add(commands):
+    """Add the commands to the parser's; ``test`` and ``llvm`` run before this package is imported."""
+    doctor = commands.add_parser("doctor", help="say what was found on this machine and render one ping")
+    doctor.set_defaults(run=_doctor)
+    commands.add_parser("test", help="run the project's tests (in a checkout)")
+    commands.add_parser("llvm", help="say which libLLVM is used; fetch one where there is none")
+
+
+def _doctor(arguments):
+    from .. import doctor
+
+    def check():
+        from .. import load_file, render
+
+        render(load_file(scene_file("sidescan_flat"), pings=1, rays=2000, bins=100))
+
+    return doctor.run(check)

@@ -1,0 +1,101 @@
+"""The commands that render: render, signals, demo."""
+import os
+
+from .arguments import add_scene, parameters, scene_file, set_up, whole
+from .progress import Progress
+from .words import announce
+
+__all__ = ["add"]
+
+
+def add(commands):
+    """Add the commands to the parser's."""
+    render = commands.add_parser("render", help="render a scene to an EXR")
+    add_scene(render)
+    render.add_argument("-o", "--output", required=True, metavar="OUT.exr")
+    render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
+    render.set_defaults(run=_render)
+
+    signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
+    add_scene(signals)
+    signals.add_argument("-o", "--output", required=True, metavar="OUT.nc")
+    signals.add_argument("--ping", type=whole, action="append", metavar="N",
+                         help="which ping; repeatable; default: all")
+    signals.add_argument("--response", action="store_true",
+                         help="the impulse response of every pair of elements instead")
+    signals.add_argument("--kernel", default="band_limited", help="band_limited (default), peterson or nearest")
+    signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
+    signals.add_argument("--path", action="append", metavar="NAME",
+                         help="only echoes along this path, such as b, bs or v; may be repeated; default: all")
+    signals.set_defaults(run=_signals)
+
+    demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
+    demo.add_argument("--seed", type=whole, default=0, metavar="N")
+    demo.set_defaults(run=_demo)
+
+
+def _render(arguments):
+    _render_to(scene_file(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
+               arguments.preview, arguments.threads)
+
+
+def _signals(arguments):
+    from ..io import files
+    from ..io import signals as netcdf
+
+    path = scene_file(arguments.scene)
+    files.check_writable(arguments.output)
+    if os.path.splitext(arguments.output)[1].lower() != ".nc":
+        raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
+    from ..elements import element_signals, impulse_response, pings
+    from ..scene import load_file
+
+    set_up(arguments.threads)
+    scene = load_file(path, **parameters(arguments))
+    listen = impulse_response if arguments.response else element_signals
+    with Progress() as progress:
+        heard = listen(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
+                       return_path=arguments.return_path, seed=arguments.seed, paths=arguments.path,
+                       progress=progress)
+    netcdf.write(arguments.output, heard)
+    announce(arguments.output)
+
+
+def _demo(arguments):
+    _render_to(scene_file("sidescan_targets"), {}, arguments.seed, "demo.exr", "demo.png", None)
+
+
+def _render_to(path, values, seed, output, preview, threads):
+    _check_outputs(output, preview)
+    from .. import load_file, render
+    from ..io import exr
+
+    set_up(threads)
+    scene = load_file(path, **values)
+    with Progress() as progress:
+        dataset = render(scene, seed=seed, progress=progress)
+    exr.write(dataset, output)
+    announce(output)
+    if preview is not None:
+        from .. import plots
+
+        plots.preview(dataset, preview)
+        announce(preview)
+
+
+def _check_outputs(output, preview):
+    """An hour of rendering must not end in a missing folder."""
+    from ..io.files import check_writable
+
+    try:
+        f"{output}{preview}".encode()
+    except UnicodeEncodeError:
+        raise ValueError("cannot write a file whose name is not UTF-8; give another name") from None
+    check_writable(output)
+    if os.path.splitext(output)[1].lower() != ".exr":
+        raise ValueError(f"cannot write {output}: its name must end in .exr; pictures are made by --preview")
+    if preview is not None:
+        from ..plots.canvas import file_format
+
+        file_format(preview)
+        check_writable(preview)

@@ -1,0 +1,65 @@
+"""The commands that look at results: plot, published, validate."""
+import os
+
+from .arguments import set_up, whole
+from .words import announce
+
+__all__ = ["add"]
+
+
+def add(commands):
+    """Add the commands to the parser's."""
+    plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
+    plot.add_argument("image", metavar="IN.exr")
+    plot.add_argument("--what", default="waterfall", metavar="VIEW",
+                      help="waterfall (default), ping, mean, labels, depth, shadow or rays")
+    plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
+    plot.add_argument("--ping", type=whole, metavar="N",
+                      help="which ping the view `ping` shows; default: the middle one")
+    plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    plot.set_defaults(run=_plot)
+
+    published = commands.add_parser("published", help="compute a table or figure of the published method anew")
+    published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
+    published.add_argument("-o", "--output", metavar="OUT.png|OUT.csv",
+                           help="figure or numbers; default: say the result here")
+    published.set_defaults(run=_published)
+
+    validate = commands.add_parser("validate", help="compare with closed forms, published numbers and exact eigenrays")
+    validate.add_argument("-o", "--output", metavar="FOLDER", help="write report.md and pictures there; default: none")
+    validate.add_argument("--only", nargs="+", metavar="NAME", help="of the comparisons; default: all")
+    validate.add_argument("--quick", action="store_true", help="fewer rays and sediments: a minute in place of several")
+    validate.set_defaults(run=_validate)
+
+
+def _plot(arguments):
+    from .. import plots
+    from ..io import exr
+
+    dataset = exr.read(arguments.image)
+    output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{arguments.what}.png"
+    tvg = None if arguments.tvg == "none" else arguments.tvg
+    plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping)
+    announce(output)
+
+
+def _published(arguments):
+    from .. import published
+
+    set_up(None)
+    if arguments.output is None:
+        print(published.text(arguments.result), flush=True)
+        return
+    published.write(arguments.result, arguments.output)
+    announce(arguments.output)
+
+
+def _validate(arguments):
+    from ..validation import validate
+
+    set_up(None)
+    holds = validate(arguments.only, quick=arguments.quick, folder=arguments.output,
+                     say=lambda text: print(text, flush=True))
+    if arguments.output is not None:
+        announce(os.path.join(arguments.output, "report.md"))
+    return 0 if holds else 1

@@ -1,0 +1,63 @@
+"""What a command says beside its results: files it wrote, warnings, errors, and that it was interrupted."""
+import os
+import signal
+import sys
+
+__all__ = ["Signals", "announce", "mute", "sentence", "warn"]
+
+
+class Signals:
+    """Let Ctrl-C and a request to terminate end the command by the same way, and remember which of them came."""
+
+    def __enter__(self):
+        self.received, self.before = None, {}
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:                 # whoever started us wants it ignored
+                self.before[number] = signal.signal(number, self._stop)
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self.before.items():
+            signal.signal(number, handler)
+
+    def _stop(self, number, _frame):
+        self.received = number
+        raise KeyboardInterrupt
+
+    def end(self):
+        """Say that the command was interrupted, and end it, or give its exit code where no signal came."""
+        for number in self.before:
+            signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C shall not break into the last words
+        after_echo = "\n" if self.received == signal.SIGINT and sys.stderr.isatty() else ""     # the terminal's ^C
+        print(f"{after_echo}mitsonar: interrupted; no unfinished file is left", file=sys.stderr, flush=True)
+        if self.received is None:
+            return 128 + signal.SIGINT
+        # Python's orderly end crashes on a library whose import was interrupted
+        os._exit(128 + self.received)
+
+
+def announce(path):
+    """Print the name of a file that was written; that nobody listens does not undo it."""
+    try:
+        print(path, flush=True)
+    except OSError:
+        mute()
+
+
+def mute():
+    """Send what is left to print to nowhere, else Python complains about it when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def warn(message, *_):
+    """Print a warning as one sentence."""
+    print(f"mitsonar: {message}", file=sys.stderr)
+
+
+def sentence(error):
+    """Put an error the user can mend into one sentence."""
+    if isinstance(error, MemoryError):
+        return f"out of memory: {error or 'nothing more is known'}; take fewer pings, rays or bins"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return " ".join(str(error).split())
