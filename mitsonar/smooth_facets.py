@@ -104,7 +104,6 @@ class SmoothFacets:
         self.shapes = [shape for *_, shape in parts]
         if not parts:
             return
-        number_of = {name: number for number, name in geometry.labels.items()}
         self.corner = np.concatenate([corner for corner, *_ in parts])
         self.centre = self.corner.mean(1)
         self.radius = np.linalg.norm(self.corner - self.centre[:, None], axis=-1).max(1)
@@ -122,7 +121,7 @@ class SmoothFacets:
         self.fewest_lit = np.maximum(1, np.ceil(turn / TURN)).astype(int)
         self.convex = len(parts) == 1 and _is_convex(self.corner, self.normal, outward[0])
         facts = np.concatenate([np.stack(np.broadcast_arrays(
-            index, np.arange(len(corner)), number_of[shape.id() or shape.class_name()], 0), 1)
+            index, np.arange(len(corner)), geometry.named.of_faces(shape, len(corner)), 0), 1)
             for corner, _, index, shape in parts])
         table = np.zeros((max(index for index, *_ in rows) + 1, 4), np.uint32)
         for index, row, is_grid in rows:

@@ -15,6 +15,7 @@ from .propagation.fans import build_fans
 from .propagation.layer_table import layer_table
 from .propagation.record import Record
 from .propagation.two_point import source_state, to_hit
+from .shape_labels import ShapeLabels
 
 __all__ = ["Geometry", "Hits", "Sources", "Tracer"]
 
@@ -22,6 +23,8 @@ TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is statio
 # [m] the same of rays drawn at random: where neighbouring rows of a fan have other chords their hits leap by as much,
 # over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
 FAN_TOLERANCE = 0.0002
+BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on, over what float32 knows of places
+SEABED, OBJECT = 1, 2  # kinds, as `ShapeLabels.kinds` gives them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +74,12 @@ class Geometry:
 
     Attributes
     ----------
+    named : ShapeLabels
+        Numbers, names and classes of what the scene holds.
     labels : dict[int, str]
-        Number → id of every shape, in the order of their ids.
+        Number → name of every instance, in the order of the names.
+    kinds : UInt32
+        Kind of every shape by its registry index: 1 seabed, 2 object, 0 neither.
     depth_range : (float, float) [m]
         Highest and lowest point of the scene.
     surface_label : int
@@ -93,9 +100,8 @@ class Geometry:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
         _check_extents(shapes)
         self.scene = scene
-        names = sorted({shape.id() or shape.class_name() for shape in shapes})
-        self.labels = {number: name for number, name in enumerate(names, 1)}
-        number_of = {name: number for number, name in self.labels.items()}
+        self.named = ShapeLabels(shapes)
+        self.labels = self.named.names
         registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
         # Mitsuba's own materials may read textures; those of sonar say whether they do
         self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
@@ -104,7 +110,7 @@ class Geometry:
         vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0
         self.meshes, self.others = [], []
         for index, shape in zip(registry, shapes):
-            rows[index, 0] = number_of[shape.id() or shape.class_name()]
+            rows[index, 0] = self.named.of(shape)
             parameters = mi.traverse(shape)
             if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
                 self.others.append((int(index), shape))
@@ -115,22 +121,23 @@ class Geometry:
             texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
                              else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
-            faces.append(face + np.uint32(first_vertex))
+            label = self.named.of_faces(shape, len(face))
+            faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))
             self.meshes.append((int(index), shape, first_face, len(face)))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
-        self.rows = upload(mi.UInt32, rows)
-        # four wide, so that a vertex or a face is one aligned packet
-        self.vertices = upload(mi.Float, _padded(vertices, np.float32))
-        self.faces = upload(mi.UInt32, _padded(faces, np.uint32))
+        self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.kinds()[rows[:, 0]])
+        # four wide, so that a vertex is one aligned packet, and a face with its label another
+        self.vertices = upload(mi.Float, _padded(vertices))
+        self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
         self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
-        dr.eval(self.rows, self.vertices, self.faces)
+        dr.eval(self.rows, self.kinds, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
         surface = [shape for shape in shapes if getattr(shape, "sea_surface", False)]
         if len(surface) > 1:
             raise ValueError(f"the scene has {len(surface)} sea surfaces; leave one")
-        self.surface_label = number_of[surface[0].id() or surface[0].class_name()] if surface else 0
+        self.surface_label = self.named.surface
         self.surface_mirrors = any(getattr(shape.bsdf(), "mirror", False) for shape in surface)
         if len(shapes) > len(surface):
             box = mi.ScalarBoundingBox3f()
@@ -141,9 +148,7 @@ class Geometry:
 
     def targets(self):
         """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
-        number_of = {name: number for number, name in self.labels.items()}
-        return [(np.asarray(shape.position, float), float(shape.target_strength_db),
-                 number_of[shape.id() or shape.class_name()])
+        return [(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
 
 
@@ -156,9 +161,9 @@ def _check_extents(shapes):
             raise ValueError(f"the shape {name} has no extent; give it a radius, a length or a scale above 0")
 
 
-def _padded(parts, kind):
-    table = np.concatenate(parts) if parts else np.zeros((1, 3), kind)
-    return np.concatenate([table, np.zeros((len(table), 1), kind)], 1, dtype=kind)
+def _padded(parts):
+    table = np.concatenate(parts) if parts else np.zeros((1, 3), np.float32)
+    return np.concatenate([table, np.zeros((len(table), 1), np.float32)], 1, dtype=np.float32)
 
 
 class Sources(Record):
@@ -218,12 +223,31 @@ class Tracer:
         -------
         Hits
         """
-        lib = self.lib
         launch_angle, heading = _angles(direction)
-        o = mi.Point3f(origin)
-        valid, pi, chord = _first_hit(self.geometry.scene, sources.fans, o, source, launch_angle, heading,
-                                      mi.Bool(active), self.geometry.only_meshes)
-        point, facet_normal, uv, label = self.rebuilt(pi, chord, o, heading, valid)
+        found = _first_hit(self.geometry.scene, sources.fans, mi.Point3f(origin), source, launch_angle, heading,
+                           mi.Bool(active))
+        return self._hits(sources, origin, source, direction, heading, *found[:3])
+
+    def with_hidden(self, sources, origin, source, direction):
+        """Trace as a call does, and on through objects to the seabed that they hide.
+
+        Returns
+        -------
+        hits, hidden : Hits, Hits
+            `hidden` is valid where the ray met an object first and would have met the seabed without it.
+        """
+        scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
+        launch_angle, heading = _angles(direction)
+        valid, pi, chord, vertex = _first_hit(scene, sources.fans, o, source, launch_angle, heading, mi.Bool(True))
+        hits = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
+        behind = _seabed_behind(scene, kinds, sources.fans, o, source, launch_angle, heading, chord, vertex, pi.t,
+                                valid & (_kind(kinds, pi, valid) == OBJECT))
+        return hits, self._hits(sources, origin, source, direction, heading, *behind)
+
+    def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
+        """Complete the hits that were found on chords by their eigenrays."""
+        lib = self.lib
+        point, facet_normal, uv, label = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
@@ -271,12 +295,19 @@ class Tracer:
             uv = dr.select(mesh, uv, si.uv)
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
-        return point, normal, uv, dr.gather(mi.UInt32, geometry.rows, 4 * row, valid)
+            label = dr.select(mesh, face[3], dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
+            return point, normal, uv, label
+        return point, normal, uv, face[3]
 
 
 def _solid(pi):
     """The shape a label belongs to: of an instance, the instance."""
     return dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
+
+
+def _kind(kinds, pi, active):
+    """Kind of what was hit."""
+    return dr.gather(mi.UInt32, kinds, dr.reinterpret_array(mi.UInt32, _solid(pi)), active)
 
 
 def _angles(direction):
@@ -308,10 +339,10 @@ def _chord_ray(origin, heading, r0, z0, r1, z1):
 
 
 @dr.syntax
-def _first_hit(scene, fans, origin, source, launch_angle, heading, active, only_meshes):
+def _first_hit(scene, fans, origin, source, launch_angle, heading, active):
     """Follow each ray's chords to its first hit.
 
-    Returns the validity, the preliminary intersection, and the chord's end points (r0, z0, r1, z1).
+    Returns the validity, the preliminary intersection, the chord's end points (r0, z0, r1, z1) and the vertex after.
     """
     row, off = fans.row(source, launch_angle)
     base = row * fans.stride
@@ -332,4 +363,39 @@ def _first_hit(scene, fans, origin, source, launch_angle, heading, active, only_
         i += 1
         active = active & ~valid & (i < size)
         r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
+    return valid, pi, (r0, z0, r1, z1), i
+
+
+@dr.syntax
+def _seabed_behind(scene, kinds, fans, origin, source, launch_angle, heading, chord, vertex, distance, active):
+    """Follow rays on, from an object hit at a `distance` along a chord, through all objects to the seabed.
+
+    Returns what `_first_hit` does, but for the vertex.
+    """
+    row, off = fans.row(source, launch_angle)
+    base = row * fans.stride
+    size = dr.gather(mi.UInt32, fans.size, row)
+    # -------------------------------------------------- loop state
+    r0, z0, r1, z1 = (mi.Float(end) for end in chord)            # the present chord, from the last hit on
+    i, t = mi.UInt32(vertex), mi.Float(distance)                 # the vertex after it; how far along it the last hit is
+    pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
+    valid = mi.Bool(False)
+    while active:
+        across, down = r1 - r0, z1 - z0
+        share = dr.minimum((t + BEYOND) * dr.rsqrt(dr.maximum(across * across + down * down, 1e-12)), 1)
+        r0, z0 = dr.fma(share, across, r0), dr.fma(share, down, z0)
+        pi = scene.ray_intersect_preliminary(_chord_ray(origin, heading, r0, z0, r1, z1), coherent=True, active=active)
+        met = pi.is_valid() & active
+        valid = met & (_kind(kinds, pi, met) == SEABED)
+        t = dr.select(met, pi.t, 0)
+        # past the end of a chord the next begins, where there is one; else, through what was met and on
+        ended = active & ~met
+        more = ended & (i < size)
+        v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, more)
+        r0, z0 = dr.select(more, r1, r0), dr.select(more, z1, z0)
+        r1 = dr.select(more, dr.fma(off, v[2], v[0]), r1)
+        z1 = dr.select(more, dr.fma(off, v[3], v[1]), z1)
+        t = dr.select(ended, -BEYOND, t)
+        i = dr.select(more, i + 1, i)
+        active = active & ~valid & (met | more)
     return valid, pi, (r0, z0, r1, z1)

@@ -18,7 +18,7 @@ FLOORS = """
     signal
     imaging
     io
-    trace
+    shape_labels trace
     tessellation
     materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays
     smooth_facets
