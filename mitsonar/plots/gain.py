@@ -45,3 +45,25 @@ def display_gain(dataset, tvg):
     altitude = np.asarray(dataset["altitude"].values, float).reshape(-1, 1)
     sine = np.clip(np.where(np.isfinite(altitude), altitude, np.inf) / slant_range, LOWEST_SINE, 1)
     return gain - 20 * np.log10(sine), " + 30 log R + 2αR − 20 log sin θ"
+
+
+def display_window(values):
+    """Give the levels of black and white of a picture.
+
+    Parameters
+    ----------
+    values : float array [dB]
+        Levels with their gain where there is a seabed to be shown; NaN is left out.
+
+    Returns
+    -------
+    (float, float) [dB]
+    """
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return 0.0, 1.0
+    # Speckle spreads an even bed over some 25 dB. Steep beams, shadows and targets must not widen that much, else the
+    # bed loses its contrast; in a smooth record it may shrink.
+    low, middle, high = np.percentile(values, [2, 50, 99.8])
+    low = np.clip(low, middle - 16, middle - 6)
+    return float(low), float(np.clip(high, middle + 0.75 * (middle - low), middle + 16))

@@ -14,7 +14,7 @@ from .. import units
 from ..io.files import check_writable
 from . import canvas
 from .fans import fan_picture
-from .gain import display_gain
+from .gain import display_gain, display_window
 from .grid import make_grid, stretches
 
 NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
@@ -100,14 +100,7 @@ def _contrast(dataset, grid, image):
     shown = np.isfinite(image)
     if "mean_level" in dataset:
         shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
-    values = image[shown] if shown.any() else image[np.isfinite(image)]
-    if not values.size:
-        return 0.0, 1.0
-    # Speckle spreads an even bed over some 25 dB. Steep beams, shadows and targets must not widen that much, else the
-    # bed loses its contrast; in a smooth record it may shrink.
-    low, middle, high = np.percentile(values, [2, 50, 99.8])
-    low = np.clip(low, middle - 16, middle - 6)
-    return float(low), float(np.clip(high, middle + 0.75 * (middle - low), middle + 16))
+    return display_window(image[shown] if shown.any() else image)
 
 
 def _labels(dataset, grid):
