@@ -111,13 +111,13 @@ def missing(with_tests=False):
     # The TOML reader came with Python 3.11; these two plain lists of strings need none.
     keys = ["dependencies", "test"] if with_tests else ["dependencies"]
     text = "".join(re.search(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[1] for key in keys)
-    requirement = r'^ *"([\w.-]+)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
+    requirement = r'^ *"([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
     unmet = []
     for name, relation, version, before in re.findall(requirement, text, re.M):
         if before and sys.version_info >= (3, int(before)):
             continue
         try:
-            installed = importlib.metadata.version(name)
+            installed = importlib.metadata.version(name.partition("[")[0])
         except importlib.metadata.PackageNotFoundError:
             installed = "0"
         have, want = (tuple(map(int, re.findall(r"\d+", numbers))) for numbers in (installed, version))
