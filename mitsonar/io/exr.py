@@ -25,7 +25,7 @@ from .files import replacing
 
 CONFIG = "mitsonar:config"
 FORMAT = 1
-CHANNELS = {"label": "label.id"}  # variables whose channel has another name
+CHANNELS = {"label": "label.id", "class": "class.id"}  # variables whose channel has another name
 STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.uint32 for n in (1, 2, 4)},
           **{f"i{n}": np.int32 for n in (1, 2, 4)}}
 SHOWN = {"sonar": "", "seed": "", "sound_speed": " m/s", "frequency": " Hz", "source_level_db": " dB re 1 µPa @ 1 m",
@@ -99,11 +99,7 @@ def read(path):
     ValueError
         If it is not an OpenEXR file, is cut short, or was not written by `write`.
     """
-    if not os.path.exists(path):
-        raise FileNotFoundError(f"cannot read {path}: there is no such file; check the name.")
-    if os.path.isdir(path):
-        raise ValueError(f"cannot read {path}: it is a folder; give the name of an OpenEXR file.")
-    config = _config(path, path)
+    config = _config_of(path)
     file = OpenEXR.File(str(path), separate_channels=True, num_threads=os.cpu_count())
     if len(file.parts) < 2:  # the library drops a part whose pixels it cannot decode
         raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.")
@@ -124,6 +120,26 @@ def read(path):
         values = values.astype(kind).reshape([sizes[dim] for dim in order])
         variables[name] = xarray.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
     return xarray.Dataset(variables, coords, config["attrs"])
+
+
+def attributes(path):
+    """Read the attributes of a dataset written by `write`, and leave its pixels alone.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    dict
+        As ``read(path).attrs``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `read`.
+    """
+    return _config_of(path)["attrs"]
 
 
 def _layout(dataset):
@@ -224,6 +240,15 @@ def _strict(value, where):
     if value is None or isinstance(value, str | bool | int | float):
         return value
     raise ValueError(f"cannot write {where} as EXR: it is a {type(value).__name__}; use plain JSON values.")
+
+
+def _config_of(path):
+    """Find a file and read its header."""
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"cannot read {path}: there is no such file; check the name.")
+    if os.path.isdir(path):
+        raise ValueError(f"cannot read {path}: it is a folder; give the name of an OpenEXR file.")
+    return _config(path, path)
 
 
 def _config(path, name):
