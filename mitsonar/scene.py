@@ -6,6 +6,8 @@ from xml.etree import ElementTree
 import mitsuba as mi
 import numpy as np
 
+from .io.scenes import filled, root
+
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
@@ -108,35 +110,19 @@ def resolved(path, parameters):
     ValueError
         If the file is no XML, which Mitsuba's own reader may not notice.
     """
-    root, values = _root(path), dict(parameters)
-    elements = list(root.iter())                   # in the order of the document, which is that of Mitsuba's reader
+    top, values = root(path), dict(parameters)
+    elements = list(top.iter())                    # in the order of the document, which is that of Mitsuba's reader
     for element in elements:
         for key, text in element.attrib.items():
-            element.set(key, _filled(text, values))
+            element.set(key, filled(text, values))
         if element.tag == "default":
             values.setdefault(element.get("name"), element.get("value"))     # the first one, or who loads it, wins
     for element in elements:
         for default in element.findall("default"):
             element.remove(default)
-    if root.find(".//include") is not None:
-        root[:0] = [ElementTree.Element("default", name=name, value=value) for name, value in values.items()]
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _filled(text, values):
-    """An attribute with its ``$names`` replaced, longest first: $rays must not eat the start of $rays_far."""
-    for name in sorted(values, key=len, reverse=True):
-        # a dollar behind a backslash is no parameter, and both stay for Mitsuba to read
-        parts = text.replace(r"\$", "\0").split(f"${name}")
-        text = values[name].join(parts).replace("\0", r"\$")
-    return text
-
-
-def _root(path):
-    try:
-        return ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise ValueError(f"{path}: the XML is broken: {error}") from None
+    if top.find(".//include") is not None:
+        top[:0] = [ElementTree.Element("default", name=name, value=value) for name, value in values.items()]
+    return ElementTree.tostring(top, encoding="unicode")
 
 
 def _check_bitmaps(path):
@@ -157,7 +143,7 @@ def _naming_parameters(error, path):
     """The same error; where it is about an unknown parameter, with the names of the known ones."""
     if "the scene has no parameter" not in str(error):
         return error
-    names = sorted({element.get("name") for element in _root(path).iter("default")})
+    names = sorted({element.get("name") for element in root(path).iter("default")})
     return ValueError(f"{path}: {error} Known: {', '.join(names) or 'none'}.")
 
 

@@ -1,9 +1,7 @@
-"""What the commands' arguments have in common: the parser, scenes by name, ``-D KEY=VALUE``, seeds and threads."""
+"""What the commands' arguments have in common: the parser, scenes, ``-D KEY=VALUE``, seeds and threads."""
 import argparse
-import os
-from importlib.resources import files
 
-__all__ = ["Parser", "add_scene", "parameters", "scene_file", "set_up", "whole"]
+__all__ = ["Parser", "add_scene", "parameters", "set_up", "whole"]
 
 MOST_THREADS = 1024
 
@@ -56,19 +54,6 @@ def whole(text):
         return int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-
-
-def scene_file(name):
-    """Find a scene: a file, or one that comes with mitsonar by its name."""
-    if os.path.exists(name):
-        return name
-    if os.path.dirname(name) == "":
-        shipped = files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
-        if shipped.is_file():
-            return str(shipped)
-    known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in files("mitsonar.scenes").iterdir()
-                             if entry.name.endswith(".xml")))
-    raise FileNotFoundError(f"scene {name} does not exist; give the path of a Mitsuba XML file or one of: {known}")
 
 
 def _key_value(text):

@@ -1,5 +1,5 @@
 """The commands about this machine: doctor, test, llvm."""
-from .arguments import scene_file
+from ..io import scenes
 
 __all__ = ["add"]
 
@@ -18,6 +18,6 @@ def _doctor(arguments):
     def check():
         from .. import load_file, render
 
-        render(load_file(scene_file("sidescan_flat"), pings=1, rays=2000, bins=100))
+        render(load_file(scenes.find("sidescan_flat"), pings=1, rays=2000, bins=100))
 
     return doctor.run(check)

@@ -1,7 +1,8 @@
 """The commands that render: render, signals, demo."""
 import os
 
-from .arguments import add_scene, parameters, scene_file, set_up, whole
+from ..io import scenes
+from .arguments import add_scene, parameters, set_up, whole
 from .progress import Progress
 from .words import announce
 
@@ -35,7 +36,7 @@ def add(commands):
 
 
 def _render(arguments):
-    _render_to(scene_file(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
+    _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
                arguments.preview, arguments.threads)
 
 
@@ -43,7 +44,7 @@ def _signals(arguments):
     from ..io import files
     from ..io import signals as netcdf
 
-    path = scene_file(arguments.scene)
+    path = scenes.find(arguments.scene)
     files.check_writable(arguments.output)
     if os.path.splitext(arguments.output)[1].lower() != ".nc":
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
@@ -62,7 +63,7 @@ def _signals(arguments):
 
 
 def _demo(arguments):
-    _render_to(scene_file("sidescan_targets"), {}, arguments.seed, "demo.exr", "demo.png", None)
+    _render_to(scenes.find("sidescan_targets"), {}, arguments.seed, "demo.exr", "demo.png", None)
 
 
 def _render_to(path, values, seed, output, preview, threads):

@@ -1,0 +1,63 @@
+"""Scene files as text: found by name, parsed, their ``$parameters`` filled in as Mitsuba does it."""
+import os
+from importlib.resources import files
+from xml.etree import ElementTree
+
+__all__ = ["filled", "find", "root"]
+
+
+def find(name):
+    """Find a scene: a file, or one that comes with mitsonar by its name.
+
+    Parameters
+    ----------
+    name : str
+        Path of a file, or a name such as ``sidescan_flat``.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is neither; lists the scenes that come with mitsonar.
+    """
+    if os.path.exists(name):
+        return name
+    if os.path.dirname(name) == "":
+        shipped = files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
+        if shipped.is_file():
+            return str(shipped)
+    known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in files("mitsonar.scenes").iterdir()
+                             if entry.name.endswith(".xml")))
+    raise FileNotFoundError(f"scene {name} does not exist; give the path of a Mitsuba XML file or one of: {known}")
+
+
+def root(path):
+    """Parse a scene file and give its outermost element.
+
+    Raises
+    ------
+    ValueError
+        If the file is no XML.
+    """
+    try:
+        return ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: the XML is broken: {error}") from None
+
+
+def filled(text, values):
+    """Give an attribute's text with its ``$names`` replaced, longest first: $rays must not eat the start of $rays_far.
+
+    Parameters
+    ----------
+    text : str
+    values : dict of str to str
+    """
+    for name in sorted(values, key=len, reverse=True):
+        # a dollar behind a backslash is no parameter, and both stay for Mitsuba to read
+        parts = text.replace(r"\$", "\0").split(f"${name}")
+        text = values[name].join(parts).replace("\0", r"\$")
+    return text
