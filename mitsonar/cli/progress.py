@@ -10,9 +10,10 @@ LINE_SECONDS = 10.0                # where there is no terminal, a line this oft
 
 
 class Progress:
-    """Show pings, pings per second and time left once a run lasts longer than a moment."""
+    """Show things done, things per second and time left once a run lasts longer than a moment."""
 
-    def __init__(self):
+    def __init__(self, verb="rendering", things="pings"):
+        self.verb, self.things = verb, things
         self.start = self.last_line = time.monotonic()
         self.bar = self.task = None
 
@@ -28,11 +29,11 @@ class Progress:
         if now - self.start < QUIET_SECONDS:
             return
         rate = done / (now - self.start)
-        pace = f"{rate:.1f} pings/s, {datetime.timedelta(seconds=round((total - done) / rate))} left"
+        pace = f"{rate:.1f} {self.things}/s, {datetime.timedelta(seconds=round((total - done) / rate))} left"
         if not sys.stderr.isatty():
             if now - self.last_line > LINE_SECONDS:
                 self.last_line = now
-                print(f"{done} of {total} pings, {pace}", file=sys.stderr)
+                print(f"{done} of {total} {self.things}, {pace}", file=sys.stderr)
         elif self.bar is None:
             self._open(done, total, pace)
         else:
@@ -42,7 +43,8 @@ class Progress:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-        self.bar = Progress(TextColumn("rendering"), BarColumn(), MofNCompleteColumn(),
-                            TextColumn("pings, {task.fields[pace]}"), console=Console(stderr=True), transient=True)
-        self.task = self.bar.add_task("pings", completed=done, total=total, pace=pace)
+        self.bar = Progress(TextColumn(self.verb), BarColumn(), MofNCompleteColumn(),
+                            TextColumn(f"{self.things}, {{task.fields[pace]}}"), console=Console(stderr=True),
+                            transient=True)
+        self.task = self.bar.add_task(self.things, completed=done, total=total, pace=pace)
         self.bar.start()

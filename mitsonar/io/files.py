@@ -54,6 +54,26 @@ def check_writable(path):
 
 
 @contextlib.contextmanager
+def full_disk_said(path):
+    """Turn the error of a full disk into one sentence about ``path``, which is to vanish then; others pass unchanged.
+
+    Raises
+    ------
+    OSError
+        If the disk fills up within the block, with ``errno`` kept.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        plain = OSError(f"cannot write {path}: {FULL[error.errno]}; free some space or choose another disk "
+                        "(nothing was left behind).")
+        plain.errno = error.errno
+        raise plain from error
+
+
+@contextlib.contextmanager
 def replacing(path):
     """Give a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
 
@@ -87,19 +107,13 @@ def replacing(path):
     temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(4)}{target.suffix}")
     try:
         # 0o666 lets the umask decide, as for a file opened in the ordinary way (mkstemp would hide it from others).
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-        yield temporary
-        _flush(temporary)
-        if target.exists():
-            temporary.chmod(target.stat().st_mode & 0o7777)
-        os.replace(temporary, target)
-    except OSError as error:
-        if error.errno not in FULL:
-            raise
-        plain = OSError(f"cannot write {path}: {FULL[error.errno]}; free some space or choose another disk "
-                        "(nothing was left behind).")
-        plain.errno = error.errno
-        raise plain from error
+        with full_disk_said(path):
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            yield temporary
+            _flush(temporary)
+            if target.exists():
+                temporary.chmod(target.stat().st_mode & 0o7777)
+            os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
     _flush(target.parent)

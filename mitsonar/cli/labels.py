@@ -1,0 +1,69 @@
+"""The command that makes training data of images: labels."""
+import argparse
+import os
+
+from .arguments import whole
+from .progress import Progress
+from .words import announce
+
+__all__ = ["add"]
+
+
+def add(commands):
+    """Add the command to the parser's."""
+    labels = commands.add_parser("labels", help="write pictures with masks, boxes and polygons to train on")
+    labels.add_argument("images", nargs="+", metavar="IN.exr|SWEEP", help="EXR files and folders of sweeps")
+    labels.add_argument("-o", "--output", metavar="FOLDER", help="default, for one input: its name with _labels")
+    labels.add_argument("--coco", action="store_true", help="annotations.json: boxes and polygons of COCO")
+    labels.add_argument("--yolo", nargs="?", const="boxes", metavar="FORM",
+                        help="data.yaml and texts of YOLO: boxes (default) or polygons")
+    labels.add_argument("--masks", action="store_true", help="PNGs of instances, classes and shadows, 16 bits")
+    labels.add_argument("--threshold", type=float, default=0.5, metavar="SHARE",
+                        help="of a bin's energy that an object must exceed; default: 0.5")
+    labels.add_argument("--above-noise", type=float, default=0.0, metavar="DB",
+                        help="of a highlight's mean echo; default: 0")
+    labels.add_argument("--smallest", type=whole, default=4, metavar="BINS", help="of an annotation; default: 4")
+    labels.add_argument("--tile", type=_size, metavar="PINGSxBINS", help="cut the pictures, as 512x512")
+    labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
+    labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
+                        help="levels with their gain [dB]; default: found for each image; --window=60,90")
+    labels.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")
+    labels.add_argument("--split-seed", type=whole, default=0, metavar="N", help="another one deals otherwise")
+    labels.add_argument("--split-by", metavar="PARAMETER", help="of the scene, in place of the seabed")
+    labels.set_defaults(run=_labels)
+
+
+def _labels(arguments):
+    from ..labelling import Labels, read_shares, write
+
+    output = arguments.output
+    if output is None:
+        if len(arguments.images) > 1:
+            raise ValueError("several inputs were given; say by -o in which folder their labels go")
+        output = f"{os.path.splitext(os.path.normpath(arguments.images[0]))[0]}_labels"
+    rules = Labels(
+        coco=arguments.coco, yolo=arguments.yolo, masks=arguments.masks, threshold=arguments.threshold,
+        above_noise_db=arguments.above_noise, smallest=arguments.smallest, tile=arguments.tile,
+        overlap=arguments.overlap, tvg=None if arguments.tvg == "none" else arguments.tvg, window=arguments.window,
+        split=None if arguments.split is None else read_shares(arguments.split), split_seed=arguments.split_seed,
+        split_by=arguments.split_by)
+    with Progress("labelling", "images") as progress:
+        write(arguments.images, output, rules, progress)
+    announce(output)
+
+
+def _size(text):
+    try:
+        pings, bins = map(int, text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size of tiles; give PINGSxBINS, as 512x512") from None
+    return pings, bins
+
+
+def _window(text):
+    try:
+        black, white = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no pair of levels; give BLACK,WHITE in dB, as 60,90") from None
+    return black, white

@@ -1,0 +1,150 @@
+"""Highlights and shadows of objects as pieces of a picture: what boxes, polygons and masks are made of.
+
+Every object makes at most a highlight and a shadow on each side of a sidescan: one that both sides hear, under the
+track, is two, for a box around both would hold the water column.
+"""
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..imaging.objects import object_bins
+
+__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped"]
+
+HIGHLIGHT, SHADOW = "highlight", "shadow"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annotation:
+    """What an object brings to a picture, or hides from it.
+
+    Attributes
+    ----------
+    kind : str
+        ``highlight`` or ``shadow``.
+    label : int
+        Number of the object in its record.
+    name, class_name : str
+    side : str
+        ``port``, ``starboard`` or empty.
+    row, column : int
+        Of the upper left corner of ``mask`` in the picture.
+    mask : bool array (h, w)
+        True somewhere in every border row and column.
+    truncated : bool
+        It touches an edge of the picture, beyond which it may go on.
+    visible : float
+        Share of its bins that this picture has; below 1 in tiles only.
+    """
+
+    kind: str
+    label: int
+    name: str
+    class_name: str
+    side: str
+    row: int
+    column: int
+    mask: np.ndarray
+    truncated: bool
+    visible: float = 1.0
+
+    @property
+    def bins(self):
+        """How many bins it has."""
+        return int(self.mask.sum())
+
+    @property
+    def box(self):
+        """Left edge, upper edge, width and height, in bins."""
+        return self.column, self.row, self.mask.shape[1], self.mask.shape[0]
+
+    @property
+    def category(self):
+        """Name of what it is: the object's class, or that and "shadow"."""
+        return category(self.class_name, self.kind)
+
+
+def category(class_name, kind):
+    """Name a class's highlights or shadows."""
+    return class_name if kind == HIGHLIGHT else f"{class_name} shadow"
+
+
+def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=1):
+    """Find what the objects of a dataset make of its pictures.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    frames : list of Frame
+        As `frames` gives them for it.
+    threshold, above_noise_db : float
+        See `mitsonar.imaging.objects.object_bins`.
+    smallest : int
+        Bins an annotation must have.
+
+    Returns
+    -------
+    list of list of Annotation
+        For every picture; by label, the highlight first.
+
+    Raises
+    ------
+    ValueError
+        As `object_bins`.
+    """
+    found = [[] for _ in frames]
+    near_is_cut = float(dataset["range"].values[0]) > float(dataset.attrs.get("bin_width", np.inf))
+    for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db):
+        for kind, bins in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
+            if not bins.any():
+                continue
+            for frame, own in zip(frames, found, strict=True):
+                laid = frame.lay(bins)
+                for part in frame.parts:
+                    piece = _cut_out(laid[:, part.start:part.stop], smallest)
+                    if piece is None:
+                        continue
+                    row, column, mask = piece
+                    far = column == 0 if part.mirrored else column + mask.shape[1] == part.stop - part.start
+                    near = column + mask.shape[1] == part.stop - part.start if part.mirrored else column == 0
+                    own.append(Annotation(
+                        kind=kind, label=seen.label, name=seen.name, class_name=seen.class_name, side=part.name,
+                        row=row, column=part.start + column, mask=mask,
+                        truncated=bool(row == 0 or row + mask.shape[0] == frame.height or far or near and near_is_cut)))
+    return found
+
+
+def clipped(annotation, tile, smallest=1):
+    """Give the part of an annotation that lies in a tile, counted from the tile's corner.
+
+    Parameters
+    ----------
+    annotation : Annotation
+    tile : Tile
+    smallest : int
+        Bins it must have there.
+
+    Returns
+    -------
+    Annotation or None
+        None where too little of it lies there.
+    """
+    row, column = annotation.row - tile.row, annotation.column - tile.column
+    height, width = annotation.mask.shape
+    inside = annotation.mask[max(0, -row):max(0, min(height, tile.height - row)),
+                             max(0, -column):max(0, min(width, tile.width - column))]
+    piece = _cut_out(inside, smallest)
+    if piece is None:
+        return None
+    visible = int(piece[2].sum()) / annotation.bins
+    return replace(annotation, row=max(0, row) + piece[0], column=max(0, column) + piece[1], mask=piece[2],
+                   visible=visible, truncated=annotation.truncated or visible < 1)
+
+
+def _cut_out(mask, smallest):
+    """Row and column of the smallest rectangle that holds a mask, and the mask in there; None if it is too small."""
+    if not mask.size or np.count_nonzero(mask) < max(1, smallest):
+        return None
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    return (int(rows[0]), int(columns[0]),
+            mask[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1].copy())

@@ -1,0 +1,57 @@
+"""Annotations as COCO's JSON for object detection, a file for each subset.
+
+Format: https://cocodataset.org/#format-data. A box is [left, upper, width, height] in picture elements from the upper
+left corner of the first one. Segmentations are polygons, filled again exactly the mask; ``area`` counts its elements.
+Beyond the format an image has ``source``, ``row``, ``column``, ``ping``, ``seabed``, ``window_db`` and ``parameters``,
+an annotation ``instance``, ``side``, ``truncated`` and ``visible``, a category its ``supercategory``.
+"""
+from .annotations import HIGHLIGHT, SHADOW, category
+from .polygons import polygons
+
+__all__ = ["categories", "document", "entry"]
+
+
+def categories(classes):
+    """Number the classes of objects and of their shadows.
+
+    Parameters
+    ----------
+    classes : list of str
+        Of objects.
+
+    Returns
+    -------
+    dict of str, int
+        From 1: the classes in order, then their shadows.
+    """
+    names = [category(name, kind) for kind in (HIGHLIGHT, SHADOW) for name in sorted(classes)]
+    return {name: number for number, name in enumerate(names, 1)}
+
+
+def entry(annotation, number, image, numbers):
+    """Give the entry of one annotation.
+
+    Parameters
+    ----------
+    annotation : Annotation
+    number, image : int
+        Its own and its image's.
+    numbers : dict of str, int
+        As `categories`.
+
+    Returns
+    -------
+    dict
+    """
+    rings = [ring + [annotation.column, annotation.row] for ring in polygons(annotation.mask)]
+    return {"id": number, "image_id": image, "category_id": numbers[annotation.category], "bbox": list(annotation.box),
+            "segmentation": [ring.ravel().tolist() for ring in rings], "area": annotation.bins, "iscrowd": 0,
+            "instance": annotation.name, "side": annotation.side, "truncated": annotation.truncated,
+            "visible": round(annotation.visible, 4)}
+
+
+def document(images, entries, numbers, info):
+    """Put a file together from its images, their annotations, the categories' numbers and what is said of it all."""
+    known = [{"id": number, "name": name, "supercategory": SHADOW if name.endswith(f" {SHADOW}") else HIGHLIGHT}
+             for name, number in numbers.items()]
+    return {"info": info, "licenses": [], "images": images, "annotations": entries, "categories": known}

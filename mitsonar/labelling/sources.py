@@ -1,0 +1,138 @@
+"""Which images there are: EXR files by name, and the finished renders of sweeps by their manifests.
+
+A sweep's folder holds ``manifest.jsonl``, a line of JSON for every render: ``output`` (its file, relative to the
+folder), ``status``, ``parameters``, ``seed``. What failed is left out; of two lines about one file the later holds; a
+last line that is torn, as a runner that was killed leaves it, is not there.
+"""
+import json
+import os
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..io import exr
+
+__all__ = ["MANIFEST", "Source", "find_sources"]
+
+MANIFEST = "manifest.jsonl"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """An image that is there.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        Of its EXR.
+    name : str
+        Unlike that of every other: of the file, without folders and suffix.
+    parameters : dict
+        Of the scene, that it was rendered with.
+    seed : int or None
+    seabed : str or None
+        Hash of its seabed.
+    classes : tuple of str
+        Of all its shapes, sorted.
+    object_classes : tuple of str
+        Of its objects, sorted.
+    """
+
+    path: Path
+    name: str
+    parameters: dict
+    seed: object
+    seabed: object
+    classes: tuple
+    object_classes: tuple
+
+
+def find_sources(places):
+    """Find all images in files and sweeps.
+
+    Parameters
+    ----------
+    places : str or path, or list of them
+        EXR files and folders of sweeps.
+
+    Returns
+    -------
+    list of Source
+        In the order given; of a sweep in the order of the names.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a place, or a file that a sweep has finished, is not there.
+    ValueError
+        If there are none, one is given twice, or a file or a manifest cannot be read.
+    """
+    places = [places] if isinstance(places, (str, os.PathLike)) else list(places)
+    found = []
+    for place in map(Path, places):
+        if place.is_dir():
+            found += [(path, _flat(path.relative_to(place)), place.resolve().name) for path in _finished(place)]
+        else:
+            found.append((place, place.stem, place.resolve().parent.name))
+    if not found:
+        raise ValueError("there are no images; give EXR files or folders of sweeps.")
+    twice = [path for path, count in Counter(path.resolve() for path, *_ in found).items() if count > 1]
+    if twice:
+        raise ValueError(f"the image {twice[0]} is given twice; leave one out.")
+    names = _apart([name for _, name, _ in found], [folder for *_, folder in found])
+    return [_source(path, name) for (path, *_), name in zip(found, names, strict=True)]
+
+
+def _source(path, name):
+    attributes = exr.attributes(path)
+    objects = (attributes.get("objects") or {}).values()
+    return Source(path=path, name=name, parameters=attributes.get("parameters") or {}, seed=attributes.get("seed"),
+                  seabed=attributes.get("seabed"), classes=tuple(sorted((attributes.get("classes") or {}).values())),
+                  object_classes=tuple(sorted({entry["class"] for entry in objects})))
+
+
+def _finished(folder):
+    """The files that a sweep's manifest calls done."""
+    manifest = folder / MANIFEST
+    if not manifest.is_file():
+        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give its EXR files "
+                         "by name.")
+    lines, status = manifest.read_bytes().split(b"\n"), {}
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            entry = json.loads(line)
+            if "output" not in entry and number == 1:
+                continue                                                       # a line about the sweep as a whole
+            status[os.fspath(entry["output"])] = str(entry["status"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            if number == len(lines):                                           # torn: it lacks its end
+                continue
+            raise ValueError(f"line {number} of {manifest} is not a render of a sweep; run the sweep again, which "
+                             "mends it.") from None
+    paths = [folder / output for output, word in sorted(status.items()) if word == "ok"]
+    outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]
+    if outside:
+        raise ValueError(f"{manifest} names the file {outside[0]}, which is outside its folder; give the EXR files by "
+                         "name.")
+    missing = [path for path in paths if not path.is_file()]
+    if missing:
+        raise FileNotFoundError(f"{manifest} names {missing[0]}, which is not there; run the sweep again to make it.")
+    if not paths:
+        raise ValueError(f"the sweep {folder} has no finished image yet; run it first.")
+    return paths
+
+
+def _flat(path):
+    return "_".join(path.with_suffix("").parts)
+
+
+def _apart(names, folders):
+    """Put the folder's name before names that several files have."""
+    counts = Counter(names)
+    names = [f"{folder}_{name}" if counts[name] > 1 else name for name, folder in zip(names, folders, strict=True)]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"two images would both be called {twice[0]}; rename a file, or do them one after the other.")
+    return names

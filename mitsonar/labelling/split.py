@@ -1,0 +1,85 @@
+"""Subsets for training, validation and test, none of which has seen a seabed of another.
+
+Two images of one seabed are near-copies of each other, so groups are dealt out, not images: in an order hashed from
+seed and group, each to the subset that lacks most of its share of the images.
+"""
+import hashlib
+import math
+from collections import Counter
+
+__all__ = ["SUBSETS", "deal", "read_shares"]
+
+SUBSETS = ("train", "val", "test")
+
+
+def read_shares(text):
+    """Read shares such as "train=0.8,val=0.1,test=0.1".
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    dict of str, float
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, or the shares do not add up to 1.
+    """
+    shares = {}
+    for part in text.split(","):
+        name, equals, value = (word.strip() for word in part.partition("="))
+        try:
+            share = float(value)
+        except ValueError:
+            share = math.nan
+        if name not in SUBSETS or not equals or name in shares or not 0 < share <= 1:
+            raise ValueError(f"the split has {part.strip()!r}; give each of {', '.join(SUBSETS)} at most once with a "
+                             "share above 0, as in train=0.8,val=0.1,test=0.1.")
+        shares[name] = share
+    if abs(sum(shares.values()) - 1) > 1e-6:
+        raise ValueError(f"the shares of the split {text} add up to {sum(shares.values()):g}; they must add up to 1.")
+    return shares
+
+
+def deal(groups, shares, seed=0, what="seabed"):
+    """Deal images out to subsets, group by group.
+
+    Parameters
+    ----------
+    groups : list of str
+        For every image, what it must not be parted from: images with the same text come into the same subset.
+    shares : dict of str, float
+        Of every subset; they add up to 1.
+    seed : int
+        Another seed deals otherwise; the same gives the same.
+    what : str
+        What the groups are, for the error.
+
+    Returns
+    -------
+    list of str
+        For every image, its subset. Every subset has a group at least.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer groups than subsets.
+    """
+    sizes = Counter(groups)
+    if len(sizes) < len(shares):
+        raise ValueError(f"the images cannot be split into {len(shares)} subsets ({', '.join(shares)}): "
+                         f"{len(groups)} image{'s' * (len(groups) != 1)} with {len(sizes)} different "
+                         f"{what}{'s' * (len(sizes) != 1)}, and none may be in two; add images with others.")
+    lacking = {name: share * len(groups) for name, share in shares.items()}
+    empty, home = set(shares), {}
+    order = sorted(sizes, key=lambda group: hashlib.sha256(f"{seed}:{group}".encode()).digest())
+    for left, group in zip(range(len(order), 0, -1), order, strict=True):
+        # the last groups are kept for those who have none
+        allowed = [name for name in shares if name in empty or left > len(empty)]
+        home[group] = max(allowed, key=lacking.get)
+        lacking[home[group]] -= sizes[group]
+        empty.discard(home[group])
+    return [home[group] for group in groups]

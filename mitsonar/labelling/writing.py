@@ -1,0 +1,211 @@
+"""From images to a folder of what training reads: pictures, masks, COCO, YOLO, and the split they share.
+
+The folder appears under its name when everything in it is there, or not at all.
+"""
+import contextlib
+import json
+import secrets
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..imaging.objects import check_labelled
+from ..io import exr
+from ..io.files import full_disk_said, check_writable
+from . import coco, yolo
+from .annotations import HIGHLIGHT, SHADOW, annotations, clipped
+from .frames import frames, tiles
+from .pictures import grey, write_png
+from .sources import find_sources
+from .split import deal
+
+__all__ = ["groups_of", "write"]
+
+MOST_INSTANCES = 65535             # that masks of 16 bits tell apart
+
+
+@dataclass(kw_only=True)
+class _Subset:
+    images: list = field(default_factory=list)
+    entries: list = field(default_factory=list)
+
+
+def write(places, folder, labels, progress=None):
+    """Write what training reads from images.
+
+    Parameters
+    ----------
+    places : str or path, or list of them
+        EXR files and folders of sweeps.
+    folder : str or path
+        To be made; an empty one may be there.
+    labels : Labels
+    progress : callable(done, total) or None
+        Told the number of images done.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, PermissionError
+        If the images cannot be read, labelled or split, or the folder cannot be made.
+    OSError
+        If the disk fills up; nothing is left behind.
+    """
+    folder = Path(folder)
+    check_writable(folder / "x" if folder.is_dir() else folder)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"cannot make the folder {folder}: there is a file of that name; give another.")
+    if folder.is_dir() and any(folder.iterdir()):
+        raise ValueError(f"the folder {folder} exists and is not empty; give another, or remove it first.")
+    sources = find_sources(places)
+    subsets = ["train"] * len(sources)
+    if labels.split:
+        subsets = deal(groups_of(sources, labels.split_by), labels.split, labels.split_seed,
+                       labels.split_by or "seabed")
+    with _whole(folder) as made:
+        _Writer(made, labels, sources, subsets)(progress)
+
+
+def groups_of(sources, by=None):
+    """Give for every image the text of what it must not be parted from.
+
+    Parameters
+    ----------
+    sources : list of Source
+    by : str or None
+        A scene parameter; None for the seabed.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    ValueError
+        If an image does not know its seabed, or has no such parameter.
+    """
+    for source in sources:
+        if by is None and source.seabed is None:
+            raise ValueError(f"{source.path} does not say which seabed it shows; render it again with this version, or "
+                             "split by a parameter of the scene.")
+        if by is not None and by not in source.parameters:
+            raise ValueError(f"{source.path} has no scene parameter {by}; it was given "
+                             f"{', '.join(sorted(source.parameters)) or 'none'}.")
+    return [str(source.seabed if by is None else source.parameters[by]) for source in sources]
+
+
+class _Writer:
+    def __init__(self, folder, labels, sources, subsets):
+        self.folder, self.labels, self.sources, self.subset_of = folder, labels, sources, subsets
+        self.numbers = coco.categories(sorted({name for source in sources for name in source.object_classes}))
+        self.subsets = {name: _Subset() for name in labels.split or ["train"]}
+        self.names, self.annotated = {}, 0
+
+    def __call__(self, progress):
+        for kind in ("images", *["labels"] * bool(self.labels.yolo),
+                     *[f"masks/{kind}" for kind in ("instance", "class", "shadow")] * self.labels.masks):
+            (self.folder / kind).mkdir(parents=True)
+        for done, (source, subset) in enumerate(zip(self.sources, self.subset_of, strict=True), 1):
+            self._image(source, self.subsets[subset])
+            if progress is not None:
+                progress(done, len(self.sources))
+        self._summary()
+
+    def _image(self, source, subset):
+        dataset = exr.read(source.path)
+        check_labelled(dataset, source.path)
+        shown, window, words = grey(dataset, tvg=self.labels.tvg, window=self.labels.window)
+        pictures = frames(dataset, source.path)
+        found = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
+                            above_noise_db=self.labels.above_noise_db)
+        about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
+                 "parameters": source.parameters, "window_db": [round(value, 3) for value in window],
+                 "grey": f"{words} [dB re 1 µPa]"}
+        for frame, own in zip(pictures, found, strict=True):
+            picture = frame.lay(shown)
+            for tile in tiles(frame, self.labels.tile, self.labels.overlap):
+                name = source.name if frame.ping is None else f"{source.name}_ping{frame.ping:04d}"
+                name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
+                inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in own) if piece]
+                where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about}
+                self._tile(name, picture[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width], inside,
+                           where, subset)
+
+    def _tile(self, name, picture, found, about, subset):
+        if name in self.names:
+            raise ValueError(f"two pictures would both be called {name}; rename an EXR, or do them one after the other.")
+        self.names[name] = number = len(self.names) + 1
+        write_png(picture, self.folder / "images" / f"{name}.png")
+        height, width = picture.shape
+        subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width, **about})
+        if self.labels.masks:
+            self._masks(name, picture.shape, found)
+        if self.labels.yolo:
+            lines = [yolo.line(each, self.labels.yolo, self.numbers, height, width) + "\n" for each in found]
+            (self.folder / "labels" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
+        if self.labels.coco:
+            for each in found:
+                self.annotated += 1
+                subset.entries.append(coco.entry(each, self.annotated, number, self.numbers))
+
+    def _masks(self, name, shape, found):
+        masks = {kind: np.zeros(shape, np.uint16) for kind in ("instance", "class", "shadow")}
+        for each in found:
+            if max(each.label, self.numbers[each.category]) > MOST_INSTANCES:
+                raise ValueError(f"{name} has objects numbered up to {each.label}, and masks tell {MOST_INSTANCES} apart; "
+                                 "leave the masks out.")
+            where = (slice(each.row, each.row + each.mask.shape[0]), slice(each.column, each.column + each.mask.shape[1]))
+            masks["instance" if each.kind == HIGHLIGHT else "shadow"][where][each.mask] = each.label
+            if each.kind == HIGHLIGHT:
+                masks["class"][where][each.mask] = self.numbers[each.category]
+        for kind, mask in masks.items():
+            write_png(mask, self.folder / "masks" / kind / f"{name}.png")
+
+    def _summary(self):
+        split, files = self.labels.split, {}
+        for name, subset in self.subsets.items():
+            if self.labels.coco:
+                about = {"description": "sonar images", "subset": name if split else "all", **self.labels.rules}
+                text = coco.document(subset.images, subset.entries, self.numbers, about)
+                files[f"annotations_{name}.json" if split else "annotations.json"] = text
+        if split:
+            files["split.json"] = {
+                "shares": split, "seed": self.labels.split_seed, "by": self.labels.split_by or "seabed",
+                "images": {name: [image["file_name"] for image in subset.images]
+                           for name, subset in self.subsets.items()},
+                "groups": {name: sorted(set(group for group, home in zip(groups_of(self.sources, self.labels.split_by),
+                                                                          self.subset_of, strict=True) if home == name))
+                           for name in self.subsets}}
+        if self.labels.masks:
+            files["masks/classes.json"] = {str(number): name for name, number in self.numbers.items()
+                                           if not name.endswith(f" {SHADOW}")}
+        for name, content in files.items():
+            (self.folder / name).write_text(json.dumps(content, ensure_ascii=False) + "\n", encoding="utf-8")
+        if self.labels.yolo:
+            self._lists()
+
+    def _lists(self):
+        """The lists of YOLO's subsets; without a split both that it asks for are all the images."""
+        for name, subset in self.subsets.items():
+            text = "".join(f"./images/{image['file_name']}\n" for image in subset.images)
+            (self.folder / f"{name}.txt").write_text(text, encoding="utf-8")
+        lists = {name: f"{name}.txt" for name in self.subsets}
+        # programs that read it insist on both
+        lists = {"train": next(iter(lists.values())), "val": next(iter(lists.values())), **lists}
+        (self.folder / "data.yaml").write_text(yolo.data_yaml(lists, self.numbers), encoding="utf-8")
+
+
+@contextlib.contextmanager
+def _whole(folder):
+    """A folder under another name that gets its own when the block succeeds, and vanishes if not."""
+    made = folder.with_name(f".{folder.name[:100]}.{secrets.token_hex(4)}")
+    try:
+        with full_disk_said(folder):
+            made.mkdir()
+            yield made
+            if folder.is_dir():
+                folder.rmdir()
+            made.rename(folder)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)

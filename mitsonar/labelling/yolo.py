@@ -1,0 +1,60 @@
+"""Annotations as YOLO's text files: a line for each, numbers as shares of the picture's width and height.
+
+    boxes       class  x of the middle  y of the middle  width  height
+    polygons    class  x y  x y  ...        one ring; the pieces of an annotation are joined by lines without area
+
+Classes count from 0. ``data.yaml`` names them and the lists of images; programs that read the format find the text of
+``images/NAME.png`` in ``labels/NAME.txt``.
+"""
+import json
+
+import numpy as np
+
+from .polygons import joined, polygons
+
+__all__ = ["FORMS", "data_yaml", "line"]
+
+FORMS = ("boxes", "polygons")
+
+
+def line(annotation, form, numbers, height, width):
+    """Give the line of one annotation.
+
+    Parameters
+    ----------
+    annotation : Annotation
+    form : {'boxes', 'polygons'}
+    numbers : dict of str, int
+        Numbers of the categories, from 1 as in COCO.
+    height, width : int
+        Of the picture.
+
+    Returns
+    -------
+    str
+    """
+    if form == "boxes":
+        left, upper, wide, high = annotation.box
+        values = np.array([left + wide / 2, upper + high / 2, wide, high]).reshape(2, 2) / [width, height]
+    else:
+        values = (joined(polygons(annotation.mask)) + [annotation.column, annotation.row]) / [width, height]
+    return " ".join([str(numbers[annotation.category] - 1), *(f"{value:.6g}" for value in values.ravel())])
+
+
+def data_yaml(lists, numbers):
+    """Give the text of ``data.yaml``.
+
+    Parameters
+    ----------
+    lists : dict of str, str
+        What each subset's images are, relative to the file: a list or a folder.
+    numbers : dict of str, int
+
+    Returns
+    -------
+    str
+    """
+    lines = [f"{subset}: {place}" for subset, place in lists.items()]
+    lines += ["names:", *(f"  {number - 1}: {json.dumps(name, ensure_ascii=False)}"
+                          for name, number in numbers.items())]
+    return "\n".join(lines) + "\n"
