@@ -1,4 +1,4 @@
-"""Surveyed bathymetry from any grid that GDAL opens (GeoTIFF, BAG, netCDF, ASCII grids, ...) and from ``.npy``.
+"""Surveyed bathymetry from grids (GeoTIFF, BAG, netCDF, ESRI ASCII, what else GDAL opens, ``.npy``) and soundings.
 
 `read` gives the heights as they will be meshed: z up, rows running north, columns east, metres about a local origin,
 NaN where nothing was measured. Grids in degrees, in feet or turned against north are warped to a grid in metres; every
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import rasters
+from . import raster_files, rasters
 
 _DEEPEST = 12000.0  # [m], beyond any ocean: larger numbers are undeclared fill values
 
@@ -67,13 +67,15 @@ class Bathymetry:
 
 
 def read(path, *, crop=None, centre=None, size=None, frame="projected", resolution=None, vertical="auto", band=1,
-         spacing=None, nodata=None, crs=None, local_origin=None):
+         variable=None, spacing=None, nodata=None, crs=None, local_origin=None):
     """Read a bathymetry grid.
 
     Parameters
     ----------
     path : path
-        A raster GDAL can open, or an ``.npy`` array (Y, X) whose rows run north.
+        A raster GDAL can open, an ``.npy`` array (Y, X) whose rows run north, or text of lines of x, y and z as
+        `soundings.read` takes it. Of a BAG of variable resolution the finest is taken, which the driver interpolates
+        to where it is coarser; the northernmost row of nodes is left out by it.
     crop : 4 floats, optional
         West, south, east, north of the part to read; nodes on the edge belong to it.
     centre, size : 2 floats each, optional
@@ -82,12 +84,15 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
         Coordinates of ``crop`` and ``centre``: "projected" for the file's own, be they metres or degrees, "local" for
         metres from the middle of the file's extent, rounded to metres.
     resolution : float [m], optional
-        Distance of the nodes; a coarser one averages, a finer one interpolates. By default the file's own.
+        Distance of the nodes; a coarser one averages, a finer one interpolates. By default the file's own; of
+        scattered soundings their mean distance, which is logged.
     vertical : str
         "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. What was
         taken is in the record, and logged.
     band : int
         Band of the file, from 1.
+    variable : str, optional
+        Which grid of a netCDF file; needed if it holds several of which not exactly one is called as heights are.
     spacing : float [m], optional
         Distance of the nodes of a file without georeference, such as ``.npy``.
     nodata : float, optional
@@ -114,13 +119,14 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
         raise ValueError(f"{path}: resolution is {resolution} m; it must be above 0.")
     try:
         part = rasters.Part(crop=crop, centre=centre, size=size, frame=frame)
-        with rasters.opened(path, spacing) as raster:
-            rasters.check(raster, band, crs)
-            source = rasters.source_crs(raster, crs)
-            with rasters.in_metres(raster, source, resolution, nodata) as grid:
+        with raster_files.opened(path, spacing=spacing, variable=variable, crs=crs, resolution=resolution,
+                                 nodata=nodata) as (raster, source):
+            rasters.check(raster, band)
+            native = raster.crs or source
+            with rasters.in_metres(raster, native, resolution, nodata) as grid:
                 x, y, window = rasters.window(grid, part, source)
                 values = _values(grid, band, window, nodata)
-                crs = rasters.name_of(source if grid is raster else grid.crs)
+                crs = rasters.name_of(native if grid is raster else grid.crs)
             scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
         heights, vertical = _z_up(values if (scale, offset) == (1, 0) else values * scale + offset, vertical)
     except ValueError as error:

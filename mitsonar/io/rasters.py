@@ -1,82 +1,14 @@
-"""Rasters as `bathymetry` needs them: opened, in metres, upright, and cut to a part."""
+"""Rasters as `bathymetry` needs them: checked, in metres, upright, and cut to a part."""
 import contextlib
-import os
-import threading
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-_MOST_NODES = 2e8
+MOST_NODES = 2e8
 _METRES = ("", "m", "metre", "metres", "meter", "meters")
-_stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 
 
-@contextlib.contextmanager
-def opened(path, spacing):
-    """Open a raster, or an array as one, and say what GDAL objects to in a sentence."""
-    import rasterio
-
-    if not os.path.exists(path):
-        raise ValueError("there is no such file.")
-    is_array = str(path).endswith(".npy")
-    if is_array != (spacing is not None):
-        raise ValueError("an .npy array needs the spacing of its nodes." if is_array else
-                         "the file has its own spacing; use resolution for another.")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with _hushed(path):
-                raster = _array_as_raster(path, spacing) if is_array else rasterio.open(path)
-        with raster:
-            yield raster
-    except rasterio.errors.RasterioIOError as error:
-        reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
-        raise ValueError(f"this is not a bathymetry grid that GDAL can read ({reason}).") from None
-
-
-@contextlib.contextmanager
-def _hushed(path):
-    """Keep the HDF5 library from printing its stack of errors: GDAL turns them into one exception all the same."""
-    is_hdf5 = False
-    if os.path.isfile(path):
-        with open(path, "rb") as file:
-            is_hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
-    if not is_hdf5:
-        yield
-        return
-    with _stderr:
-        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            os.close(nowhere)
-
-
-def _array_as_raster(path, spacing):
-    from rasterio.io import MemoryFile
-    from rasterio.transform import Affine
-
-    try:
-        heights = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise ValueError(f"this is not a NumPy array ({' '.join(str(error).split())}).") from None
-    if heights.ndim != 2 or heights.dtype.kind not in "fiu":
-        raise ValueError(f"the array is {heights.dtype} of shape {heights.shape}; expected numbers (Y, X).")
-    if not 0 < spacing < np.inf:
-        raise ValueError(f"spacing is {spacing} m; it must be above 0.")
-    rows, columns = heights.shape
-    memory = MemoryFile()
-    with memory.open(driver="GTiff", height=rows, width=columns, count=1, dtype="float32", nodata=np.nan,
-                     transform=Affine(spacing, 0, -spacing / 2, 0, spacing, -spacing / 2)) as raster:
-        raster.write(heights.astype(np.float32), 1)
-    return memory.open()
-
-
-def check(raster, band, crs):
+def check(raster, band):
     """Raise `ValueError` if a raster has no such band, no place on Earth, or heights in another unit than metres."""
     if raster.count == 0:
         parts = f"; it holds {', '.join(raster.subdatasets)}: name one of them" if raster.subdatasets else ""
@@ -88,12 +20,6 @@ def check(raster, band, crs):
         raise ValueError(f"heights are in {raster.units[band - 1]}; convert them to metres.")
     if raster.crs is None and raster.transform.is_identity:
         raise ValueError("the file has no georeference; add one (gdal_translate -a_ullr), or save .npy.")
-    if raster.crs is not None and crs is not None:
-        raise ValueError(f"the file names its coordinate system, {name_of(raster.crs)}; leave out {crs}.")
-    within_degrees = np.all(np.abs(raster.bounds) <= (360, 90, 360, 90)) and max(raster.res) < 0.1
-    if raster.crs is None and crs is None and within_degrees:
-        raise ValueError("no coordinate system is named and the coordinates look like degrees; "
-                         'say crs "EPSG:4326", or what they are.')
 
 
 @contextlib.contextmanager
@@ -104,18 +30,17 @@ def in_metres(raster, source, resolution, nodata):
     from rasterio.transform import from_origin
     from rasterio.vrt import WarpedVRT
 
-    in_degrees = source is not None and source.is_geographic
-    is_metric = not in_degrees and (source is None or not source.is_projected or source.linear_units_factor[1] == 1)
+    metric = is_metric(source)
     is_upright = raster.transform.b == 0 and raster.transform.d == 0 and raster.transform.a > 0
-    if is_metric and is_upright and resolution is None:
+    if metric and is_upright and (resolution is None or raster.res == (resolution, resolution)):
         yield raster
         return
-    target = source if is_metric else _utm(raster, source)
+    target = source if metric else utm(*raster.xy(raster.height / 2, raster.width / 2, offset="ul"), source)
     view = {"crs": target or CRS(), "src_crs": source or CRS(), "dtype": "float32", "nodata": np.nan,
             "src_nodata": nodata if nodata is not None else np.nan if raster.nodata is None else raster.nodata,
             "resampling": Resampling.bilinear}
     bounds, native = raster.bounds, max(raster.res)
-    if not (is_metric and is_upright):
+    if not (metric and is_upright):
         with WarpedVRT(raster, **view) as natural:
             bounds, native = natural.bounds, max(natural.res)
     west, east, south, north = *sorted(bounds[::2]), *sorted(bounds[1::2])
@@ -130,27 +55,51 @@ def in_metres(raster, source, resolution, nodata):
 
 
 def source_crs(raster, crs):
-    """Give the coordinate system of a raster, or the one stated for a raster that names none."""
+    """Give the coordinate system of a raster, or the one stated for a raster that names none.
+
+    Raises
+    ------
+    ValueError
+        If both are there, the one stated is none, or none is and the coordinates look like degrees.
+    """
+    if raster.crs is not None and crs is not None:
+        raise ValueError(f"the file names its coordinate system, {name_of(raster.crs)}; leave out {crs}.")
+    if raster.crs is None and crs is None and max(raster.res) < 0.1:
+        refuse_degrees(raster.bounds)
+    return raster.crs if crs is None else crs_of(crs)
+
+
+def refuse_degrees(bounds):
+    """Raise `ValueError` if west, south, east and north of no system that is named look like degrees."""
+    if np.all(np.abs(bounds) <= (360, 90, 360, 90)):
+        raise ValueError("no coordinate system is named and the coordinates look like degrees; "
+                         'say crs "EPSG:4326", or what they are.')
+
+
+def crs_of(text):
+    """Give the coordinate system that a text such as "EPSG:32632" names."""
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
-    if crs is None:
-        return raster.crs
     try:
-        return CRS.from_user_input(crs)
+        return CRS.from_user_input(text)
     except CRSError:
-        raise ValueError(f'"{crs}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None
+        raise ValueError(f'"{text}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None
 
 
-def _utm(raster, source):
-    """Give the UTM system of the raster's middle."""
+def is_metric(crs):
+    """Tell whether coordinates are metres already; those of no system are taken for metres."""
+    return crs is None or not (crs.is_geographic or (crs.is_projected and crs.linear_units_factor[1] != 1))
+
+
+def utm(x, y, source):
+    """Give the UTM system of a place in the system ``source``."""
     from pyproj.aoi import AreaOfInterest
     from pyproj.database import query_utm_crs_info
     from rasterio.crs import CRS
     from rasterio.warp import transform
 
-    middle = raster.xy(raster.height / 2, raster.width / 2, offset="ul")
-    (longitude,), (latitude,) = transform(source, CRS.from_epsg(4326), *([value] for value in middle))
+    (longitude,), (latitude,) = transform(source, CRS.from_epsg(4326), [x], [y])
     longitude = (longitude + 180) % 360 - 180
     found = query_utm_crs_info(datum_name="WGS 84", contains=True, area_of_interest=AreaOfInterest(
         longitude, latitude, longitude, latitude))
@@ -221,8 +170,8 @@ def window(grid, part, source):
         covers = x[0], min(y[0], y[-1]), x[-1], max(y[0], y[-1])
         raise ValueError(f"{rows.size} x {columns.size} nodes are left in {_listed((west, south, east, north))}; the "
                          f"file covers {_listed(covers)} (west, south, east, north).")
-    if columns.size * rows.size > _MOST_NODES:
-        raise ValueError(f"{rows.size} x {columns.size} nodes are more than {_MOST_NODES:.0e}; read a part or a "
+    if columns.size * rows.size > MOST_NODES:
+        raise ValueError(f"{rows.size} x {columns.size} nodes are more than {MOST_NODES:.0e}; read a part or a "
                          "coarser resolution.")
     return x[columns], y[rows], Window(columns[0], rows[0], columns.size, rows.size)
 

@@ -8,7 +8,7 @@ _MOST_NODES = 5e7  # 100 million triangles: about 10 GB once Embree has built it
 
 
 class Bathymetry(mi.Mesh):
-    """Mesh a bathymetry grid: GeoTIFF, BAG, whatever else GDAL opens, or an ``.npy`` array.
+    """Mesh a survey: GeoTIFF, BAG, netCDF, ESRI ASCII, what else GDAL opens, an ``.npy`` array, or x, y, z as text.
 
     ================ =========== ===========================================================================
     ``filename``                 the survey, beside the scene file or an absolute path
@@ -20,6 +20,7 @@ class Bathymetry(mi.Mesh):
     ``resolution``   0           distance of the nodes [m]; 0: the file's
     ``vertical``     auto        "elevation" (positive up), "depth" (positive down), or by the sign of most
     ``band``         1           band of the file
+    ``variable``                 grid of a netCDF file that holds several
     ``nodata``                   fill value, where the file does not declare it
     ``crs``                      coordinate system, where the file does not name it: "EPSG:4326"
     ``spacing``                  distance of the nodes of an ``.npy`` array [m]
@@ -52,6 +53,7 @@ class Bathymetry(mi.Mesh):
                    "resolution": attributes.number("resolution", 0.0, unit="m", minimum=0) or None,
                    "vertical": attributes.text("vertical", "auto", choices=("auto", "elevation", "depth")),
                    "band": attributes.integer("band", 1, minimum=1),
+                   "variable": attributes.text("variable", None),
                    "nodata": attributes.number("nodata", None),
                    "crs": attributes.text("crs", None),
                    "spacing": attributes.number("spacing", None, unit="m", above=0),

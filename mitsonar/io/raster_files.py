@@ -1,0 +1,179 @@
+"""Survey files as rasters, whatever they are: GDAL's formats, NumPy arrays, ESRI ASCII grids and lists of soundings.
+
+GDAL reads most of them. What it would read wrongly or not at all comes in other ways: of a BAG of variable resolution
+it shows the coarse overview unless asked for the refinements, of netCDF axes it asks for attributes that many files
+lack, and of text grids it takes words, and what is missing, for 0.
+"""
+import contextlib
+import os
+import threading
+import warnings
+
+import numpy as np
+
+from . import ascii_grid, soundings
+from .rasters import MOST_NODES, source_crs
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topography", "height", "altitude", "band1")
+_stderr = threading.Lock()  # Mitsuba loads shapes in parallel
+
+
+@contextlib.contextmanager
+def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, nodata=None):
+    """Open a survey as a raster, and say what GDAL objects to in a sentence.
+
+    Parameters
+    ----------
+    path : path
+    spacing : float [m], optional
+        Distance of the nodes of an ``.npy`` array, which needs it; no other file takes it.
+    variable : str, optional
+        Which grid of a netCDF file that holds several.
+    crs : str, optional
+        Coordinate system of a file that names none.
+    resolution : float [m], optional
+        Distance of the nodes on which scattered soundings are laid.
+    nodata : float, optional
+        Depth of soundings that stands for none.
+
+    Yields
+    ------
+    raster : rasterio dataset
+    source : rasterio.crs.CRS or None
+        System of the file's own coordinates. Of soundings in degrees or feet the raster has another, in metres.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or none of its kind can be read.
+    """
+    import rasterio
+
+    if not os.path.exists(path):
+        raise ValueError("there is no such file.")
+    is_array = str(path).endswith(".npy")
+    if is_array != (spacing is not None):
+        raise ValueError("an .npy array needs the spacing of its nodes." if is_array else
+                         "the file has its own spacing; use resolution for another.")
+    with contextlib.ExitStack() as stack:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+                stack.enter_context(_hushed(path))
+                if is_array:
+                    raster = _array_as_raster(path, spacing)
+                elif soundings.holds_soundings(path):
+                    raster, source = _soundings_as_raster(path, crs, resolution, nodata)
+                    yield stack.enter_context(raster), source
+                    return
+                elif ascii_grid.is_ascii_grid(path):
+                    raster = _ascii_as_raster(path)
+                else:
+                    raster = _by_gdal(path, variable)
+            stack.enter_context(raster)
+            if variable is not None and raster.driver != "netCDF":
+                raise ValueError(f'variable is "{variable}", but only netCDF files hold variables; leave it out.')
+            yield raster, source_crs(raster, crs)
+        except rasterio.errors.RasterioError as error:
+            reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
+            raise ValueError(f"this is not a bathymetry grid that GDAL can read ({reason}).") from None
+
+
+@contextlib.contextmanager
+def _hushed(path):
+    """Keep the HDF5 library from printing its stack of errors: GDAL turns them into one exception all the same."""
+    is_hdf5 = False
+    if os.path.isfile(path):
+        with open(path, "rb") as file:
+            is_hdf5 = file.read(8) == _HDF5
+    if not is_hdf5:
+        yield
+        return
+    with _stderr:
+        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)
+
+
+def _by_gdal(path, variable):
+    import rasterio
+
+    raster = rasterio.open(path)
+    if raster.driver == "BAG":
+        refined = raster.tags().get("HAS_SUPERGRIDS") == "TRUE"
+        raster.close()
+        # The finest resolution of the refinements, by linear interpolation within each.
+        return rasterio.open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
+    if raster.driver != "netCDF":
+        return raster
+    parts = {name.rpartition(":")[2]: name for name in raster.subdatasets}
+    if variable is None and len(parts) > 1:
+        likely = [name for name in parts if name.lower() in _HEIGHTS]
+        if len(likely) != 1:
+            raise ValueError(f"the file holds the grids {', '.join(parts)}; name the one of heights by variable.")
+        variable = likely[0]
+    if variable is not None and parts and variable not in parts:
+        raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(parts)}.')
+    raster.close()
+    # Axes called other than the conventions have it, or without their attributes, are axes all the same.
+    return rasterio.open(parts[variable] if parts and variable else f'netcdf:"{path}"' + f":{variable}" * bool(variable),
+                         IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
+
+
+def _array_as_raster(path, spacing):
+    from rasterio.transform import Affine
+
+    try:
+        heights = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise ValueError(f"this is not a NumPy array ({' '.join(str(error).split())}).") from None
+    if heights.ndim != 2 or heights.dtype.kind not in "fiu":
+        raise ValueError(f"the array is {heights.dtype} of shape {heights.shape}; expected numbers (Y, X).")
+    if not 0 < spacing < np.inf:
+        raise ValueError(f"spacing is {spacing} m; it must be above 0.")
+    check_size(*heights.shape)
+    return in_memory(heights, Affine(spacing, 0, -spacing / 2, 0, spacing, -spacing / 2))
+
+
+def _ascii_as_raster(path):
+    import rasterio
+
+    with rasterio.open(path) as header:          # GDAL knows the keys, and a .prj beside the file
+        rows, columns = header.shape
+        check_size(rows, columns)
+        heights = ascii_grid.read_values(path, rows, columns)
+        return in_memory(heights, header.transform, crs=header.crs, nodata=header.nodata)
+
+
+def _soundings_as_raster(path, crs, resolution, nodata):
+    from rasterio.transform import from_origin
+
+    survey = soundings.read(path, crs=crs, nodata=nodata)
+    west, north, step, heights = survey.gridded(resolution)
+    transform = from_origin(west - step[0] / 2, north + step[1] / 2, *step)
+    return in_memory(heights, transform, crs=survey.crs), survey.source
+
+
+def in_memory(values, transform, *, crs=None, nodata=None):
+    """Make a raster of an array: (Y, X), rows in the order that ``transform`` says."""
+    from rasterio.io import MemoryFile
+
+    rows, columns = values.shape
+    memory = MemoryFile()
+    with memory.open(driver="GTiff", height=rows, width=columns, count=1, dtype="float32",
+                     nodata=np.nan if nodata is None else nodata, transform=transform, crs=crs) as raster:
+        raster.write(np.asarray(values, np.float32), 1)
+    return memory.open()
+
+
+def check_size(rows, columns):
+    """Raise `ValueError` if a grid that must be held whole has too many nodes."""
+    if rows * columns > MOST_NODES:
+        raise ValueError(f"{rows} x {columns} nodes are more than {MOST_NODES:.0e}; make a GeoTIFF of it, of which "
+                         "parts can be read.")

@@ -1,0 +1,286 @@
+"""Lists of soundings as text, x, y and z a line, and the grids they are laid on.
+
+Lines that are the nodes of a regular grid, in whatever order, become that grid as it is. Scattered soundings are
+averaged over the cells of the grid they are laid on (where several fall into one), and the rest is linear
+interpolation over the Delaunay triangles between them. Nodes further from every sounding than a few of their
+distances are holes.
+"""
+import itertools
+import logging
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from .rasters import MOST_NODES, crs_of, is_metric, refuse_degrees, utm
+
+_SUFFIXES = (".xyz", ".txt", ".csv", ".tsv", ".pts", ".dat")
+_MOST_SOUNDINGS = 50_000_000     # 1.2 GB
+_MOST_TRIANGULATED = 5_000_000   # about 2 GB of triangles
+_LINES = 1_000_000               # read at a time
+_REACH = 3                       # distances of soundings over which is interpolated
+_OFF_LATTICE = 0.05              # steps by which coordinates may miss the nodes of a regular grid, being rounded
+_NAMES = {"x": ("x", "easting", "east", "e", "lon", "long", "longitude"),
+          "y": ("y", "northing", "north", "n", "lat", "latitude"),
+          "z": ("z", "depth", "elevation", "height", "altitude")}
+_GEOGRAPHIC = ("lon", "long", "longitude")
+
+_log = logging.getLogger(__name__)
+
+
+def holds_soundings(path):
+    """Tell whether a file is text that starts with three numbers a line, or is called as such files are."""
+    if str(path).lower().endswith(_SUFFIXES):
+        return True
+    try:
+        with open(path, "rb") as file:
+            lines = file.read(4096).decode("ascii").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return False
+    first = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
+    return len(_numbers(first)) >= 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Soundings:
+    """Hold soundings in metres.
+
+    Parameters
+    ----------
+    x, y : float64 array (N,) [m]
+        Eastings and northings.
+    z : float64 array (N,) [m]
+        As in the file: elevation or depth.
+    crs, source : rasterio.crs.CRS or None
+        Of x and y, and of the coordinates as the file has them.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    crs: object = None
+    source: object = None
+
+    @property
+    def distance(self):
+        """Give the mean distance [m] of soundings: that of as many on a square grid over their convex hull."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            area = ConvexHull(np.column_stack((self.x, self.y)) - (self.x[0], self.y[0])).volume
+        except QhullError:
+            area = 0.0
+        if not area > 0:
+            raise ValueError(f"the {self.x.size} soundings lie on a line or in a point; a seabed needs an area.")
+        return math.sqrt(area / self.x.size)
+
+    def gridded(self, resolution=None):
+        """Lay the soundings on a grid.
+
+        Parameters
+        ----------
+        resolution : float [m], optional
+            Distance of the nodes of scattered soundings, which lie at its multiples; by default their mean distance,
+            rounded. A regular grid stays as it is.
+
+        Returns
+        -------
+        west, north : float [m]
+            Place of the first node.
+        step : tuple of 2 floats [m]
+            To the next column east and row south.
+        values : float64 array (Y, X) [m]
+            Rows from the north; NaN where nothing was sounded.
+
+        Raises
+        ------
+        ValueError
+            If the soundings span no area, or the grid would have too many nodes.
+        """
+        axes = _lattice(self.x), _lattice(self.y)
+        if all(axes) and axes[0][2] * axes[1][2] <= max(20 * self.x.size, 100):
+            (west, step_x, columns), (south, step_y, rows) = axes
+            node = _node(self.y, south, step_y) * columns + _node(self.x, west, step_x)
+            values = _means(node, rows * columns, self.z).reshape(rows, columns)
+            return west, south + (rows - 1) * step_y, (step_x, step_y), values[::-1]
+        distance = self.distance
+        if resolution is None:
+            resolution = float(f"{distance:.2g}")
+            _log.info("%d scattered soundings, %.3g m apart, are laid on a grid of %g m", self.x.size, distance,
+                      resolution)
+        first = [math.floor(axis.min() / resolution) for axis in (self.x, self.y)]
+        columns, rows = (math.ceil(axis.max() / resolution) - start + 1
+                         for axis, start in zip((self.x, self.y), first))
+        if rows * columns > MOST_NODES:
+            raise ValueError(f"at {resolution:g} m the soundings span {rows} x {columns} nodes, more than "
+                             f"{MOST_NODES:.0e}; use a coarser resolution.")
+        values = self._interpolated(first, columns, rows, resolution, _REACH * max(resolution, distance))
+        return first[0] * resolution, (first[1] + rows - 1) * resolution, (resolution, resolution), values[::-1]
+
+    def _interpolated(self, first, columns, rows, resolution, reach):
+        """Give the heights (Y, X), rows from the south, at multiples of the resolution from ``first`` on."""
+        from scipy.interpolate import LinearNDInterpolator
+        from scipy.spatial import QhullError, cKDTree
+
+        x, y = self.x / resolution - first[0], self.y / resolution - first[1]  # [nodes]: small numbers
+        cell = np.rint(y).astype(np.int64) * columns + np.rint(x).astype(np.int64)
+        filled, cell, count = np.unique(cell, return_inverse=True, return_counts=True)
+        if filled.size > _MOST_TRIANGULATED:
+            raise ValueError(f"{filled.size} cells of {resolution:g} m hold soundings, more than "
+                             f"{_MOST_TRIANGULATED:.0e}; use a coarser resolution, or grid the survey.")
+        x, y, z = (np.bincount(cell, values) / count for values in (x, y, self.z))
+        places = np.column_stack((x, y))
+        try:
+            surface = LinearNDInterpolator(places, z)
+        except QhullError:
+            raise ValueError(f"in cells of {resolution:g} m the soundings lie on a line; use a finer "
+                             "resolution.") from None
+        near, values = cKDTree(places), np.empty((rows, columns))
+        for row in range(rows):
+            nodes = np.column_stack((np.arange(columns), np.full(columns, row)))
+            away, _ = near.query(nodes, distance_upper_bound=reach / resolution)
+            values[row] = np.where(np.isfinite(away), surface(nodes), np.nan)
+        return values
+
+
+def read(path, *, crs=None, nodata=None):
+    """Read a list of soundings.
+
+    Blanks, tabs, commas or semicolons divide the columns, and ``#`` starts a comment. A header may name the columns;
+    without one, or where it names others, the first three are x, y and z. Soundings whose z is NaN are left out.
+
+    Parameters
+    ----------
+    path : path
+    crs : str, optional
+        Coordinate system; without one, columns called longitude and latitude are "EPSG:4326", others metres.
+    nodata : float, optional
+        z that stands for no sounding.
+
+    Returns
+    -------
+    Soundings
+        Degrees and feet become metres of the UTM zone of their middle.
+
+    Raises
+    ------
+    ValueError
+        If a line does not hold three numbers, or there are fewer than three soundings or too many.
+    """
+    divider, skipped, columns, geographic = _layout(path)
+    parts, total = [], 0
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
+        for _ in range(skipped):
+            file.readline()
+        while True:
+            lines = list(itertools.islice(file, _LINES))
+            if not lines:
+                break
+            parts.append(_parsed(lines, divider, columns, skipped + total))
+            total += len(lines)
+            if total > _MOST_SOUNDINGS:
+                raise ValueError(f"the file has more than {_MOST_SOUNDINGS} lines; grid it, or thin it out.")
+    x, y, z = np.concatenate(parts).T if parts else np.empty((3, 0))
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise ValueError("a sounding has no place: x or y is not a finite number; remove it.")
+    kept = np.isfinite(z) if nodata is None else np.isfinite(z) & (z != nodata)
+    x, y, z = (values[kept] for values in (x, y, z))
+    if z.size < 3:
+        raise ValueError(f"the file holds {z.size} soundings; a seabed needs three at least.")
+    source = crs_of(crs) if crs is not None else crs_of("EPSG:4326") if geographic else None
+    if source is None:
+        refuse_degrees((x.min(), y.min(), x.max(), y.max()))
+    if is_metric(source):
+        return Soundings(x=x, y=y, z=z, crs=source, source=source)
+    return _in_metres(x, y, z, source)
+
+
+def _in_metres(x, y, z, source):
+    import pyproj
+
+    target = utm((x.min() + x.max()) / 2, (y.min() + y.max()) / 2, source)
+    x, y = pyproj.Transformer.from_crs(source.to_wkt(), target.to_wkt(), always_xy=True).transform(x, y)
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise ValueError("some soundings have no place in their coordinate system; is it another, or are x and y "
+                         "exchanged?")
+    return Soundings(x=x, y=y, z=z, crs=target, source=source)
+
+
+def _layout(path):
+    """Give the divider, the lines before the first sounding, the columns of x, y, z, and whether they are degrees."""
+    with open(path, "rb") as file:
+        head = file.read(1 << 16)
+    if b"\0" in head:
+        raise ValueError("this is no text; soundings are lines of x, y and z.")
+    if b"\n" not in head and len(head) == 1 << 16:
+        raise ValueError("the first line has no end; soundings are lines of x, y and z.")
+    names, skipped = [], 0
+    for line in head.decode("utf-8-sig", "replace").splitlines():
+        if line.strip() and not line.lstrip().startswith("#"):
+            if len(_numbers(line)) >= 2:
+                break
+            if names:
+                raise ValueError(f'line {skipped + 1}, "{line.strip()[:60]}", does not hold x, y and z.')
+            names = re.split(r"[,;\s]+", re.sub(r"[(\[].*?[)\]]", "", line).strip().strip('"').lower())
+        skipped += 1
+    else:
+        raise ValueError("the file holds no soundings; they are lines of x, y and z.")
+    divider = next((mark for mark in ",;" if mark in line), None)
+    columns = [next((index for index, name in enumerate(names) if name in _NAMES[key]), None) for key in "xyz"]
+    if None in columns:
+        return divider, skipped, (0, 1, 2), False
+    return divider, skipped, tuple(columns), names[columns[0]] in _GEOGRAPHIC
+
+
+def _parsed(lines, divider, columns, before):
+    """Give x, y and z (N, 3) of some lines, the first of which has number ``before + 1``."""
+    try:
+        return np.loadtxt(lines, delimiter=divider, usecols=columns, ndmin=2, comments="#").reshape(-1, 3)
+    except ValueError:
+        pass
+    for number, line in enumerate(lines, before + 1):      # NumPy counts without empty lines and comments
+        words = line.partition("#")[0]
+        try:
+            if words.strip():
+                np.loadtxt([line], delimiter=divider, usecols=columns)
+        except ValueError:
+            raise ValueError(f'line {number}, "{line.strip()[:60]}", does not hold x, y and z as numbers.') from None
+    raise ValueError("the file does not hold x, y and z as numbers.")
+
+
+def _numbers(line):
+    """Give the numbers that a line starts with."""
+    found = []
+    for word in re.split(r"[,;\s]+", line.partition("#")[0].strip()):
+        try:
+            found.append(float(word))
+        except ValueError:
+            break
+    return found
+
+
+def _lattice(values):
+    """Give the first of evenly spaced coordinates, their step and number; None if they are not evenly spaced."""
+    places = np.unique(values)
+    if places.size < 2:
+        return None
+    gaps = np.diff(places)
+    # Rounding makes several of one place.
+    gaps = gaps[gaps > 2 * _OFF_LATTICE * np.median(gaps)]
+    number = round((places[-1] - places[0]) / np.median(gaps))
+    if not 1 <= number < MOST_NODES:
+        return None
+    step = (places[-1] - places[0]) / number
+    away = (places - places[0]) / step
+    return (places[0], step, number + 1) if np.abs(away - np.rint(away)).max() < _OFF_LATTICE else None
+
+
+def _node(values, first, step):
+    return np.rint((values - first) / step).astype(np.int64)
+
+
+def _means(node, count, values):
+    """Give the mean of the values at each of ``count`` nodes, NaN where there is none."""
+    number = np.bincount(node, minlength=count)
+    return np.bincount(node, values, minlength=count) / np.where(number, number, np.nan)
