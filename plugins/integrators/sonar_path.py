@@ -74,7 +74,7 @@ class SonarPath(mi.SamplingIntegrator):
             raise ValueError("the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a "
                              f"{sensor.class_name()}")
         geometry = Geometry(scene)
-        track, sonar, below = sensor.plan(geometry, _origin(scene))
+        track, sonar, below = sensor.plan(geometry, *_origin(scene))
         window, bins = sensor.film().window(sonar.sound_speed)
         materials.check(geometry, sensor.water.profile, sonar.frequency)
         survey = Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
@@ -105,7 +105,7 @@ class SonarPath(mi.SamplingIntegrator):
             raise ValueError("element signals need a sonar, such as <sensor type=\"array_sonar\">, got a "
                              f"{sensor.class_name()}")
         geometry = Geometry(scene)
-        plan = sensor.array_plan(geometry, _origin(scene))
+        plan = sensor.array_plan(geometry, *_origin(scene))
         pulse, speed = plan.pulse, plan.sound_speed
         materials.check(geometry, sensor.water.profile, pulse.frequency)
         # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
@@ -205,9 +205,9 @@ def _memory():
 
 
 def _origin(scene):
-    """Easting and northing of the scene's origin, from the first shape that knows them."""
-    return next((np.asarray(shape.local_origin, float)[:2] for shape in scene.shapes()
-                 if getattr(shape, "local_origin", None) is not None), None)
+    """Easting and northing of the scene's origin and their coordinate system, from the first shape that knows them."""
+    return next(((np.asarray(shape.local_origin, float)[:2], getattr(shape, "crs", None) or "")
+                 for shape in scene.shapes() if getattr(shape, "local_origin", None) is not None), (None, ""))
 
 
 mi.register_integrator("sonar_path", SonarPath)

@@ -98,7 +98,7 @@ class ArraySonar(mi.Sensor):
         except ValueError as error:
             raise attributes.error(str(error)) from None
 
-    def array_plan(self, geometry, origin=None):
+    def array_plan(self, geometry, origin=None, crs=""):
         """Lay the track over a scene.
 
         Parameters
@@ -106,6 +106,8 @@ class ArraySonar(mi.Sensor):
         geometry : trace.Geometry
         origin : (2,) [m] or None
             Easting and northing of the scene's origin.
+        crs : str
+            Coordinate system of the origin; empty where nobody knows.
 
         Returns
         -------
@@ -118,14 +120,14 @@ class ArraySonar(mi.Sensor):
         """
         # the slowest water makes the longest wait
         slowest = self.sound_speed or float(np.min(self.water.profile.sound_speed))
-        track, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin)
-        velocity, turn_rate = self.platform.motion(track)
+        voyage, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin, crs)
+        track = voyage.track
         speed = self.sound_speed or float(np.mean(self.water.profile.at(-track.position[:, 2])))
         # a file's own delays are times; those of steering are lengths over a sound speed
         transmit, receive = (array if from_file else replace(array, delay=array.delay * (self._hint / speed))
                              for array, from_file in zip((self.transmit, self.receive), self._from_file))
         return ArrayPlan(
-            track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below, pulse=self.pulse,
+            track=track, velocity=voyage.velocity, turn_rate=voyage.turn_rate, depth_below=below, pulse=self.pulse,
             sound_speed=speed, transmit=transmit, receive=receive, source_level_db=self.source_level_db,
             bins_are_samples=True)
 

@@ -8,6 +8,7 @@ from mitsonar.sonar.track import Track
 
 SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
 SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
+FAR = 10_000.0                     # [m] beyond which a track belongs to another place
 
 
 def soundings(geometry, x, y):
@@ -121,6 +122,25 @@ def _smoothed(geometry, position, course):
     depth = soundings(geometry, line[..., 0], line[..., 1])
     found = np.isfinite(depth)
     return np.where(found.any(1), np.where(found, depth, 0).sum(1) / np.maximum(found.sum(1), 1), np.nan)
+
+
+def check_near(geometry, position, crs):
+    """Refuse positions (P, 2) [m], laid by their coordinates on Earth, of which none lies near the scene.
+
+    Raises
+    ------
+    ValueError
+        If all are more than 10 km away, as in a wrong zone; the distance and the coordinate system are named.
+    """
+    low, high = (np.asarray(corner, float) for corner in geometry.horizontal_bounds)
+    beside = np.maximum(np.maximum(low - position, position - high), 0)
+    away = np.hypot(*beside.T)
+    nearest = int(np.argmin(away))
+    if away[nearest] > FAR:
+        x, y = position[nearest]
+        raise ValueError(f"the track lies {away[nearest] / 1000:.0f} km away from the seabed, at x = {x:.0f} m, "
+                         f"y = {y:.0f} m of it in {crs.splitlines()[0] if crs else 'its coordinates'}; check zone and "
+                         "hemisphere, and that latitude and longitude are not swapped")
 
 
 def check(geometry, track):

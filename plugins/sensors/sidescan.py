@@ -83,7 +83,7 @@ class SidescanSensor(mi.Sensor):
         return Sidescan(frequency=self.frequency, source_level_db=self.source_level_db, pulse_length=self.pulse_length,
                         transmit=faces[0], receive=faces[1], depression_angle=self.depression_angle, sound_speed=speed)
 
-    def plan(self, geometry, origin=None):
+    def plan(self, geometry, origin=None, crs=""):
         """Lay the track over a scene.
 
         Parameters
@@ -91,6 +91,8 @@ class SidescanSensor(mi.Sensor):
         geometry : trace.Geometry
         origin : (2,) [m] or None
             Easting and northing of the scene's origin.
+        crs : str
+            Coordinate system of the origin; empty where nobody knows.
 
         Returns
         -------
@@ -104,24 +106,27 @@ class SidescanSensor(mi.Sensor):
         ValueError
             If the track leaves the seabed, the water, or the recorded span.
         """
+        voyage, below = self._voyage(geometry, origin, crs)
+        return voyage.track, self.sonar(float(np.mean(-voyage.track.position[:, 2]))), below
+
+    def _voyage(self, geometry, origin, crs):
         # the slowest water makes the longest wait
         slowest = self.sound_speed or float(np.min(self.water.profile.sound_speed))
-        track, below = self.platform.plan(geometry, self.film().window(slowest)[0][1], origin)
-        return track, self.sonar(float(np.mean(-track.position[:, 2]))), below
+        return self.platform.plan(geometry, self.film().window(slowest)[0][1], origin, crs)
 
-    def array_plan(self, geometry, origin=None):
+    def array_plan(self, geometry, origin=None, crs=""):
         """Plan the same run with each side's faces as elements, port and starboard: an `ArrayPlan`.
 
         The pulse is a cw of the sidescan's effective length. A face hears nothing from behind its own plane.
         """
-        track, sonar, below = self.plan(geometry, origin)
-        velocity, turn_rate = self.platform.motion(track)
+        voyage, below = self._voyage(geometry, origin, crs)
+        sonar = self.sonar(float(np.mean(-voyage.track.position[:, 2])))
         sine, cosine = np.sin(sonar.depression_angle), np.cos(sonar.depression_angle)
         transmit, receive = (element_array(
             np.zeros((2, 3)), normal=[[0, -cosine, sine], [0, cosine, sine]], along="forward", length=face.length,
             height=face.height, pattern="rectangular", baffle="hard") for face in (sonar.transmit, sonar.receive))
         # each face has the source level, and a direction hears one of them: both together would make twice the pressure
-        return ArrayPlan(track=track, velocity=velocity, turn_rate=turn_rate, depth_below=below,
+        return ArrayPlan(track=voyage.track, velocity=voyage.velocity, turn_rate=voyage.turn_rate, depth_below=below,
                          sound_speed=sonar.sound_speed, transmit=transmit, receive=receive,
                          pulse=cw(sonar.frequency, sonar.pulse_length), bins_are_samples=False,
                          source_level_db=sonar.source_level_db + db_from_amplitude(2.0))

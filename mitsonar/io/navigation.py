@@ -1,0 +1,202 @@
+"""Navigation as files hold it, and its way into a scene: east and north in metres about the scene's origin.
+
+A file's positions are metres of its own, metres of a projection (eastings and northings), or degrees of latitude and
+longitude on WGS 84. A `Frame` says where on Earth a scene's x = y = 0 lies; degrees are projected to its coordinate
+system by PROJ, and a heading, which compasses count from true north, loses the convergence of the meridians there:
+
+    heading from the scene's y axis = heading from true north - convergence
+
+(convergence: from true to grid north, clockwise; Snyder, Map Projections, 1987, p. 19).
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..sonar.track import Track
+
+__all__ = ["Frame", "Navigation", "Waypoints", "course"]
+
+WGS84 = "EPSG:4326"
+_COURSE_TIME = 1.0                 # [s] before and after, over which a course is measured
+_SLOWEST = 0.1                     # [m/s] at which there is a course
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Say where on Earth a scene lies.
+
+    Parameters
+    ----------
+    crs : str
+        Coordinate system in metres, as an EPSG code, WKT or PROJ string; empty where nobody knows.
+    origin : tuple of 2 floats [m]
+        Easting and northing of x = y = 0.
+    """
+
+    crs: str
+    origin: tuple = (0.0, 0.0)
+
+    @classmethod
+    def about(cls, latitude_deg, longitude_deg):
+        """Lay a frame about a point: transverse Mercator, true to scale and to north there."""
+        return cls(crs=f"+proj=tmerc +lat_0={latitude_deg:.9f} +lon_0={longitude_deg:.9f} +k=1 +x_0=0 +y_0=0 "
+                       "+datum=WGS84 +units=m +no_defs")
+
+    def project(self, latitude_deg, longitude_deg):
+        """Project points on WGS 84.
+
+        Parameters
+        ----------
+        latitude_deg, longitude_deg : array (P,) [degrees]
+
+        Returns
+        -------
+        position : array (P, 2) [m]
+            East and north of the origin.
+        convergence : array (P,) [rad]
+            From true north to the y axis, clockwise.
+
+        Raises
+        ------
+        ValueError
+            If the frame has no coordinate system, or one without metres, or a point lies where it does not reach.
+        """
+        import pyproj
+
+        if not self.crs:
+            raise ValueError("the seabed's file names no coordinate system, so latitudes and longitudes have no place "
+                             'over it; say the bathymetry\'s crs, such as "EPSG:32632".')
+        crs = pyproj.CRS.from_user_input(self.crs)
+        if not crs.is_projected:
+            raise ValueError(f"the seabed's coordinate system {crs.name} is not one in metres; latitudes and "
+                             "longitudes cannot be laid over it.")
+        east, north = pyproj.Transformer.from_crs(WGS84, crs, always_xy=True).transform(longitude_deg, latitude_deg)
+        outside = np.flatnonzero(~(np.isfinite(east) & np.isfinite(north)))
+        if outside.size:
+            first = outside[0]
+            raise ValueError(f"{latitude_deg[first]:.5f} N {longitude_deg[first]:.5f} E lies outside what {crs.name} "
+                             "can map; check the coordinates.")
+        factors = pyproj.Proj(crs).get_factors(longitude_deg, latitude_deg)
+        return np.stack([east, north], -1) - self.origin, np.deg2rad(factors.meridian_convergence)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Waypoints:
+    """Hold way points as they were written.
+
+    Parameters
+    ----------
+    x, y : array (N,) [m] or [degrees]
+        Eastings and northings; longitudes and latitudes if ``geographic``.
+    z : array (N,) [m] or None
+        Up from the sea surface; None where none is written.
+    geographic : bool
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray | None = None
+    geographic: bool = False
+
+    def placed(self, frame=None):
+        """Give the points in the scene, array (N, 2) [m]; raises `ValueError` as `Frame.project`."""
+        return _placed(self, frame)[0]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Navigation:
+    """Hold a recorded track as its file has it.
+
+    Parameters
+    ----------
+    time : array (P,) [s]
+        Strictly increasing.
+    x, y : array (P,) [m] or [degrees]
+        Eastings and northings; longitudes (which may run on past 180) and latitudes if ``geographic``.
+    z : array (P,) [m] or None
+        Up from the mean sea surface, without heave; None where the file does not say.
+    heave, roll, pitch : array (P,) [m], [rad], [rad]
+        Heave positive up.
+    heading : array (P,) [rad] or None
+        From true north if ``geographic``, else from the y axis; None where the file does not say: the course.
+    geographic : bool
+    """
+
+    time: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray | None
+    heave: np.ndarray
+    roll: np.ndarray
+    pitch: np.ndarray
+    heading: np.ndarray | None
+    geographic: bool = False
+
+    def placed(self, frame=None, depth=0.0):
+        """Lay the track into a scene.
+
+        Parameters
+        ----------
+        frame : Frame or None
+            None: metres as they are, degrees about the middle of the track.
+        depth : float [m]
+            Below the mean sea surface, where the file has no z.
+
+        Returns
+        -------
+        Track
+            Heave added to z.
+
+        Raises
+        ------
+        ValueError
+            As `Frame.project` and `Track`.
+        """
+        position, convergence = _placed(self, frame)
+        z = np.full(self.time.size, -float(depth)) if self.z is None else self.z
+        heading = course(self.time, position) if self.heading is None else self.heading - convergence
+        return Track(time=self.time, position=np.column_stack([position, z + self.heave]), roll=self.roll,
+                     pitch=self.pitch, heading=heading)
+
+
+def middle(record):
+    """Give the `Frame` about the middle of what a record in degrees covers."""
+    return Frame.about(*(0.5 * (float(np.min(axis)) + float(np.max(axis))) for axis in (record.y, record.x)))
+
+
+def _placed(record, frame):
+    """East and north of the frame's origin [m] and the convergence [rad], of a record's x and y."""
+    if record.geographic:
+        return (frame or middle(record)).project(record.y, record.x)
+    position = np.stack([record.x, record.y], -1)
+    return (position if frame is None else position - frame.origin), 0.0
+
+
+def course(time, position):
+    """Give the course over ground.
+
+    Parameters
+    ----------
+    time : array (P,) [s]
+        Strictly increasing.
+    position : array (P, 2) [m]
+        x east, y north.
+
+    Returns
+    -------
+    array (P,) [rad]
+        Clockwise from north, of the way from a second before to a second after, or at least from the neighbour before
+        to the neighbour after; where that is slower than 0.1 m/s, as it was before. 0 where nothing moves.
+    """
+    time, position = np.asarray(time, float), np.asarray(position, float)
+    number = np.arange(time.size)
+    before = np.maximum(np.minimum(np.searchsorted(time, time - _COURSE_TIME), number - 1), 0)
+    after = np.minimum(np.maximum(np.searchsorted(time, time + _COURSE_TIME, side="right") - 1, number + 1),
+                       time.size - 1)
+    way, lasting = position[after] - position[before], time[after] - time[before]
+    moving = np.hypot(*way.T) > _SLOWEST * lasting
+    if not moving.any():
+        return np.zeros(time.size)
+    last = np.maximum.accumulate(np.where(moving, number, -1))
+    last[last < 0] = np.argmax(moving)
+    return np.arctan2(way[:, 0], way[:, 1])[last]

@@ -1,0 +1,154 @@
+"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw and heave, and what they do to its velocity.
+
+Each of the four is a sum of sinusoids
+
+    a(t) = rms √(2/N) Σ_n cos(2π f_n t + φ_n),    f_n from a normal density about 1/period,  φ_n uniform
+
+which for large N is a Gaussian process with that spectrum (Rice, Mathematical Analysis of Random Noise, 1944,
+section 2.8); the f_n stand one in each N-th part of the density, so that the mean square over a long time is rms², whatever
+the seed.
+
+With roll φ, pitch θ and heading ψ as in `track` the body turns, in north-east-down, with
+
+    ω = ψ' ê_z + θ' Rz(ψ) ê_y + φ' Rz(ψ) Ry(θ) ê_x        (Fossen 2011, section 2.2.1)
+"""
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .track import Track
+
+__all__ = ["RandomMotion", "Voyage"]
+
+_LINES = 32
+_RELATIVE_WIDTH = 0.15             # standard deviation of the frequencies about 1 / period, relative
+_NAMES = ("roll", "pitch", "yaw", "heave")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomMotion:
+    """Hold how strongly a platform rocks, how slowly, and which realisation.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float [rad]
+        Root mean squares.
+    heave : float [m]
+        Root mean square.
+    period : float [s]
+        About which the motion's spectrum lies.
+    seed : int
+        The same seed gives the same motion.
+
+    Raises
+    ------
+    ValueError
+        If a root mean square is negative, the period is not positive, or a number is not finite.
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    heave: float = 0.0
+    period: float = 8.0
+    seed: int = 0
+
+    def __post_init__(self):
+        for name in (*_NAMES, "period"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0 and (value > 0 or name != "period")):
+                raise ValueError(f"random motion: {name} is {value!r}; give a finite number "
+                                 f"{'above 0' if name == 'period' else 'of 0 or more'}.")
+
+    def at(self, times):
+        """Realise the motion.
+
+        Parameters
+        ----------
+        times : array (P,) [s]
+
+        Returns
+        -------
+        values, rates : dict of array (P,)
+            Of "roll", "pitch", "yaw" [rad, rad/s] and "heave" [m, m/s].
+        """
+        from scipy.special import ndtri
+
+        times = np.asarray(times, dtype=np.float64)
+        values, rates = {}, {}
+        for number, name in enumerate(_NAMES):
+            rng = np.random.default_rng([int(self.seed), number])
+            share = (np.arange(_LINES) + rng.uniform(0.05, 0.95, _LINES)) / _LINES
+            omega = 2 * np.pi / self.period * (1 + _RELATIVE_WIDTH * ndtri(share))
+            phase = rng.uniform(0, 2 * np.pi, _LINES)
+            values[name], rates[name] = np.zeros_like(times), np.zeros_like(times)
+            scale = getattr(self, name) * np.sqrt(2 / _LINES)
+            if scale:
+                for line, start in zip(omega, phase):      # line by line: memory as of one
+                    values[name] += scale * np.cos(line * times + start)
+                    rates[name] -= scale * line * np.sin(line * times + start)
+        return values, rates
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Voyage:
+    """Hold a track with the velocity and the rate of turn at every ping.
+
+    Parameters
+    ----------
+    track : Track
+    velocity, turn_rate : array (P, 3) [m/s], [rad/s]
+        Scene frame.
+    """
+
+    track: Track
+    velocity: np.ndarray
+    turn_rate: np.ndarray
+
+    def raised(self, height, climb):
+        """Lift every ping by ``height`` [m], which grows by ``climb`` [m/s]; both (P,)."""
+        up = np.array([0.0, 0.0, 1.0])
+        track = replace(self.track, position=self.track.position + np.multiply.outer(height, up))
+        return replace(self, track=track, velocity=self.velocity + np.multiply.outer(climb, up))
+
+    def rocking(self, motion):
+        """Add random motion to a voyage that is level so far.
+
+        Parameters
+        ----------
+        motion : RandomMotion
+
+        Returns
+        -------
+        Voyage
+
+        Raises
+        ------
+        ValueError
+            If the motion reaches beyond what `Track` takes: a pitch of 90 degrees.
+        """
+        values, rates = motion.at(self.track.time)
+        track = replace(self.track, roll=self.track.roll + values["roll"], pitch=self.track.pitch + values["pitch"],
+                        heading=self.track.heading + values["yaw"])
+        (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in (track.pitch, track.heading))
+        north = rates["roll"] * ch * cp - rates["pitch"] * sh
+        east = rates["roll"] * sh * cp + rates["pitch"] * ch
+        down = rates["yaw"] - rates["roll"] * sp
+        turned = replace(self, track=track, turn_rate=self.turn_rate + np.stack([east, north, -down], -1))
+        return turned.raised(values["heave"], rates["heave"])
+
+    def carried(self, offset):
+        """Go to a point fixed to the body, whose lever arm turns with it.
+
+        Parameters
+        ----------
+        offset : array (3,) [m]
+            Forward, starboard, down from where the track leads.
+
+        Returns
+        -------
+        Voyage
+        """
+        arm = self.track.rotation() @ np.asarray(offset, dtype=np.float64)
+        return replace(self, track=replace(self.track, position=self.track.position + arm),
+                       velocity=self.velocity + np.cross(self.turn_rate, arm))

@@ -1,0 +1,113 @@
+"""A course through way points: straight legs, joined by arcs or meeting in corners.
+
+Between two legs that differ in heading by δ the course follows a circle of radius ``turn_radius`` R that touches both;
+it leaves the first leg R tan(|δ| / 2) before the way point and so passes inside it. On an arc of curvature κ = ±1/R,
+s after its start at heading h, the chord is s sinc(κ s / 2) long and heads for h + κ s / 2. With R = 0 the legs meet in
+the way point, and the heading jumps there: a survey whose turns are not recorded.
+"""
+import numpy as np
+
+__all__ = ["Course"]
+
+_BACK_DEG = 179.0                  # a turn beyond this leads back along the leg it came by
+_MOST_POINTS = 1_000_000
+
+
+class Course:
+    """Lay legs and turns through way points.
+
+    Parameters
+    ----------
+    points : array (N, 2) [m]
+        x east, y north; at least two, no two alike in a row.
+    turn_radius : float [m]
+        Of the arcs; 0: corners.
+
+    Attributes
+    ----------
+    length : float [m]
+        Of the whole course.
+    marks : array (N,) [m]
+        Distance sailed where each way point is passed: at the middle of its arc.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two points, two in a row are the same, a number is not finite, the course turns back on
+        itself along an arc, or two neighbouring turns do not fit on the leg between them.
+    """
+
+    def __init__(self, points, turn_radius=0.0):
+        points = np.array(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not 2 <= len(points) <= _MOST_POINTS:
+            raise ValueError(f"way points: got {len(points) if points.ndim else 0}; give from two to {_MOST_POINTS}, "
+                             "each as x and y.")
+        if not (np.isfinite(points).all() and np.isfinite(turn_radius) and turn_radius >= 0):
+            raise ValueError(f"way points: a coordinate or the turn radius {turn_radius!r} m is not a finite number "
+                             "(of 0 or more); repair it.")
+        steps = np.diff(points, axis=0)
+        lengths = np.hypot(*steps.T)
+        same = np.flatnonzero(~(lengths > 1e-6))
+        if same.size:
+            raise ValueError(f"way points {same[0] + 1} and {same[0] + 2} are the same place; leave one of them out.")
+        headings = np.unwrap(np.arctan2(steps[:, 0], steps[:, 1]))
+        turns = np.diff(headings)
+        cuts = np.r_[0.0, self._cuts(turns, lengths, float(turn_radius)), 0.0]
+        legs = lengths - cuts[:-1] - cuts[1:]
+        along = steps / lengths[:, None]
+        arcs = np.abs(turns) * turn_radius
+        # leg, arc, leg, arc, ..., leg
+        self._lengths = np.r_[np.stack([legs[:-1], arcs], -1).ravel(), legs[-1]]
+        self._starts = np.concatenate([points[:-1] + cuts[:-1, None] * along,
+                                       points[1:] - cuts[1:, None] * along], 1).reshape(-1, 2)[:-1]
+        self._headings = np.repeat(headings, 2)[:-1]
+        curvature = np.sign(turns) / turn_radius if turn_radius else np.zeros_like(turns)
+        self._curvature = np.r_[np.stack([np.zeros(len(turns)), curvature], -1).ravel(), 0.0]
+        self._begins = np.r_[0.0, np.cumsum(self._lengths)]
+        self.length = float(self._begins[-1])
+        self.marks = np.r_[0.0, self._begins[1:-1:2] + arcs / 2, self.length]
+
+    @staticmethod
+    def _cuts(turns, lengths, radius):
+        """How much of the legs on both sides of each inner way point its arc takes [m]."""
+        if radius == 0:
+            return np.zeros(len(turns))
+        back = np.flatnonzero(np.abs(turns) > np.deg2rad(_BACK_DEG))
+        if back.size:
+            raise ValueError(f"the course turns back on itself at way point {back[0] + 2}, where no arc of "
+                             f"{radius:g} m fits; put a way point aside, or take a turn radius of 0.")
+        tangents = np.r_[0.0, np.tan(np.abs(turns) / 2), 0.0]
+        taken = tangents[:-1] + tangents[1:]
+        tight = np.flatnonzero(radius * taken > lengths * (1 + 1e-12))
+        if tight.size:
+            leg = tight[0]
+            room = np.min(lengths[taken > 0] / taken[taken > 0])
+            raise ValueError(f"turns of {radius:g} m radius need {radius * taken[leg]:.1f} m of the {lengths[leg]:.1f} "
+                             f"m between way points {leg + 1} and {leg + 2}; take a turn radius of at most "
+                             f"{np.floor(room * 100) / 100:g} m, or 0 for corners.")
+        return radius * tangents[1:-1]
+
+    def at(self, distance):
+        """Follow the course.
+
+        Parameters
+        ----------
+        distance : array (Q,) [m]
+            Sailed from the first way point, from 0 to `length`.
+
+        Returns
+        -------
+        position : array (Q, 2) [m]
+        heading : array (Q,) [rad]
+            Of the course, clockwise from north, not wrapped.
+        curvature : array (Q,) [rad/m]
+            Turn per metre, positive to starboard; 0 in corners.
+        """
+        distance = np.asarray(distance, dtype=np.float64)
+        part = np.clip(np.searchsorted(self._begins, distance, side="right") - 1, 0, len(self._lengths) - 1)
+        gone = np.clip(distance - self._begins[part], 0, self._lengths[part])
+        half = 0.5 * self._curvature[part] * gone
+        chord = gone * np.sinc(half / np.pi)
+        bearing = self._headings[part] + half
+        position = self._starts[part] + chord[:, None] * np.stack([np.sin(bearing), np.cos(bearing)], -1)
+        return position, bearing + half, self._curvature[part]
