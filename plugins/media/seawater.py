@@ -5,6 +5,8 @@ Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; wi
 
 - ``profile``: table, depth [m] : sound speed [m/s], increasing depths; linear between, constant beyond.
 - ``cast``: name of a file `mitsonar.io.casts` reads; its temperature and salinity, if it has them, set absorption.
+- ``cast_sound_speed`` [file]: "file", or "teos-10" from the cast's temperature and salinity whatever the file gives.
+- ``cast_extension`` [constant]: below the cast's deepest sample; "gradient" is mixed water at rising pressure.
 - ``sound_speed``: one number [m/s].
 - ``sound_speed_formula`` [teos-10]: of `mitsonar.water.sound_speed`, where none of those is given. Down to 6000 m, or
   as deep as the formula reaches (``medwin``: 1000 m); constant below.
@@ -85,13 +87,18 @@ class Seawater(mi.Medium):
         _only_one(attributes, "profile", "cast", "sound_speed", "sound_speed_formula")
         table = _downwards(attributes, "profile", attributes.table("profile", None))
         path = attributes.file("cast", None)
+        source = attributes.text("cast_sound_speed", "file", choices=list(casts.SOUND_SPEEDS))
+        extension = attributes.text("cast_extension", "constant", choices=list(casts.EXTENSIONS))
+        if path is None and attributes.given("cast_sound_speed", "cast_extension"):
+            raise attributes.error(f"{attributes.given('cast_sound_speed', 'cast_extension')[0]} is given without a "
+                                   "cast; give cast too.")
         constant = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
         formula = attributes.text("sound_speed_formula", "teos-10", choices=list(seawater.FORMULAS))
         try:
             if table is not None:
                 return SoundSpeedProfile(*table)
             if path is not None:
-                self.cast = casts.read(path)
+                self.cast = casts.read(path, sound_speed=source, extension=extension)
                 return self.cast.profile
             if constant is not None:
                 return SoundSpeedProfile([0.0], [constant])

@@ -101,7 +101,7 @@ def test_castaway(write, encoding):
     ("depth,speed\n", "holds no samples"),
     ("", "is empty"),
     ("# only a comment\n", "is empty"),
-    ("Now: 05/06/2013\nBattery level\n", "CARIS SVP, CastAway CSV, table of depth and sound speed"),
+    ("Now: 05/06/2013\nBattery level\n", "CARIS SVP, CastAway CSV, .*, table of depth and sound speed"),
     ("[SVP_VERSION_2]\nname\n", "holds 0"),
     (CARIS.replace("1507.5", "?"), r"line 4: sound speed is \?"),
     (CASTAWAY.replace("Depth (Meter)", "Depth (Feet)"), r"no column 'Depth \(Meter\)'"),

@@ -1,0 +1,88 @@
+"""Sound-speed casts as instruments and survey software write them, recognised by content and not by suffix.
+
+`FORMATS` lists what is known. A new format is one file: a test of the lines that carry content, and a reader that
+takes all lines and the number of the section asked for and gives `Samples`; and its row in the list. What is the same
+for all comes after: `cleaning` says what becomes of the samples, `completion` of what the file does not give.
+"""
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from . import aml, caris, castaway, hypack, kongsberg, seabird, table, text, valeport
+from .completion import EXTENSIONS, SOUND_SPEEDS, completed
+from .records import Cast, Cleaning
+
+__all__ = ["EXTENSIONS", "FORMATS", "SOUND_SPEEDS", "Cast", "Cleaning", "Format", "read"]
+
+
+class Format(NamedTuple):
+    """One format: its name, a test of the lines that carry content, and the reader."""
+
+    name: str
+    recognises: Callable
+    reads: Callable
+
+
+# The table comes last: it is the least particular.
+FORMATS = (
+    Format("CARIS SVP", caris.recognises, caris.read),
+    Format("CastAway CSV", castaway.recognises, castaway.read),
+    Format("AML CSV", aml.recognises, aml.read),
+    Format("Kongsberg ASVP", kongsberg.recognises, kongsberg.read),
+    Format("Sea-Bird CNV", seabird.recognises, seabird.read),
+    Format("HYPACK VEL", hypack.recognises, hypack.read),
+    Format("Valeport MiniSVP", valeport.recognises, valeport.read),
+    Format("table of depth and sound speed", table.recognises, table.read),
+)
+
+
+def read(path, section=0, *, sound_speed="file", extension="constant"):
+    """Read a cast.
+
+    Parameters
+    ----------
+    path : str or path
+        A file in one of `FORMATS`; the last is a plain table of depth [m] and sound speed [m/s] divided by commas,
+        semicolons, tabs or spaces, with or without a header, comments after #.
+    section : int
+        Which cast of a file that holds several, from 0.
+    sound_speed : {"file", "teos-10"}
+        Of the file, computed only where that has none; or by TEOS-10 from temperature and salinity (or conductivity)
+        whatever the file gives.
+    extension : {"constant", "gradient"}
+        Below the deepest sample: the last sound speed, or that of mixed water at rising pressure down to 12000 m, as
+        in `completion`. Above the first sample it is constant.
+
+    Returns
+    -------
+    Cast
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file is too large, its content is none of the known formats, a value is not a number or out of range,
+        depths do not increase in a plain table (the line is named), a recording holds no water or no way down, what
+        a sound speed is to be computed from is missing, there is no such section, or a choice is unknown.
+    """
+    for what, choice, choices in (("sound_speed", sound_speed, SOUND_SPEEDS), ("extension", extension, EXTENSIONS)):
+        if choice not in choices:
+            raise ValueError(f"{what} of a cast: {choice!r} is unknown; use one of {', '.join(choices)}.")
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"cannot read the cast {path}: there is no such file; check the name.")
+    if not path.is_file():
+        raise ValueError(f"cannot read the cast {path}: it is not a file; give the file of one cast.")
+    try:
+        lines = text.read_lines(path)
+        content = [line for line in lines or () if line.partition("#")[0].strip()]
+        for known in FORMATS:
+            if content and known.recognises(content):
+                return completed(known.reads(lines, section), known.name, sound_speed, extension)
+    except ValueError as error:
+        raise ValueError(f"cannot read the cast {path}: {error}") from None
+    what = "its content" if content else "it is empty, which" if lines is not None else "it is binary, which"
+    raise ValueError(f"cannot read the cast {path}: {what} is none of the formats known "
+                     f"({', '.join(known.name for known in FORMATS)}); convert it to a plain table of depth [m] and "
+                     "sound speed [m/s].")

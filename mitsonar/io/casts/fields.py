@@ -1,0 +1,180 @@
+"""The fields that the formats share: numbers, titles of columns, positions and times."""
+import datetime
+import math
+import re
+
+import numpy as np
+
+from ...water.ranges import RANGES
+from .records import Samples
+
+# quantity -> the names that titles give it, without case
+QUANTITIES = {
+    "depth": {"depth", "z", "d"},
+    "pressure": {"pressure", "pres", "press", "p"},
+    "sound speed": {"sound speed", "soundspeed", "speed", "speed of sound", "sound velocity", "velocity", "sv", "c"},
+    "temperature": {"temperature", "temp", "t"},
+    "salinity": {"salinity", "sal", "s"},
+    "conductivity": {"conductivity", "cond"},
+}
+# quantity -> its units and by what a number in them is multiplied; the first is ours
+UNITS = {
+    "depth": dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1),
+    "pressure": dict.fromkeys(("dbar", "db", "decibar", "decibars"), 1),
+    "sound speed": dict.fromkeys(("m/s", "ms-1", "m s-1", "mps", "meters per second", "metres per second"), 1),
+    "temperature": dict.fromkeys(("deg C", "deg c", "degc", "c", "\N{DEGREE SIGN}c", "celsius"), 1),
+    "salinity": dict.fromkeys(("practical salinity", "psu", "ppt", "pss", "pss-78", "g/kg"), 1),
+    "conductivity": {"mS/cm": 1, "ms/cm": 1, "mmho/cm": 1, "s/m": 10, "us/cm": 1e-3, "\N{MICRO SIGN}s/cm": 1e-3,
+                     "\N{GREEK SMALL LETTER MU}s/cm": 1e-3},
+}
+POSITION = re.compile(r"([+-]?\d+(?:\.\d+)?)(?:[\s:d\N{DEGREE SIGN}]+(\d+(?:\.\d+)?))?(?:[\s:'m]+(\d+(?:\.\d+)?))?"
+                      r"[\s\"'\N{DEGREE SIGN}]*([NSEWnsew]?)")
+
+
+def only_section(section):
+    """Refuse any section but the first, for formats that hold one cast a file."""
+    if section != 0:
+        raise ValueError(f"section {section} was asked for, but the format holds one cast a file; leave section out.")
+
+
+def shown(text):
+    """Give a field as an error may show it: short, on one line."""
+    text = "".join(character if character.isprintable() else "?" for character in text[:31])
+    return f"{text[:30]}..." if len(text) > 30 else text
+
+
+def number(text):
+    """Give the number a field holds, NaN where it holds none."""
+    try:
+        return math.nan if "_" in text else float(text)    # Python's 1_500 is no number to others
+    except ValueError:
+        return math.nan
+
+
+def samples(rows, columns, state, **more):
+    """Make samples of the rows of a file.
+
+    Parameters
+    ----------
+    rows : list of (int, list of str)
+        Line number and fields.
+    columns : dict of str to int or (int, float)
+        Where each quantity stands, and by what it is multiplied to have our unit.
+    state : str
+        And what else a `Samples` holds.
+
+    Returns
+    -------
+    Samples
+
+    Raises
+    ------
+    ValueError
+        If there is no row or a field is not a finite number; the first line with such a field is named.
+    """
+    if not rows:
+        raise ValueError("it holds no samples; give at least one depth with its sound speed.")
+    table = {what: np.empty(len(rows)) for what in columns}
+    columns = {what: where if isinstance(where, tuple) else (where, 1) for what, where in columns.items()}
+    for k, (line, fields) in enumerate(rows):
+        for what, (column, factor) in columns.items():
+            text = fields[column].strip() if column < len(fields) else ""
+            value = number(text) * factor
+            if not math.isfinite(value):
+                raise ValueError(f"line {line}: {what} is {shown(text) or 'missing'}, not a finite number; "
+                                 "repair or remove the line.")
+            table[what][k] = value
+    return Samples(lines=np.array([line for line, _ in rows]), columns=table, state=state, **more)
+
+
+def rows_of(lines):
+    """Give the rows that carry content, as (line number, text), without comments after #."""
+    rows = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, 1))
+    return [(number, row) for number, row in rows if row]
+
+
+def title(text):
+    """Give the quantity and the unit that the title of a column names, or None and all of it."""
+    words = re.sub(r"[_()\[\]\"']+", " ", text.lower()).split()
+    for end in range(min(len(words), 4), 0, -1):
+        for what, names in QUANTITIES.items():
+            if " ".join(words[:end]) in names:
+                return what, " ".join(words[end:])
+    return None, text
+
+
+def titled(line, header):
+    """Give the columns that a header names.
+
+    Parameters
+    ----------
+    line : int
+        The header's line number.
+    header : list of str
+        Titles such as ``depth``, ``Depth (m)``, ``depth_m``.
+
+    Returns
+    -------
+    dict of str to (int, float)
+        Quantity to column and factor.
+
+    Raises
+    ------
+    ValueError
+        If a unit is not known, a quantity is named twice, or depth (or pressure) or what gives the sound speed is
+        missing.
+    """
+    columns = {}
+    for k, (what, unit) in enumerate(map(title, header)):
+        if what is None:
+            continue
+        unit = unit or ("" if what == "conductivity" else next(iter(UNITS[what])))
+        if unit not in UNITS[what]:
+            raise ValueError(f"line {line}: {what} is given in {shown(unit)!r}; convert it to "
+                             f"{next(iter(UNITS[what]))}.")
+        if what in columns:
+            raise ValueError(f"line {line}: the header names {what} twice; keep one of the columns.")
+        columns[what] = k, UNITS[what][unit]
+    if not suffices(columns):
+        raise ValueError(f"line {line}: the header names {shown(', '.join(header))}; it must name depth and "
+                         "sound_speed (or pressure, or temperature with salinity or conductivity).")
+    return columns
+
+
+def suffices(quantities):
+    """Tell whether quantities of these names give a sound speed against depth."""
+    return bool({"depth", "pressure"} & set(quantities)) and (
+        "sound speed" in quantities or ("temperature" in quantities and {"salinity", "conductivity"} & set(quantities)))
+
+
+def position(text, name):
+    """Give the degrees of a latitude or longitude: decimal, or with minutes and seconds; None if it cannot be read.
+
+    The sign before the degrees is that of the whole, and so is a letter behind.
+
+    Examples
+    --------
+    >>> position("43 04.5 N", "latitude"), position("-122:27:54", "longitude"), position("No-Lock", "latitude")
+    (43.075, -122.465, None)
+    """
+    text = re.sub(r"^([NSEWnsew])\s*(.+)$", r"\2 \1", text.strip())
+    found = POSITION.fullmatch(text)
+    if not found:
+        return None
+    degrees, minutes, seconds, side = found.groups()
+    minutes, seconds = float(minutes or 0), float(seconds or 0)
+    value = abs(float(degrees)) + minutes / 60 + seconds / 3600
+    low, high, _ = RANGES[name]
+    if not low <= value <= high or minutes >= 60 or seconds >= 60:
+        return None
+    return -value if degrees.startswith("-") or side.upper() in ("S", "W") else value
+
+
+def instant(text, *layouts):
+    """Give the time that a text holds in one of the layouts of ``strptime``, in UTC; None if in none of them."""
+    for layout in layouts:
+        try:
+            return datetime.datetime.strptime(" ".join(text.split()), layout).replace(tzinfo=datetime.timezone.utc)
+        except ValueError:
+            continue
+    return None

@@ -1,0 +1,18 @@
+"""HYPACK VEL: ``FTP NEW version latitude longitude hh:mm mm/dd/yyyy``, then depth and sound speed, in metric units."""
+from . import fields
+
+
+def recognises(content):
+    """Tell whether these lines are of the format."""
+    return content[0].split()[:2] == ["FTP", "NEW"]
+
+
+def read(lines, section):
+    """Give the samples; see `mitsonar.io.casts.read`."""
+    fields.only_section(section)
+    (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]
+    latitude, longitude, hour, day = (header[3:7] + [""] * 4)[:4]
+    return fields.samples(rows, {"depth": 0, "sound speed": 1}, "processed",
+                          time=fields.instant(f"{day} {hour}", "%m/%d/%Y %H:%M", "%m/%d/%Y %H:%M:%S"),
+                          latitude=fields.position(latitude, "latitude"),
+                          longitude=fields.position(longitude, "longitude"))

@@ -1,0 +1,37 @@
+"""A plain table: depth and sound speed, or what they are computed from, with or without a header."""
+from . import fields
+
+
+def recognises(content):
+    """Tell whether these lines are of the format."""
+    first, second = (_split(line) for line in (*content, "")[:2])
+    named = {what for what, _ in map(fields.title, first)}
+    return _numeric(first) or (_numeric(second) and len(first) == len(second)) or fields.suffices(named)
+
+
+def read(lines, section):
+    """Give the samples; see `mitsonar.io.casts.read`."""
+    fields.only_section(section)
+    rows = [(number, _split(row)) for number, row in fields.rows_of(lines)]
+    (number, first), columns = rows[0], {"depth": 0, "sound speed": 1}
+    if not _numeric(first):
+        rows, columns = rows[1:], fields.titled(number, first)
+    elif len(first) > 2:
+        raise ValueError(f"line {number} has {len(first)} columns and no header names them; give a header with the "
+                         "names depth and sound_speed.")
+    return fields.samples(rows, columns, "ordered")
+
+
+def _split(line):
+    """Cut a row at semicolons (then a comma is a decimal point), else commas, else tabs or spaces."""
+    line = line.partition("#")[0].strip().rstrip(",;")
+    if ";" in line:
+        return [field.strip() for field in line.replace(",", ".").split(";")]
+    return [field.strip() for field in line.split(",")] if "," in line else line.split()
+
+
+def _numeric(row):
+    try:
+        return len([float(field) for field in row]) >= 2
+    except ValueError:
+        return False

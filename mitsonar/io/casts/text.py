@@ -1,0 +1,55 @@
+"""The lines of a text file, whatever its encoding, in bounded memory."""
+
+MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 samples a second; no line is that long
+
+
+def read_lines(path):
+    """Read the lines of a text file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+
+    Returns
+    -------
+    list of str or None
+        Without their ends; None if the file is binary.
+
+    Raises
+    ------
+    ValueError
+        If the file is larger than a cast is; nothing of it was read then.
+
+    Notes
+    -----
+    UTF-8, UTF-16 with its mark, or else Windows-1252, of which every byte is some character: the degree signs of
+    older software matter less than the numbers beside them.
+    """
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        raise ValueError(f"it has {size / 2**20:.0f} MiB, and no cast has more than {MOST_BYTES / 2**20:.0f}; "
+                         "give the file of one cast.")
+    text = _decoded(path.read_bytes())
+    if text is None or "\0" in text:
+        return None
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if text.count("\n") > MOST_LINES:
+        raise ValueError(f"it has {text.count(chr(10))} lines, and no cast has more than {MOST_LINES}; give the file "
+                         "of one cast.")
+    lines = text.split("\n")
+    longest = max(range(len(lines)), key=lambda k: len(lines[k]))
+    if len(lines[longest]) > LONGEST:
+        raise ValueError(f"line {longest + 1} has {len(lines[longest])} characters; a cast has a line for each sample.")
+    return lines
+
+
+def _decoded(data):
+    try:
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return data.decode("utf-16")
+    except UnicodeDecodeError:
+        return None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")

@@ -1,0 +1,35 @@
+"""Valeport MiniSVP: notes ``name: value``, the last ``Pressure units: m`` or ``dBar``, then pressure, temperature and
+sound speed as they were logged, the tare of the pressure taken off. In air the sound speed is 0. Days come before
+months.
+"""
+from . import fields
+
+UNITS = {"m": "depth", "dbar": "pressure"}
+
+
+def recognises(content):
+    """Tell whether these lines are of the format."""
+    return any(line.lower().startswith(("minisvp:", "pressure units:")) for line in content[:20])
+
+
+def read(lines, section):
+    """Give the samples; see `mitsonar.io.casts.read`."""
+    fields.only_section(section)
+    notes, rows = {}, []
+    for number, line in enumerate(lines, 1):
+        key, colon, value = line.partition(":")
+        if "pressure units" in notes and line.strip():
+            rows.append((number, line.replace(",", " ").split()))
+        elif colon:
+            notes[key.strip().lower()] = value.strip()
+    if "pressure units" not in notes:
+        raise ValueError("no line says 'Pressure units:', after which the samples come; the file was cut: copy it "
+                         "again.")
+    unit = notes["pressure units"].lower()
+    if unit not in UNITS:
+        raise ValueError(f"its pressure is in {fields.shown(notes['pressure units'])!r}; set the instrument to m or "
+                         "dBar, or convert the cast.")
+    return fields.samples(rows, {UNITS[unit]: 0, "temperature": 1, "sound speed": 2}, "recorded",
+                          time=fields.instant(notes.get("now", ""), "%d/%m/%Y %H:%M:%S"),
+                          latitude=fields.position(notes.get("latitude", ""), "latitude"),
+                          longitude=fields.position(notes.get("longitude", ""), "longitude"))
