@@ -1,0 +1,249 @@
+"""Images by number: read when they are asked for, so that a set may be larger than the memory."""
+import numpy as np
+
+from ..io import exr
+from ..labelling import deal, find_sources, groups_of, read_shares
+
+__all__ = ["Images", "open"]
+
+RENAMED = {"range": "slant_range"}  # a coordinate that differs from image to image cannot be its dimension's
+
+
+def open(places):
+    """Open the images of sweeps and files.
+
+    Parameters
+    ----------
+    places : str or path, or list of them
+        Folders of sweeps, whose finished images are taken, and EXR files.
+
+    Returns
+    -------
+    Images
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If something is not there or no image of mitsonar.
+
+    Examples
+    --------
+    ``images = open("sweep")`` and then ``images[0]["level"]``.
+    """
+    return Images(find_sources(places))
+
+
+class Images:
+    """A sequence of images; ``images[3]`` reads one, ``images[10:20]`` is a shorter sequence.
+
+    Attributes
+    ----------
+    sources : tuple of mitsonar.labelling.sources.Source
+        Path, name, parameters, seed and seabed of each.
+    classes, object_classes : tuple of str
+        Of all shapes, and of objects, in any image, sorted: class numbers of PyTorch targets count along them from 1.
+    """
+
+    def __init__(self, sources):
+        self.sources = tuple(sources)
+        self.classes = tuple(sorted({name for source in self.sources for name in source.classes}))
+        self.object_classes = tuple(sorted({name for source in self.sources for name in source.object_classes}))
+
+    def __len__(self):
+        return len(self.sources)
+
+    def __getitem__(self, number):
+        if isinstance(number, slice):
+            return self._some(self.sources[number])
+        return exr.read(self.sources[number].path)
+
+    def __repr__(self):
+        return f"<mitsonar.dataset.Images: {len(self)} images, parameters {', '.join(self.parameters) or 'none'}>"
+
+    @property
+    def names(self):
+        """Names of the images, (image,) text."""
+        return np.array([source.name for source in self.sources])
+
+    @property
+    def seeds(self):
+        """Their seeds, (image,)."""
+        return np.array([source.seed for source in self.sources])
+
+    @property
+    def seabeds(self):
+        """Hashes of their seabeds, (image,); images with the same show the same seabed."""
+        return np.array([source.seabed for source in self.sources])
+
+    @property
+    def parameters(self):
+        """Scene parameters: name → (image,) array, of numbers where all are numbers; None where an image has none."""
+        names = dict.fromkeys(name for source in self.sources for name in source.parameters)
+        return {name: _column([source.parameters.get(name) for source in self.sources]) for name in names}
+
+    def split(self, shares, seed=0, by=None):
+        """Split into subsets that share no seabed.
+
+        Parameters
+        ----------
+        shares : dict of str, float, or str
+            Such as {"train": 0.8, "val": 0.2} or "train=0.8,val=0.2".
+        seed : int
+            Another seed splits otherwise.
+        by : str or None
+            A scene parameter in place of the seabed.
+
+        Returns
+        -------
+        dict of str, Images
+
+        Raises
+        ------
+        ValueError
+            If there are fewer seabeds than subsets, or an image does not know its own.
+        """
+        if not isinstance(shares, str):
+            shares = ",".join(f"{name}={share!r}" for name, share in shares.items())
+        shares = read_shares(shares)
+        homes = deal(groups_of(self.sources, by), shares, seed, by or "seabed")
+        return {name: self._some([source for source, home in zip(self.sources, homes, strict=True) if home == name])
+                for name in shares}
+
+    def stack(self, names=("level",)):
+        """Read variables of all images into arrays.
+
+        Parameters
+        ----------
+        names : str or sequence of str
+            Of variables or coordinates whose shape is the same in every image.
+
+        Returns
+        -------
+        dict of str, array (image, ...)
+            All in memory.
+
+        Raises
+        ------
+        ValueError
+            If an image has no such variable, or it has another shape there.
+        """
+        names = [names] if isinstance(names, str) else list(names)
+        stacked = {}
+        for number in range(len(self)):
+            image = self[number]
+            for name in names:
+                if not number:
+                    values = self._values(image, name, number)
+                    stacked[name] = np.empty((len(self), *values.shape), values.dtype)
+                stacked[name][number] = self._values(image, name, number, stacked[name].shape[1:])
+        return stacked
+
+    def xarray(self, names=None):
+        """Give all images as one dataset with the dimension ``image``, read when it is computed (by Dask).
+
+        Parameters
+        ----------
+        names : sequence of str or None
+            Variables; None: all over the dimensions of ``level``.
+
+        Returns
+        -------
+        xarray.Dataset
+            With coordinates of the images over (image, ...), ``range`` as ``slant_range``; ``name``, ``seed``,
+            ``seabed``, and scene parameters as ``parameter_NAME``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such variable; when it is computed, if the images differ in shape.
+        """
+        import dask
+        import dask.array
+        import xarray
+
+        first = self[0]
+        if names is None:
+            names = [name for name, variable in first.data_vars.items() if variable.dims == first["level"].dims]
+        inner = [name for name, coordinate in first.coords.items() if coordinate.dtype.kind in "fiub"
+                 and set(coordinate.dims) <= set(first["level"].dims) and (name in RENAMED or name not in first.dims)]
+        reads = [dask.delayed(exr.read)(source.path) for source in self.sources]
+
+        def lazily(name):
+            like = self._values(first, name, 0)
+            parts = [dask.array.from_delayed(dask.delayed(self._values)(read, name, number, like.shape), like.shape,
+                                             like.dtype) for number, read in enumerate(reads)]
+            return ("image", *first[name].dims), dask.array.stack(parts), first[name].attrs
+
+        coords = {name: first[name] for name in first.dims if name in first.coords and name not in RENAMED
+                  and name in first["level"].dims}
+        coords |= {RENAMED.get(name, name): lazily(name) for name in inner}
+        coords |= {"name": ("image", self.names), "seed": ("image", self.seeds), "seabed": ("image", self.seabeds)}
+        coords |= {f"parameter_{name}": ("image", values) for name, values in self.parameters.items()}
+        return xarray.Dataset({name: lazily(name) for name in names}, coords)
+
+    def torch(self, *, image="level", target="class", transform=None):
+        """Give a dataset for PyTorch's DataLoader; it can be pickled if what it is given can.
+
+        Parameters
+        ----------
+        image : str or callable(xarray.Dataset)
+            A variable: float32 (channels, rows, columns), rows and columns as in the EXR's picture, of a sidescan one
+            channel, of an array its pings; or what gives an array.
+        target : str, callable(xarray.Dataset) or None
+            A variable: the same as int64 (of counts; ``class`` by the set's ``classes``) or float32; ``boxes``: boxes,
+            labels and masks as torchvision's detectors want them, labels by the set's ``object_classes``; or what gives
+            the target; None: images alone.
+        transform : callable(image, target) or callable(image), optional
+            Applied to each pair, or to each image where there are no targets.
+
+        Returns
+        -------
+        torch.utils.data.Dataset
+
+        Raises
+        ------
+        ImportError
+            If PyTorch is not installed.
+        """
+        try:
+            from .torch_images import TorchImages
+        except ImportError as error:
+            if error.name is None or error.name.partition(".")[0] != "torch":
+                raise
+            raise ImportError("PyTorch is not installed here; install torch, or use stack() or xarray().") from None
+        return TorchImages(self, image=image, target=target, transform=transform)
+
+    def _some(self, sources):
+        """Some of the images, with class numbers as here."""
+        some = Images(sources)
+        some.classes, some.object_classes = self.classes, self.object_classes
+        return some
+
+    def _values(self, image, name, number, shape=None):
+        """The values of a variable, which must have that shape."""
+        if name not in image.variables:
+            raise ValueError(f"{self.sources[number].path} has no variable {name}; it has "
+                             f"{', '.join(map(str, image.variables))}.")
+        values = image[name].values
+        if shape is not None and values.shape != tuple(shape):
+            raise ValueError(f"{name} of {self.sources[number].path} has the shape {values.shape}, not {tuple(shape)} as "
+                             f"in {self.sources[0].path}; stack images of one shape, such as a part of them.")
+        return values
+
+
+def _column(values):
+    """An array of values, of numbers where each is one or reads as one."""
+    if any(value is None or isinstance(value, (list, dict)) for value in values):
+        return np.array(values, dtype=object)
+    if all(isinstance(value, bool) for value in values):
+        return np.array(values)
+    for kind in (int, float):
+        try:
+            return np.array([kind(value) for value in map(_as_text, values)])
+        except ValueError:
+            continue
+    return np.array([str(value) for value in values])
+
+
+def _as_text(value):
+    return repr(value) if isinstance(value, (int, float)) else value
