@@ -91,8 +91,12 @@ def checked_seed(seed):
 def provenance(scene, sensor):
     """Where a result comes from: scene, parameters, versions, origin."""
     bed = next((shape for shape in scene.shapes() if getattr(shape, "local_origin", None) is not None), None)
+    # without a surveyed seabed, the track's latitudes and longitudes say where the scene lies
+    frame = getattr(getattr(sensor, "platform", None), "frame", None)
+    origin, crs = (None, None) if frame is None else (frame.origin, frame.crs)
+    if bed is not None:
+        origin, crs = bed.local_origin, getattr(bed, "crs", None)
     known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
     return {**known, "versions": {"mitsonar": __version__, **versions},
-            "local_origin": None if bed is None else [float(v) for v in bed.local_origin],
-            "crs": None if bed is None else getattr(bed, "crs", None)}
+            "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}

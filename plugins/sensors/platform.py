@@ -88,7 +88,7 @@ class Platform:
     Attributes
     ----------
     frame : Frame or None
-        Where the scene's origin lies, once the track was laid by degrees in a scene that does not say it itself.
+        Where a track in degrees lays the origin of a scene that does not say it itself.
     """
 
     def __init__(self, attributes, pings=400):
@@ -109,7 +109,6 @@ class Platform:
             **rocking, heave=attributes.number("heave", 0.0, minimum=0, unit="m"),
             period=attributes.number("motion_period", 8.0, above=0, unit="s"),
             seed=attributes.integer("motion_seed", 0, minimum=0))
-        self.frame = None
         self._bounded = bool(attributes.given("pings"))
         path, text = attributes.file("track", None), attributes.text("waypoints", "")
         try:
@@ -117,6 +116,9 @@ class Platform:
         except ValueError as error:
             raise attributes.error(str(error)) from None
         self._check(attributes, path, text.strip())
+        self.frame = None
+        if self.record is not None and self.record.geographic:
+            self.frame = middle(self.record) if self.origin is None else Frame.about(*self.origin)
 
     def _check(self, attributes, path, text):
         """Refuse attributes that contradict each other or would count for nothing."""
@@ -272,8 +274,7 @@ class Platform:
 
     def _frame(self, origin, crs):
         """Where the record's coordinates meet the scene's: a `Frame`, or None if they are the same."""
-        if self.record.geographic and origin is None:
-            self.frame = middle(self.record) if self.origin is None else Frame.about(*self.origin)
+        if self.frame is not None and origin is None:
             _log.info("x and y are metres in %s", self.frame.crs)
             return self.frame
         if self.origin is not None:
