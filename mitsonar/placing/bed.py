@@ -1,0 +1,96 @@
+"""Heights of a seabed made of triangles, looked up without rays.
+
+Triangles are sorted by size into levels of side s = 2^n >= extent, and within a level by the square of side s that
+holds the south-western corner of their box: of a triangle over a point, this lies in the point's square or in one of
+those to the west, the south and the south-west.
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+_EDGE = 1e-6                       # share of a triangle by which a point may lie outside: neighbours must not gape
+
+
+class _Level(NamedTuple):
+    side: float                    # [m] of a square
+    columns: int
+    keys: np.ndarray               # (F,) row * columns + column, increasing
+    faces: np.ndarray              # (F, 3) in the order of the keys
+
+
+class Bed:
+    """A seabed of triangles.
+
+    Parameters
+    ----------
+    vertices : array (V, 3) [m]
+        Scene coordinates, z up.
+    faces : array (F, 3) of int
+
+    Attributes
+    ----------
+    bounds : (float, float, float, float) [m]
+        West, south, east and north.
+    lowest : float [m]
+        Height of the lowest vertex.
+
+    Raises
+    ------
+    ValueError
+        If no triangle can be seen from above.
+    """
+
+    def __init__(self, vertices, faces):
+        self._vertices = np.asarray(vertices)
+        faces = np.asarray(faces)
+        x, y = (self._vertices[:, axis][faces] for axis in (0, 1))
+        west, south = x.min(1, initial=np.inf), y.min(1, initial=np.inf)
+        extent = np.maximum(x.max(1, initial=-np.inf) - west, y.max(1, initial=-np.inf) - south)
+        flat = (extent > 0) & np.isfinite(extent)
+        if not flat.any():
+            raise ValueError("the seabed has no triangle that can be seen from above; give one of some width")
+        self.bounds = tuple(float(value) for value in (west[flat].min(), south[flat].min(), x[flat].max(),
+                                                       y[flat].max()))
+        self.lowest = float(np.nanmin(self._vertices[:, 2]))
+        size = np.where(flat, np.frexp(extent)[1], np.iinfo(np.int32).min)
+        self._levels = [self._level(2.0**exponent, faces[mine], west[mine], south[mine])
+                        for exponent in np.unique(size[flat]) for mine in (np.flatnonzero(size == exponent),)]
+
+    def _level(self, side, faces, west, south):
+        columns = int((self.bounds[2] - self.bounds[0]) // side) + 3
+        keys = self._key(west, south, side, columns)
+        order = np.argsort(keys, kind="stable")
+        return _Level(side, columns, keys[order], faces[order])
+
+    def _key(self, x, y, side, columns):
+        column = np.floor((np.asarray(x, float) - self.bounds[0]) / side).astype(np.int64)
+        row = np.floor((np.asarray(y, float) - self.bounds[1]) / side).astype(np.int64)
+        return row * columns + column + 1
+
+    def heights(self, x, y):
+        """Give the height (Q,) [m] of the highest triangle at each point (x, y) (Q,) [m]; NaN where there is none."""
+        x, y = np.asarray(x, float), np.asarray(y, float)
+        west, south, east, north = self.bounds
+        inside = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
+        best = np.full(x.shape, -np.inf)
+        for level in self._levels:
+            here = self._key(x[inside], y[inside], level.side, level.columns)
+            for row in (here, here - level.columns):
+                first = np.searchsorted(level.keys, row - 1, "left")
+                count = np.searchsorted(level.keys, row, "right") - first
+                pair = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+                point = np.repeat(inside, count)
+                np.maximum.at(best, point, self._height(level.faces[pair], x[point], y[point]))
+        return np.where(np.isinf(best), np.nan, best)
+
+    def _height(self, faces, x, y):
+        """Height of each triangle at its point; -inf where it is not over it."""
+        a, b, c = (self._vertices[faces[:, corner]].astype(float) for corner in range(3))
+        (u_x, u_y, u_z), (v_x, v_y, v_z) = (b - a).T, (c - a).T
+        d_x, d_y = x - a[:, 0], y - a[:, 1]
+        area = u_x * v_y - u_y * v_x
+        with np.errstate(divide="ignore", invalid="ignore"):           # an upright triangle is over nothing
+            u, v = (d_x * v_y - d_y * v_x) / area, (u_x * d_y - u_y * d_x) / area
+            height = a[:, 2] + u * u_z + v * v_z
+            over = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1 + _EDGE) & np.isfinite(height)
+            return np.where(over, height, -np.inf)

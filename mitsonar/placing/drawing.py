@@ -1,0 +1,240 @@
+"""Draw bodies onto a bed: species, pose, burial and place of each, no two nearer than asked.
+
+Target number k has random streams of its own (seed, k): one for what it is, one for where it lies. Its place is the
+first of its stream that is free of the targets before it, so that it does not depend on how many follow, and what it is
+does not depend on where it lies.
+"""
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .bodies import turn_onto
+
+TRIES = 1000                       # places tried for a target before there is said to be no room
+SMALLEST, LARGEST = 1e-3, 100.0    # [m] that a target may measure; beyond, its file is not in metres
+_SAMPLES = 9                       # points along either side of a footprint at which the bed's height is taken
+
+POSES = ("upright", "rest", "any")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """What targets may be like; pairs are the bounds of uniform distributions.
+
+    Parameters
+    ----------
+    area : (float, float, float, float) [m], optional
+        West, south, east, north; targets lie wholly inside. By default the bounds of the bed.
+    exclude : array (E, 4) [m]
+        Boxes like `area` that no target may reach into.
+    spacing : float [m]
+        Least distance between the bounding circles of two targets.
+    scale, burial : (float, float) [-]
+        Factor of size; share of the height that lies below the bed.
+    heading : (float, float) [rad]
+        Compass heading of the front.
+    tilt : (float, float) [rad]
+        Angle of leaning out of the pose, in a direction drawn evenly.
+    pose : str
+        "upright": as the mesh stands; "rest": on any side on which it can come to rest, as often as it would if
+        dropped; "any": all attitudes alike.
+    along_slope : bool
+        Stand at right angles to the bed under the footprint, not to the horizon.
+    weights : array (B,), optional
+        How often each body is drawn; by default all alike.
+    """
+
+    area: tuple | None = None
+    exclude: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    spacing: float = 0.0
+    scale: tuple = (1.0, 1.0)
+    burial: tuple = (0.0, 0.0)
+    heading: tuple = (0.0, 2 * np.pi)
+    tilt: tuple = (0.0, 0.0)
+    pose: str = "upright"
+    along_slope: bool = False
+    weights: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """A body where it lies.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    body : Body
+    position : array (3,) [m]
+        Middle of the footprint, at the mean height of the bed there.
+    radius : float [m]
+        Of the bounding circle about `position`, seen from above.
+    heading, tilt, tilt_heading : float [rad]
+        Tilt is the angle between the pose's upward axis and that of the bed, or the vertical; it leans towards the
+        compass heading `tilt_heading`.
+    scale, burial : float [-]
+    vertices : array (V, 3) [m]
+        Of the body, in scene coordinates.
+    """
+
+    number: int
+    body: object
+    position: np.ndarray
+    radius: float
+    heading: float
+    tilt: float
+    tilt_heading: float
+    scale: float
+    burial: float
+    vertices: np.ndarray
+
+
+def draw_count(low, high, seed):
+    """Draw a whole number from `low` to `high`, both included; `seed` as of `place`."""
+    return int(np.random.default_rng([*np.atleast_1d(seed), 0]).integers(low, high, endpoint=True))
+
+
+def place(bodies, bed, rules, *, count, seed, taken=()):
+    """Place targets on a bed.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    bed : Bed
+    rules : Rules
+    count : int
+    seed : int or sequence of int
+        At least 0.
+    taken : array (T, 3) [m]
+        Circles (x, y, radius) that are occupied already.
+
+    Returns
+    -------
+    list of Placed
+
+    Raises
+    ------
+    ValueError
+        If a body is too small or too large for a target, or there is no room for all.
+
+    Notes
+    -----
+    A body rests with its lowest point in the mean plane of the bed under its footprint (the rectangle about it, along
+    and across its heading): the level mean height, or with ``along_slope`` the plane that fits the bed best. It is
+    then lowered by the share ``burial`` of its height over that plane.
+    """
+    for body in bodies:
+        for scale in rules.scale:
+            if not SMALLEST <= body.size * scale <= LARGEST:
+                raise ValueError(f"the mesh {body.name} is {body.size * scale:.4g} m long at a scale of {scale:g}; "
+                                 f"targets measure {SMALLEST:g} to {LARGEST:g} m: is the file in metres? If not, set "
+                                 "scale")
+    area = bed.bounds if rules.area is None else tuple(rules.area)
+    circles = np.empty((len(taken) + count, 3))
+    circles[:len(taken)] = np.reshape(taken, (-1, 3))
+    done = []
+    for number in range(1, count + 1):
+        others = circles[:len(taken) + number - 1]
+        target = _draw(bodies, bed, rules, area, others, number, seed)
+        if target is None:
+            west, south, east, north = area
+            less = f"fewer, a spacing below {rules.spacing:g} m," if rules.spacing else "fewer"
+            raise ValueError(f"only {len(done)} of {count} targets found room on {east - west:g} x {north - south:g} m "
+                             f"(x from {west:g}, y from {south:g}), the next none in {TRIES} tries; use {less} or a "
+                             "larger area of seabed")
+        circles[len(others)] = *target.position[:2], target.radius
+        done.append(target)
+    return done
+
+
+def _draw(bodies, bed, rules, area, others, number, seed):
+    """The target of a number, or None where no room is found."""
+    what = np.random.default_rng([*np.atleast_1d(seed), number])
+    share = what.random(7)                                             # all, used or not: one rule moves no other
+    attitude = what.normal(size=4)
+    odds = np.ones(len(bodies)) if rules.weights is None else np.asarray(rules.weights, float)
+    body = bodies[int(np.searchsorted(np.cumsum(odds) / odds.sum(), share[0], side="right"))]
+    scale, heading, tilt, burial = (low + part * (high - low) for part, (low, high) in
+                                    zip(share[1:5], (rules.scale, rules.heading, rules.tilt, rules.burial)))
+    tilt_heading = 2 * np.pi * share[5]
+    # into the frame of the heading, in which the footprint is a rectangle, and from there into the scene
+    lean = _leaning(tilt, tilt_heading - heading) @ _pose(body, rules.pose, share[6], attitude)
+    turned = _about_z(-heading)
+    corners = scale * body.outline @ lean.T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle = np.array([*(low + high)[:2] / 2, low[2]])                 # of the footprint, at its lowest point
+    corners = (corners - middle) @ turned.T
+    corners[:, 2] -= burial * (high - low)[2]
+    grid = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+    footprint = np.stack(np.meshgrid(*(grid * side for side in (high - low)[:2])), -1).reshape(-1, 2) @ turned[:2, :2].T
+    for spot in _places(area, _radius(corners), number, seed):
+        if not _free(*spot, _radius(corners), area, rules, others):
+            continue
+        ground = bed.heights(*(spot + footprint).T)
+        if np.isnan(ground).any():
+            continue                                                   # over a hole, or the edge of the bed
+        slope = _upright(footprint, ground) if rules.along_slope else np.eye(3)
+        radius = _radius(corners @ slope.T)
+        if rules.along_slope and not _free(*spot, radius, area, rules, others):
+            continue                                                   # a leaning body is wider
+        position = np.array([*spot, ground.mean()])
+        vertices = (scale * body.vertices @ lean.T - middle) @ turned.T
+        vertices[:, 2] -= burial * (high - low)[2]
+        return Placed(number=number, body=body, position=position, radius=radius, heading=heading, tilt=tilt,
+                      tilt_heading=tilt_heading, scale=scale, burial=burial, vertices=vertices @ slope.T + position)
+    return None
+
+
+def _places(area, radius, number, seed):
+    """Points (2,) [m] to try, drawn evenly, the circle inside the area."""
+    west, south, east, north = area
+    low, high = np.array([west + radius, south + radius]), np.array([east - radius, north - radius])
+    if (low <= high).all():
+        yield from low + np.random.default_rng([*np.atleast_1d(seed), number, 1]).random((TRIES, 2)) * (high - low)
+
+
+def _free(x, y, radius, area, rules, others):
+    """Tell whether a circle lies in the area, off what is excluded, and far enough from other circles."""
+    west, south, east, north = area
+    slack = 1e-9 * max(1.0, abs(x), abs(y))
+    if min(x - west, east - x, y - south, north - y) < radius - slack:
+        return False
+    boxes = np.reshape(rules.exclude, (-1, 4))
+    nearest = np.clip(x, boxes[:, 0], boxes[:, 2]), np.clip(y, boxes[:, 1], boxes[:, 3])
+    if (np.hypot(nearest[0] - x, nearest[1] - y) < radius).any():
+        return False
+    return not (np.hypot(others[:, 0] - x, others[:, 1] - y) < others[:, 2] + radius + rules.spacing).any()
+
+
+def _radius(corners):
+    return float(np.hypot(corners[:, 0], corners[:, 1]).max())
+
+
+def _pose(body, pose, share, attitude):
+    """Rotation (3, 3) of a body into its pose, by chance: a number from 0 to 1, and four normal deviates."""
+    if pose == "upright":
+        return np.eye(3)
+    w, x, y, z = attitude / np.linalg.norm(attitude)                   # a quaternion, all directions alike
+    if pose == "any":
+        return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+    rotations, often = body.rest_poses
+    return rotations[int(np.searchsorted(np.cumsum(often), share, side="right").clip(0, len(often) - 1))]
+
+
+def _leaning(tilt, towards):
+    """Rotation (3, 3) that tips the upward axis by an angle towards a heading, clockwise from +y."""
+    return turn_onto((0.0, 0.0, 1.0), (np.sin(tilt) * np.sin(towards), np.sin(tilt) * np.cos(towards), np.cos(tilt)))
+
+
+def _about_z(angle):
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _upright(footprint, ground):
+    """Rotation (3, 3) of the vertical onto the normal of the plane that fits the bed under a footprint."""
+    (east, north), *_ = np.linalg.lstsq(footprint, ground - ground.mean(), rcond=None)
+    normal = np.array([-east, -north, 1.0])
+    return turn_onto((0.0, 0.0, 1.0), normal / np.linalg.norm(normal))
