@@ -1,4 +1,5 @@
 """What labels are to be written, and by which rules: one record, checked before any work."""
+import math
 from dataclasses import dataclass
 
 from .. import __version__
@@ -60,6 +61,8 @@ class Labels:
         if not 0 <= self.threshold < 1:
             raise ValueError(f"the threshold is {self.threshold:g}; give a share of at least 0 and below 1, such as "
                              "0.5.")
+        if not self.above_noise_db < math.inf:
+            raise ValueError(f"highlights are to be {self.above_noise_db:g} dB above the noise; give a number, such as 0.")
         if self.smallest < 1:
             raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
         if self.tile is not None and min(self.tile) < 8:
@@ -68,8 +71,9 @@ class Labels:
             raise ValueError(f"the overlap of tiles is {self.overlap:g}; give a share from 0 to 0.9.")
         if self.overlap and self.tile is None:
             raise ValueError("an overlap is given, but no tiles; give their size or leave it out.")
-        if self.window is not None and not self.window[0] < self.window[1]:
-            raise ValueError(f"black is {self.window[0]:g} dB and white {self.window[1]:g} dB; white must be above.")
+        if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
+            raise ValueError(f"black is {self.window[0]:g} dB and white {self.window[1]:g} dB; give two numbers, white "
+                             "above black.")
         if self.split is None and self.split_by is not None:
             raise ValueError("what to split by is given, but no split; give its shares or leave it out.")
 

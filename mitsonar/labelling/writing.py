@@ -4,6 +4,7 @@ The folder appears under its name when everything in it is there, or not at all.
 """
 import contextlib
 import json
+import os
 import secrets
 import shutil
 from dataclasses import dataclass, field
@@ -52,18 +53,19 @@ def write(places, folder, labels, progress=None):
     OSError
         If the disk fills up; nothing is left behind.
     """
-    folder = Path(folder)
-    check_writable(folder / "x" if folder.is_dir() else folder)
-    if folder.exists() and not folder.is_dir():
+    if os.path.isdir(folder):
+        if os.listdir(folder):
+            raise ValueError(f"the folder {folder} exists and is not empty; give another, or remove it first.")
+    elif os.path.exists(folder):
         raise ValueError(f"cannot make the folder {folder}: there is a file of that name; give another.")
-    if folder.is_dir() and any(folder.iterdir()):
-        raise ValueError(f"the folder {folder} exists and is not empty; give another, or remove it first.")
+    else:
+        check_writable(str(folder).rstrip(os.sep))
     sources = find_sources(places)
     subsets = ["train"] * len(sources)
     if labels.split:
         subsets = deal(groups_of(sources, labels.split_by), labels.split, labels.split_seed,
                        labels.split_by or "seabed")
-    with _whole(folder) as made:
+    with _whole(Path(os.path.realpath(folder))) as made:
         _Writer(made, labels, sources, subsets)(progress)
 
 

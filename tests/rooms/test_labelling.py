@@ -1,0 +1,199 @@
+"""Labels of a record whose highlights and shadows are known: bins, pictures, polygons, tiles, and the files."""
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from labelled_sidescan import labelled
+from PIL import Image
+from rasterio.features import rasterize
+
+from mitsonar.imaging.objects import object_bins
+from mitsonar.io import exr
+from mitsonar.labelling import Labels, write
+from mitsonar.labelling.annotations import annotations, clipped
+from mitsonar.labelling.frames import Tile, frames, tiles
+from mitsonar.labelling.polygons import joined, polygons
+
+
+def filled(rings, shape):
+    """Polygons as a mask, by a library that knows nothing of ours."""
+    closed = [[*map(tuple, np.reshape(ring, (-1, 2)).tolist())] for ring in rings]
+    outlines = [{"type": "Polygon", "coordinates": [[*ring, ring[0]]]} for ring in closed]
+    return rasterize(outlines, out_shape=shape).astype(bool) if rings else np.zeros(shape, bool)
+
+
+def area(ring):
+    x, y = ring.T
+    return abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) / 2
+
+
+MASKS = arrays.arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
+
+
+@settings(max_examples=150, deadline=None)
+@given(MASKS)
+def test_polygons_fill_to_the_mask_and_joined_ones_too(mask):
+    rings = polygons(mask)
+    assert (filled(rings, mask.shape) == mask).all()
+    assert sum(map(area, rings)) == mask.sum()
+    if rings:
+        assert area(joined(rings)) == mask.sum()
+        assert (filled([joined(rings)], mask.shape) == mask).all()
+
+
+def test_rings_within_rings_are_cut_open():
+    mask = np.ones((41, 41), bool)
+    for edge in (4, 12):
+        mask[edge:-edge, edge:-edge] ^= True
+        mask[edge + 4:-edge - 4, edge + 4:-edge - 4] ^= True
+    assert (filled(polygons(mask), mask.shape) == mask).all()
+
+
+def test_a_highlight_is_what_the_object_brings_most_of():
+    record = labelled()
+    seen = {each.name: each for each in object_bins(record)}
+    assert list(seen) == ["box.1", "wreck", "box.2"]
+    assert [each.class_name for each in seen.values()] == ["box", "wreck", "box"]
+    expected = np.zeros(record["level"].shape, bool)
+    expected[20:30, 1, 40:45] = True
+    assert (seen["box.1"].highlight == expected).all() and not seen["box.2"].highlight.any()
+    assert not any(each.highlight.any() for each in object_bins(record, threshold=0.85))
+
+
+def test_an_echo_weaker_than_the_noise_is_no_highlight():
+    record = labelled()
+    record["mean_level"][20:25, 1] = 51.0
+    assert next(object_bins(record)).highlight.sum() == 25
+    assert next(object_bins(record, above_noise_db=-2.0)).highlight.sum() == 50
+    record.attrs["noise_db"] = None
+    assert next(object_bins(record)).highlight.sum() == 50
+
+
+def test_a_bin_that_an_object_fills_is_no_shadow():
+    # the upper edge of a box is as far as bed that the box hides
+    both = [("shadow", "box.1", 1, 20, 30, 43, 60), ("highlight", "box.1", 1, 20, 30, 40, 45)]
+    box = next(object_bins(labelled(rectangles=both)))
+    assert not (box.highlight & box.shadow).any() and box.shadow[20, 1, 45:60].all() and not box.shadow[20, 1, 43]
+
+
+def test_the_picture_is_the_exr_s_and_masks_lie_on_it(tmp_path):
+    record = labelled()
+    exr.write(record, tmp_path / "a.exr")
+    write(tmp_path / "a.exr", tmp_path / "out", Labels(masks=True, coco=True, tvg=None, window=(40.0, 95.0)))
+    picture = np.array(Image.open(tmp_path / "out/images/a.png"))
+    level = exr.OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels(0)["Y"].pixels
+    assert (picture == np.clip(np.rint((level - 40) / 55 * 255), 0, 255)).all()
+    masks = {kind: np.array(Image.open(tmp_path / f"out/masks/{kind}/a.png")) for kind in ("instance", "class", "shadow")}
+    assert all(mask.dtype == np.uint16 and mask.shape == picture.shape for mask in masks.values())
+    # port is mirrored: its bin 70 is column 29; every bright bin is an instance, every dark one of the bed a shadow
+    assert masks["instance"][20, 140] == 2 and masks["instance"][10, 29] == 3 and masks["shadow"][20, 145] == 2
+    assert ((masks["instance"] > 0) == (picture == 255)).all()
+    assert ((masks["shadow"] > 0) == ((picture == 0) & (level > -199))).all()
+    names = json.loads((tmp_path / "out/masks/classes.json").read_text())
+    assert names[str(masks["class"][20, 140])] == "box" and names[str(masks["class"][10, 29])] == "wreck"
+
+
+def test_coco_says_what_the_masks_say(tmp_path):
+    rng = np.random.default_rng(3)
+    spots = [("highlight", "wreck", 0, p, p + 3, b, b + 4) for p, b in rng.integers(20, 50, (30, 2)).tolist()]
+    exr.write(labelled(rectangles=[*spots, ("shadow", "box.2", 1, 5, 60, 50, 100)]), tmp_path / "a.exr")
+    write(tmp_path / "a.exr", tmp_path / "out", Labels(masks=True, coco=True))
+    told = json.loads((tmp_path / "out/annotations.json").read_text())
+    assert set(told) == {"info", "licenses", "images", "annotations", "categories"}
+    names = {entry["id"]: entry["name"] for entry in told["categories"]}
+    assert names == {1: "box", 2: "wreck", 3: "box shadow", 4: "wreck shadow"}
+    image, = told["images"]
+    shape = image["height"], image["width"]
+    masks = [np.array(Image.open(tmp_path / f"out/masks/{kind}/a.png")) for kind in ("instance", "shadow")]
+    wreck, shadow = told["annotations"]
+    assert (wreck["instance"], wreck["category_id"], wreck["truncated"]) == ("wreck", 2, False)
+    assert (shadow["instance"], shadow["category_id"], shadow["truncated"]) == ("box.2", 3, True)
+    for entry, mask, label in ((wreck, masks[0], 3), (shadow, masks[1], 4)):
+        assert (filled(entry["segmentation"], shape) == (mask == label)).all()
+        rows, columns = np.nonzero(mask == label)
+        assert entry["bbox"] == [columns.min(), rows.min(), np.ptp(columns) + 1, np.ptp(rows) + 1]
+        assert entry["area"] == rows.size and entry["iscrowd"] == 0 and entry["image_id"] == image["id"]
+
+
+def test_yolo_s_lines_are_the_boxes_and_polygons(tmp_path):
+    exr.write(labelled(), tmp_path / "a.exr")
+    for form in ("boxes", "polygons"):
+        write(tmp_path / "a.exr", tmp_path / form, Labels(yolo=form))
+    size = np.array([200, 60])
+    boxes, rings = ([[float(word) for word in line.split()] for line in
+                     (tmp_path / form / "labels/a.txt").read_text().splitlines()] for form in ("boxes", "polygons"))
+    assert boxes[0] == pytest.approx([0, 142.5 / 200, 25 / 60, 5 / 200, 10 / 60], abs=1e-6)
+    assert [int(box[0]) for box in boxes] == [0, 2, 1, 3]
+    for box, ring in zip(boxes, rings, strict=True):
+        corners = np.reshape(ring[1:], (-1, 2))
+        assert corners.min(0) * size == pytest.approx((np.array(box[1:3]) - np.array(box[3:]) / 2) * size, abs=1e-3)
+    assert (tmp_path / "boxes/data.yaml").read_text().splitlines()[:4] == [
+        "train: train.txt", "val: train.txt", "names:", '  0: "box"']
+    assert (tmp_path / "boxes/train.txt").read_text() == "./images/a.png\n"
+
+
+def test_an_object_that_both_sides_hear_makes_two_annotations():
+    both = [("highlight", "box.1", side, 20, 30, 10, 15) for side in (0, 1)]
+    record = labelled(rectangles=both)
+    found = annotations(record, frames(record))[0]
+    assert [(each.side, each.box, each.truncated) for each in found] == [
+        ("port", (85, 20, 5, 10), False), ("starboard", (110, 20, 5, 10), False)]
+
+
+@pytest.mark.parametrize("side, pings, bins, cut", [
+    (1, (0, 5), (40, 45), True), (1, (55, 60), (40, 45), True), (1, (5, 9), (95, 100), True),
+    (0, (5, 9), (95, 100), True), (0, (5, 9), (0, 5), False), (1, (5, 9), (0, 5), False), (1, (5, 9), (5, 9), False)])
+def test_what_the_record_s_edge_cuts_is_truncated_and_the_track_is_no_edge(side, pings, bins, cut):
+    record = labelled(rectangles=[("highlight", "box.1", side, *pings, *bins)])
+    assert annotations(record, frames(record))[0][0].truncated == cut
+    record = record.assign_coords(range=record["range"] + 30.0)                # a window that begins at 30 m
+    assert annotations(record, frames(record))[0][0].truncated == (cut or bins[0] == 0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(8, 70), st.integers(8, 250), st.floats(0, 0.9))
+def test_tiles_cover_the_picture_and_carry_what_lies_in_them(height, width, overlap):
+    record = labelled()
+    frame, = frames(record)
+    found = annotations(record, [frame])[0]
+    whole = np.zeros((4, frame.height, frame.width), bool)
+    seen = np.zeros((frame.height, frame.width), int)
+    for tile in tiles(frame, (height, width), overlap):
+        assert (tile.height, tile.width) == (min(height, 60), min(width, 200))
+        seen[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width] += 1
+        for mask, each in zip(whole, found, strict=True):
+            piece = clipped(each, tile)
+            if piece is None:
+                continue
+            x, y, w, h = piece.box
+            assert 0 <= x <= x + w <= tile.width and 0 <= y <= y + h <= tile.height
+            assert piece.truncated == (each.truncated or piece.bins < each.bins)
+            assert piece.visible == pytest.approx(piece.bins / each.bins)
+            mask[tile.row + y:tile.row + y + h, tile.column + x:tile.column + x + w] |= piece.mask
+    assert seen.min() == 1 or overlap > 0 or height < 60 or width < 200
+    assert (seen > 0).all()
+    for mask, each in zip(whole, found, strict=True):
+        x, y, w, h = each.box
+        assert (mask[y:y + h, x:x + w] == each.mask).all() and mask.sum() == each.bins
+
+
+def test_too_small_a_piece_is_left_out():
+    record = labelled()
+    each = annotations(record, frames(record), smallest=4)[0][0]
+    assert annotations(record, frames(record), smallest=51)[0][0].name == "box.1"      # its shadow
+    assert clipped(each, Tile(row=0, column=0, height=21, width=143), smallest=4) is None
+    assert clipped(each, Tile(row=0, column=0, height=21, width=144), smallest=4).bins == 4
+
+
+def test_pings_of_an_array_are_pictures_of_their_own(tmp_path):
+    record = labelled()
+    beams = record.rename(side="beam").drop_vars("beam").transpose("ping", "beam", ...).isel(ping=slice(20, 23))
+    exr.write(beams, tmp_path / "fan.exr")
+    write(tmp_path / "fan.exr", tmp_path / "out", Labels(coco=True, tvg=None))
+    told = json.loads((tmp_path / "out/annotations.json").read_text())
+    assert [(image["file_name"], image["height"], image["width"]) for image in told["images"]] == [
+        (f"fan_ping000{ping}.png", 2, 100) for ping in range(3)]
+    assert [entry["bbox"] for entry in told["annotations"] if entry["category_id"] == 1] == [[40, 1, 5, 1]] * 3
