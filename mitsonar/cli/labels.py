@@ -48,7 +48,7 @@ def _labels(arguments):
         overlap=arguments.overlap, tvg=None if arguments.tvg == "none" else arguments.tvg, window=arguments.window,
         split=None if arguments.split is None else read_shares(arguments.split), split_seed=arguments.split_seed,
         split_by=arguments.split_by)
-    with Progress("labelling", "images") as progress:
+    with Progress("images") as progress:
         write(arguments.images, output, rules, progress)
     announce(output)
 

@@ -12,7 +12,8 @@ def add(commands):
     plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
     plot.add_argument("image", metavar="IN.exr")
     plot.add_argument("--what", default="waterfall", metavar="VIEW",
-                      help="waterfall (default), ping, mean, labels, depth, shadow or rays")
+                      help="waterfall (default), objects, ping, mean, labels, class, share, hidden, shadow, "
+                           "layover, depth or rays")
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="which ping the view `ping` shows; default: the middle one")

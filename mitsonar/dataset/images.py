@@ -226,8 +226,8 @@ class Images:
                              f"{', '.join(map(str, image.variables))}.")
         values = image[name].values
         if shape is not None and values.shape != tuple(shape):
-            raise ValueError(f"{name} of {self.sources[number].path} has the shape {values.shape}, not {tuple(shape)} as "
-                             f"in {self.sources[0].path}; stack images of one shape, such as a part of them.")
+            raise ValueError(f"{name} of {self.sources[number].path} has the shape {values.shape}, not {tuple(shape)} "
+                             f"as in {self.sources[0].path}; stack images of one shape, such as a part of them.")
         return values
 
 

@@ -62,7 +62,8 @@ class Labels:
             raise ValueError(f"the threshold is {self.threshold:g}; give a share of at least 0 and below 1, such as "
                              "0.5.")
         if not self.above_noise_db < math.inf:
-            raise ValueError(f"highlights are to be {self.above_noise_db:g} dB above the noise; give a number, such as 0.")
+            raise ValueError(f"highlights are to be {self.above_noise_db:g} dB above the noise; give a number, such as "
+                             "0.")
         if self.smallest < 1:
             raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
         if self.tile is not None and min(self.tile) < 8:

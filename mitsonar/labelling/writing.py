@@ -136,7 +136,8 @@ class _Writer:
 
     def _tile(self, name, picture, found, about, subset):
         if name in self.names:
-            raise ValueError(f"two pictures would both be called {name}; rename an EXR, or do them one after the other.")
+            raise ValueError(f"two pictures would both be called {name}; rename an EXR, or do them one after "
+                             "the other.")
         self.names[name] = number = len(self.names) + 1
         write_png(picture, self.folder / "images" / f"{name}.png")
         height, width = picture.shape
@@ -155,9 +156,10 @@ class _Writer:
         masks = {kind: np.zeros(shape, np.uint16) for kind in ("instance", "class", "shadow")}
         for each in found:
             if max(each.label, self.numbers[each.category]) > MOST_INSTANCES:
-                raise ValueError(f"{name} has objects numbered up to {each.label}, and masks tell {MOST_INSTANCES} apart; "
-                                 "leave the masks out.")
-            where = (slice(each.row, each.row + each.mask.shape[0]), slice(each.column, each.column + each.mask.shape[1]))
+                raise ValueError(f"{name} has objects numbered up to {each.label}, and masks tell {MOST_INSTANCES} "
+                                 "apart; leave the masks out.")
+            height, width = each.mask.shape
+            where = (slice(each.row, each.row + height), slice(each.column, each.column + width))
             masks["instance" if each.kind == HIGHLIGHT else "shadow"][where][each.mask] = each.label
             if each.kind == HIGHLIGHT:
                 masks["class"][where][each.mask] = self.numbers[each.category]

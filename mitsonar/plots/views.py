@@ -14,10 +14,11 @@ from .. import units
 from ..io.files import check_writable
 from . import canvas
 from .fans import fan_picture
-from .gain import display_gain, display_window
 from .grid import make_grid, stretches
+from .levels import NOTHING_DB, shown_levels
+from .titles import subtitle, title
+from .truth import TRUTH
 
-NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
 LEGEND = 24  # labels named at most
 
 
@@ -51,11 +52,12 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
     dataset : xarray.Dataset
     what : str
         ``waterfall``, of an array the fan of one ping; ``ping``: the levels of one ping; ``mean``: levels against
-        range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``: the truth behind every bin.
+        range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``, ``share``, ``hidden``,
+        ``layover``: the truth behind every bin; ``objects``: the waterfall with objects and their shadows outlined.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', None}
-        Gain of the waterfall.
+        Gain of the waterfall, and under ``objects``.
     ping : int, optional
         For ``ping``, the middle one by default; for a fan, the first.
 
@@ -79,28 +81,14 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
     if needed not in dataset.data_vars:
         raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "
                          f"{', '.join(map(str, dataset.data_vars))}.")
-    options = {"waterfall": {"tvg": tvg}, "ping": {"ping": ping}}.get(what, {})
+    options = {"waterfall": {"tvg": tvg}, "objects": {"tvg": tvg}, "ping": {"ping": ping}}.get(what, {})
     canvas.save(draw(dataset, make_grid(dataset), **options), path)
 
 
 def _waterfall(dataset, grid, *, tvg):
-    words = display_gain(dataset, tvg)[1]
-
-    def intensity(part):
-        level = part["level"].values.astype(float)
-        return np.where(level > NOTHING_DB, units.power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
-
-    image = units.db_from_power(grid.mean(dataset, intensity))
-    return canvas.picture(grid, image, _title(dataset), subtitle=_subtitle(dataset, grid),
-                          limits=_contrast(dataset, grid, image), bar=f"level{words}  [dB re 1 µPa]")[0]
-
-
-def _contrast(dataset, grid, image):
-    """Give the levels of black and white from the elements that hold the seabed, if it is known where it is."""
-    shown = np.isfinite(image)
-    if "mean_level" in dataset:
-        shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
-    return display_window(image[shown] if shown.any() else image)
+    image, limits, words = shown_levels(dataset, grid, tvg)
+    return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid), limits=limits,
+                          bar=f"level{words}  [dB re 1 µPa]")[0]
 
 
 def _labels(dataset, grid):
@@ -117,7 +105,7 @@ def _labels(dataset, grid):
     palette = ["#000000", "#a9825a", *(colormaps["tab10"](k) for k in (0, 3, 2, 4, 9, 6, 8, 1, 7, 5))]
     palette = palette[order[0] != 0:]
     colours = [palette[k] if k < len(palette) else colormaps["hsv"](0.618034 * k % 1) for k in range(len(order))]
-    figure, axes = canvas.picture(grid, image, f"{_title(dataset)}: labels", subtitle=_subtitle(dataset, grid),
+    figure, axes = canvas.picture(grid, image, f"{title(dataset)}: labels", subtitle=subtitle(dataset, grid),
                                   colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5))
     keys = [Patch(facecolor=colours[order.index(label)], edgecolor=canvas.FAINT,
                   label=f"{label}  {names.get(label, 'unnamed')}  ({counts[label] / counts.total():.2%})")
@@ -133,15 +121,15 @@ def _depth(dataset, grid):
     known = image[np.isfinite(image)]
     low, high = np.percentile(known, [0.5, 99.5]) if known.size else (0.0, 0.0)
     limits = (low, high) if high > low else (low - 0.5, high + 0.5)
-    figure, _ = canvas.picture(grid, image, f"{_title(dataset)}: depth of the hits",
-                               subtitle=_subtitle(dataset, grid), colours=colours, limits=limits, bar="depth [m]")
+    figure, _ = canvas.picture(grid, image, f"{title(dataset)}: depth of the hits",
+                               subtitle=subtitle(dataset, grid), colours=colours, limits=limits, bar="depth [m]")
     figure.axes[-1].invert_yaxis()
     return figure
 
 
 def _shadow(dataset, grid):
     image = grid.mean(dataset, lambda part: part["shadow"].values)
-    return canvas.picture(grid, image, f"{_title(dataset)}: shadow", subtitle=_subtitle(dataset, grid),
+    return canvas.picture(grid, image, f"{title(dataset)}: shadow", subtitle=subtitle(dataset, grid),
                           colours=colormaps["gray"].with_extremes(bad=canvas.PAPER), limits=(0, 1),
                           bar="share of the element in shadow", bar_extend="neither")[0]
 
@@ -150,7 +138,7 @@ def _rays(dataset, grid):
     image = grid.mean(dataset, lambda part: part["rays"].values)
     known = image[image > 0]
     top = float(np.percentile(known, 99.5)) if known.size else 1.0
-    return canvas.picture(grid, image, f"{_title(dataset)}: rays", subtitle=_subtitle(dataset, grid),
+    return canvas.picture(grid, image, f"{title(dataset)}: rays", subtitle=subtitle(dataset, grid),
                           colours=colormaps["magma"].with_extremes(bad=canvas.PAPER), limits=(0, top),
                           bar="rays per bin", bar_extend="max")[0]
 
@@ -177,7 +165,7 @@ def _ping(dataset, grid, *, ping):
     panels[0].legend(loc="upper right", fontsize=10, ncols=3)
     panels[1].set_xlabel("slant range [m]", fontsize=11)
     when = f" at {float(one['ping_time']):.3f} s" if "ping_time" in one.coords else ""
-    figure.suptitle(f"{_title(dataset)}: ping {ping}{when}", fontsize=14, fontweight="bold")
+    figure.suptitle(f"{title(dataset)}: ping {ping}{when}", fontsize=14, fontweight="bold")
     figure.tight_layout()
     return figure
 
@@ -197,7 +185,7 @@ def _mean(dataset, grid):
     _line_axes(axes, slant_range)
     axes.set_xlabel("slant range [m]", fontsize=11)
     axes.legend(fontsize=10)
-    axes.set_title(f"{_title(dataset)}: mean over {dataset.sizes['ping']} pings", fontsize=14, fontweight="bold")
+    axes.set_title(f"{title(dataset)}: mean over {dataset.sizes['ping']} pings", fontsize=14, fontweight="bold")
     figure.tight_layout()
     return figure
 
@@ -214,28 +202,6 @@ def _heard(level):
     return np.where(level > NOTHING_DB, level, np.nan)
 
 
-def _title(dataset):
-    frequency = dataset.attrs.get("frequency")
-    words = f" {units.khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
-    return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
-
-
-def _subtitle(dataset, grid):
-    pings = dataset.sizes["ping"]
-    parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
-             f"{_metres(grid.across[-1])} to each side"]
-    if "bin_width" in dataset.attrs:
-        parts.append(f"bins of {_metres(float(dataset.attrs['bin_width']))}")
-    if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():
-        parts.append(f"altitude {_metres(float(np.nanmean(dataset['altitude'].values)))}")
-    return "   ·   ".join(parts)
-
-
-def _metres(length):
-    """Give a length to three digits, without a power of ten."""
-    return f"{100 * length:.3g} cm" if length < 1 else f"{length:.3g} m" if length < 999.5 else f"{length:.0f} m"
-
-
 PLOTS = {"waterfall": (_waterfall, "level"), "ping": (_ping, "level"), "mean": (_mean, "level"),
          "labels": (_labels, "label"), "depth": (_depth, "depth"), "shadow": (_shadow, "shadow"),
-         "rays": (_rays, "rays")}
+         "rays": (_rays, "rays"), **TRUTH}

@@ -49,7 +49,8 @@ def test_images_by_number_with_what_is_known_of_them(files):
     assert images.parameters["range"].tolist() == [30, 31, 32, 33]
     assert images.parameters["preset"].tolist() == ["towed"] * 4
     assert images.seeds.tolist() == [0, 1, 2, 3] and images.seabeds.tolist() == list("aabb")
-    assert images.classes == ("anchor", "box", "seabed", "wreck") and images.object_classes == ("anchor", "box", "wreck")
+    assert images.classes == ("anchor", "box", "seabed", "wreck")
+    assert images.object_classes == ("anchor", "box", "wreck")
     assert list(images[1:3].names) == ["i1", "i2"] and len(list(images)) == 4
     with pytest.raises(IndexError):
         images[4]

@@ -86,7 +86,8 @@ def test_the_picture_is_the_exr_s_and_masks_lie_on_it(tmp_path):
     picture = np.array(Image.open(tmp_path / "out/images/a.png"))
     level = exr.OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels(0)["Y"].pixels
     assert (picture == np.clip(np.rint((level - 40) / 55 * 255), 0, 255)).all()
-    masks = {kind: np.array(Image.open(tmp_path / f"out/masks/{kind}/a.png")) for kind in ("instance", "class", "shadow")}
+    masks = {kind: np.array(Image.open(tmp_path / f"out/masks/{kind}/a.png"))
+             for kind in ("instance", "class", "shadow")}
     assert all(mask.dtype == np.uint16 and mask.shape == picture.shape for mask in masks.values())
     # port is mirrored: its bin 70 is column 29; every bright bin is an instance, every dark one of the bed a shadow
     assert masks["instance"][20, 140] == 2 and masks["instance"][10, 29] == 3 and masks["shadow"][20, 145] == 2

@@ -62,8 +62,8 @@ def done(name, status="ok"):
 
 
 def test_finished_images_of_a_sweep_are_taken(tmp_path):
-    lines = [{"about": "the sweep"}, done("b"), done("a", "failed"), done("c"), done("a"), done("d", "failed"), '{"outp']
-    folder = sweep(tmp_path / "s", lines)
+    lines = [done("b"), done("a", "failed"), done("c"), done("a"), done("d", "failed")]
+    folder = sweep(tmp_path / "s", [{"about": "the sweep"}, *lines, '{"outp'])
     assert [source.name for source in find_sources(folder)] == ["a", "b", "c"]
     assert [source.seabed for source in find_sources([folder])] == ["one", "one", "two"]
     # what a second sweep calls the same gets its folder's name

@@ -1,0 +1,30 @@
+"""What stands above a picture."""
+import numpy as np
+
+from .. import units
+
+__all__ = ["subtitle", "title"]
+
+
+def title(dataset):
+    """Name the sonar and its frequency."""
+    frequency = dataset.attrs.get("frequency")
+    words = f" {units.khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
+    return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
+
+
+def subtitle(dataset, grid):
+    """Say how many pings and how far, how long the bins are, and the altitude."""
+    pings = dataset.sizes["ping"]
+    parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
+             f"{_metres(grid.across[-1])} to each side"]
+    if "bin_width" in dataset.attrs:
+        parts.append(f"bins of {_metres(float(dataset.attrs['bin_width']))}")
+    if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():
+        parts.append(f"altitude {_metres(float(np.nanmean(dataset['altitude'].values)))}")
+    return "   ·   ".join(parts)
+
+
+def _metres(length):
+    """Give a length to three digits, without a power of ten."""
+    return f"{100 * length:.3g} cm" if length < 1 else f"{length:.3g} m" if length < 999.5 else f"{length:.0f} m"
