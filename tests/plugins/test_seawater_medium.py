@@ -64,6 +64,16 @@ def test_cast_with_temperature_and_salinity_sets_absorption(water, tmp_path):
     assert absorption(medium, depth) == pytest.approx(wanted, rel=1e-12)
 
 
+def test_sound_speed_and_extension_of_a_cast(water, tmp_path):
+    path = tmp_path / "cast.csv"
+    path.write_text(CASTAWAY)
+    computed = water(cast=str(path), cast_sound_speed="teos-10").profile
+    np.testing.assert_allclose(computed.sound_speed, sound_speed([15, 9], [31, 32], [0.5, 9.9], 44.1, -68.5))
+    medium = water(cast=str(path), cast_extension="gradient", ph=8.1)
+    assert medium.profile.at(9.9) == 1482 and medium.profile.gradient(1000.0) == pytest.approx(0.0166, abs=1e-4)
+    assert absorption(medium, 500) == pytest.approx(absorption_db(FREQUENCY, 9, 32, 500, 8.1), rel=1e-3)
+
+
 def test_absorption_given_is_the_same_everywhere(water):
     assert absorption(water(absorption_db_per_km=30), [0, 10, 5000]) == pytest.approx([0.03] * 3, rel=1e-15)
     assert absorption(water(absorption_db_per_km=0), 10) == 0
@@ -115,6 +125,8 @@ def test_only_one_kind_of_sound_speed(refusal, one, other):
     ({"absorption_db_per_km": "thirty"}, 'a number or a table of finite numbers'),
     ({"sound_speed": 3000.0}, "expected a number [m/s] above 300.0 and below 3000.0"),
     ({"profile": "0:1500, 0:1490"}, "sort the nodes and merge repeated depths"),
+    ({"cast_extension": "gradient"}, "cast_extension is given without a cast"),
+    ({"cast_sound_speed": "teos10"}, 'expected one of "file", "teos-10" (did you mean "teos-10"?)'),
     ({"cast": "no.csv"}, 'cast names the file "no.csv", which is not there'),
     ({"sound_speed_formula": "makenzie"}, 'did you mean "mackenzie"?'),
     ({"absorption_formula": "thorpe"}, 'expected one of "francois-garrison", "ainslie-mccolm", "thorp" (did you mean'),

@@ -92,12 +92,13 @@ def _to_the_deepest(samples):
 def _after_the_soak(samples):
     from scipy.ndimage import median_filter
 
-    depth = median_filter(samples.columns["depth"], 5, mode="nearest")      # a single wrong pressure is no turn
-    risen = np.flatnonzero((depth < SOAK) & (np.maximum.accumulate(depth) - depth > RISE))
+    depth = samples.columns["depth"]
+    steady = median_filter(depth, 5, mode="nearest")            # a single wrong pressure is no turn
+    risen = np.flatnonzero((steady < SOAK) & (np.maximum.accumulate(steady) - steady > RISE))
     start = 0
     if risen.size:
-        turn = int(np.argmax(depth[:risen[-1] + 1]))
-        start = turn + int(np.argmin(depth[turn:risen[-1] + 1]))
+        soak = int(np.argmax(steady[:risen[-1] + 1]))
+        start = soak + int(np.argmin(depth[soak:risen[-1] + 1]))
     return np.arange(depth.size) >= start
 
 

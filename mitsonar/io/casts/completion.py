@@ -91,7 +91,8 @@ def _with_salinity(samples, latitude):
     if pressure is None:
         latitude = UNKNOWN_LATITUDE if samples.latitude is None else samples.latitude
         pressure = gsw.p_from_z(-columns["depth"], latitude)
-    salinity = gsw.SP_from_C(columns["conductivity"], columns["temperature"], pressure)
+    with np.errstate(all="ignore"):                 # of impossible water; the next lines say so
+        salinity = gsw.SP_from_C(columns["conductivity"], columns["temperature"], pressure)
     bad = np.flatnonzero(~np.isfinite(salinity))
     if bad.size:
         k = bad[0]

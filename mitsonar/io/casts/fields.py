@@ -130,8 +130,8 @@ def titled(line, header):
             continue
         unit = unit or ("" if what == "conductivity" else next(iter(UNITS[what])))
         if unit not in UNITS[what]:
-            raise ValueError(f"line {line}: {what} is given in {shown(unit)!r}; convert it to "
-                             f"{next(iter(UNITS[what]))}.")
+            given = f"in {shown(unit)!r}" if unit else "without its unit"
+            raise ValueError(f"line {line}: {what} is given {given}; convert it to {next(iter(UNITS[what]))}.")
         if what in columns:
             raise ValueError(f"line {line}: the header names {what} twice; keep one of the columns.")
         columns[what] = k, UNITS[what][unit]
