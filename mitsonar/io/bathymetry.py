@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import raster_files, rasters
+from ..scattering import RoughnessSpectrum
+from . import hole_filling, raster_files, rasters, survey_relief
 
 _DEEPEST = 12000.0  # [m], beyond any ocean: larger numbers are undeclared fill values
 
@@ -32,6 +33,8 @@ class Bathymetry:
         Coordinate system of the origin, as an EPSG code or WKT; empty where the file names none.
     vertical : str
         How the file's numbers were taken: "elevation" (positive up) or "depth" (positive down).
+    roughness : RoughnessSpectrum or None
+        That of the relief which was added below the survey's resolution.
     """
 
     x: np.ndarray
@@ -40,6 +43,7 @@ class Bathymetry:
     local_origin: tuple
     crs: str = ""
     vertical: str = "elevation"
+    roughness: RoughnessSpectrum | None = None
 
     @property
     def valid(self):
@@ -66,8 +70,44 @@ class Bathymetry:
         return surface(np.stack((y, x), axis=-1)).reshape(x.shape)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Relief:
+    """Ask for relief below a survey's resolution.
+
+    Parameters
+    ----------
+    seed : int
+        Realisation.
+    w2 : float [m^(4 - gamma)], optional
+        Spectral strength; measured on the survey unless given, and then ``gamma`` with it.
+    gamma : float, optional
+        Spectral exponent; measured unless given.
+
+    Raises
+    ------
+    ValueError
+        If the strength is given alone, or a number is out of the range of `RoughnessSpectrum`.
+    """
+
+    seed: int = 0
+    w2: float | None = None
+    gamma: float | None = None
+
+    def __post_init__(self):
+        if self.w2 is not None and self.gamma is None:
+            raise ValueError("relief_w2 is given without relief_gamma, on which its unit depends; give both.")
+        if self.gamma is not None:
+            RoughnessSpectrum(w2=1.0 if self.w2 is None else self.w2, gamma=self.gamma)
+
+    @property
+    def spectrum(self):
+        """Give the spectrum, where both numbers are given, else None."""
+        return None if self.w2 is None else RoughnessSpectrum(w2=self.w2, gamma=self.gamma, outer_scale=1e6)
+
+
 def read(path, *, crop=None, centre=None, size=None, frame="projected", resolution=None, vertical="auto", band=1,
-         variable=None, spacing=None, nodata=None, crs=None, local_origin=None):
+         variable=None, spacing=None, nodata=None, crs=None, local_origin=None, holes="cut", holes_max=None,
+         relief=None):
     """Read a bathymetry grid.
 
     Parameters
@@ -102,6 +142,13 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
     local_origin : 2 floats [m], optional
         Easting and northing of the local origin; by default the middle of what is read, rounded to metres. Several
         files in one scene need a common one.
+    holes : str
+        "cut", or "filled" where the part that is read surrounds them, see `hole_filling.fill_holes`.
+    holes_max : float [m], optional
+        Width of the widest hole to fill.
+    relief : Relief, optional
+        Lay the survey on the finer ``resolution`` by splines and add relief that continues the survey's spectrum,
+        see `survey_relief`. The spectrum is measured on the whole file, so that every part has the same.
 
     Returns
     -------
@@ -115,38 +162,68 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
     """
     if vertical not in ("auto", "elevation", "depth"):
         raise ValueError(f'{path}: vertical is "{vertical}"; it must be "auto", "elevation" or "depth".')
+    if holes not in ("cut", "filled"):
+        raise ValueError(f'{path}: holes is "{holes}"; it must be "cut" or "filled".')
     if resolution is not None and not resolution > 0:
         raise ValueError(f"{path}: resolution is {resolution} m; it must be above 0.")
     try:
         part = rasters.Part(crop=crop, centre=centre, size=size, frame=frame)
-        with raster_files.opened(path, spacing=spacing, variable=variable, crs=crs, resolution=resolution,
-                                 nodata=nodata) as (raster, source):
+        with raster_files.opened(path, spacing=spacing, variable=variable, crs=crs, nodata=nodata,
+                                 resolution=None if relief else resolution) as (raster, source):
             rasters.check(raster, band)
             native = raster.crs or source
-            with rasters.in_metres(raster, native, resolution, nodata) as grid:
-                x, y, window = rasters.window(grid, part, source)
-                values = _values(grid, band, window, nodata)
+            with rasters.in_metres(raster, native, None if relief else resolution, nodata) as grid:
+                def depths(window):
+                    return _values(grid, raster, band, window, nodata)
+                if relief:
+                    finer = survey_relief.FinerGrid.over(grid, resolution)
+                    finer_x, finer_y, _ = rasters.window(finer, part, source)
+                    roughness = relief.spectrum or _measured(grid, depths, relief.gamma)
+                    x, y, window = rasters.window_about(grid, finer_x, finer_y, survey_relief.MARGIN)
+                else:
+                    roughness = None
+                    x, y, window = rasters.window(grid, part, source)
+                values = depths(window)
                 crs = rasters.name_of(native if grid is raster else grid.crs)
-            scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
-        heights, vertical = _z_up(values if (scale, offset) == (1, 0) else values * scale + offset, vertical)
+        heights, vertical = _z_up(values, vertical)
+        if holes == "filled":
+            steps = tuple(abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in (x, y))
+            heights = hole_filling.fill_holes(heights, steps, holes_max)
+        if relief:
+            heights = survey_relief.refine(x, y, heights, finer_x, finer_y, roughness, relief.seed)
+            x, y = finer_x, finer_y
+            if np.isnan(heights).all():
+                raise ValueError("there is no depth in the part asked for, only holes.")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     _log.info("%s: taken as %s, heights from %g to %g m", path, vertical, np.nanmin(heights), np.nanmax(heights))
+    if roughness:
+        _log.info("%s: relief of w2 = %.3g m^(4 - gamma), gamma = %.3g", path, roughness.w2, roughness.gamma)
     if local_origin is None:
         local_origin = round((x[0] + x[-1]) / 2), round((y[0] + y[-1]) / 2)
     if y[0] > y[-1]:
         y, heights = y[::-1], heights[::-1]
     return Bathymetry(x=x - local_origin[0], y=y - local_origin[1], heights=np.ascontiguousarray(heights, np.float32),
-                      local_origin=tuple(float(value) for value in local_origin), crs=crs, vertical=vertical)
+                      local_origin=tuple(float(value) for value in local_origin), crs=crs, vertical=vertical,
+                      roughness=roughness)
 
 
-def _values(grid, band, window, nodata):
+def _values(grid, raster, band, window, nodata):
     masked = grid.read(band, window=window, masked=True)
     values = masked.astype(np.result_type(masked.dtype, np.float32)).filled(np.nan)
     if nodata is not None:
         values[values == values.dtype.type(nodata)] = np.nan
     values[~np.isfinite(values)] = np.nan
-    return values
+    scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
+    return values if (scale, offset) == (1, 0) else values * scale + offset
+
+
+def _measured(grid, depths, gamma):
+    from rasterio.windows import Window
+
+    def read_window(row, column, size):
+        return depths(Window(int(column), int(row), size, size))
+    return survey_relief.measure(read_window, grid.shape, grid.res, gamma)
 
 
 def _z_up(values, vertical):

@@ -114,16 +114,19 @@ def _by_gdal(path, variable):
         return raster
     parts = {name.rpartition(":")[2]: name for name in raster.subdatasets}
     if variable is None and len(parts) > 1:
-        likely = [name for name in parts if name.lower() in _HEIGHTS]
+        likely = [part for part in parts if part.lower() in _HEIGHTS]
         if len(likely) != 1:
             raise ValueError(f"the file holds the grids {', '.join(parts)}; name the one of heights by variable.")
         variable = likely[0]
     if variable is not None and parts and variable not in parts:
         raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(parts)}.')
     raster.close()
+    if not parts:                                       # of one grid alone the driver gives no name
+        name = f'netcdf:"{path}":{variable}' if variable else path
+    else:
+        name = parts[variable]
     # Axes called other than the conventions have it, or without their attributes, are axes all the same.
-    return rasterio.open(parts[variable] if parts and variable else f'netcdf:"{path}"' + f":{variable}" * bool(variable),
-                         IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
+    return rasterio.open(name, IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
 
 
 def _array_as_raster(path, spacing):

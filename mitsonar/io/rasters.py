@@ -176,6 +176,29 @@ def window(grid, part, source):
     return x[columns], y[rows], Window(columns[0], rows[0], columns.size, rows.size)
 
 
+def window_about(grid, x, y, margin):
+    """Give the coordinates of columns and rows of a grid about those of another, and the window that holds them.
+
+    Parameters
+    ----------
+    grid
+        A raster, upright.
+    x, y : array (P,), (Q,) [m]
+    margin : int
+        Nodes of the grid that are wanted beyond these, where it has them.
+    """
+    from rasterio.windows import Window
+
+    at = grid.transform
+    spans = []
+    for places, first, step, number in ((x, at.c, at.a, grid.width), (y, at.f, at.e, grid.height)):
+        index = np.sort((places[[0, -1]] - first) / step - 0.5)
+        low, high = max(int(index[0]) - margin, 0), min(int(np.ceil(index[1])) + margin, number - 1)
+        spans.append((low, high - low + 1, first + (np.arange(low, high + 1) + 0.5) * step))
+    (column, width, x), (row, height, y) = spans
+    return x, y, Window(column, row, width, height)
+
+
 def name_of(crs):
     """Give a coordinate system's EPSG code, else its WKT, else nothing."""
     if not crs:

@@ -4,6 +4,11 @@
 
 W -> ``spectrum`` [m^4], dx, dy -> steps of the grid [m]: the height variance of the grid is then the integral of W over
 the wavenumbers the grid can hold.
+
+Of a bed that was surveyed every D metres, and laid on the finer grid by cubic splines, only what it lacks is added:
+W (1 - T^2), where T is what the splines make of a wave, near 1 below the survey's highest wavenumber and near 0 above,
+
+    T = t(kx Dx) t(ky Dy),   t(p) = sinc(p / 2)^4 / (2/3 + cos(p) / 3)          (Unser 1999, cardinal cubic spline)
 """
 from dataclasses import dataclass
 
@@ -15,6 +20,7 @@ from .roughness import RoughnessSpectrum
 
 _TILE = 256  # nodes; the noise of a tile follows from the seed and the tile's place
 _MOST_NODES = 2**26
+_SPLINE_REACH = 16  # nodes of a survey, over which what is added to it is correlated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +32,8 @@ class Fractal(Relief):
     spectrum : RoughnessSpectrum
     seed : int
         Realisation; the same seed and grid step give the same surface.
+    surveyed : tuple of 2 floats [m], optional
+        Distance Dx, Dy of the columns and rows of a survey: only what it does not resolve is made.
 
     Notes
     -----
@@ -37,14 +45,17 @@ class Fractal(Relief):
 
     spectrum: RoughnessSpectrum
     seed: int = 0
+    surveyed: tuple | None = None
 
     def on_grid(self, x, y):
         """Give the heights (Y, X) [m]; raise `ValueError` if the outer scale spans too many nodes."""
         steps = step("y", np.asarray(y)), step("x", np.asarray(x))
-        margin = [int(np.ceil(self.spectrum.outer_scale / d)) for d in steps]
+        reach = self.spectrum.outer_scale if self.surveyed is None else min(
+            self.spectrum.outer_scale, _SPLINE_REACH * max(self.surveyed))
+        margin = [int(np.ceil(reach / d)) for d in steps]
         padded = [fft.next_fast_len(len(axis) + 2 * m, real=True) for axis, m in zip((y, x), margin)]
         if padded[0] * padded[1] > _MOST_NODES:
-            raise ValueError(f"fractal: outer scale {self.spectrum.outer_scale} m about {len(y)} x {len(x)} nodes "
+            raise ValueError(f"fractal: waves of up to {reach} m about {len(y)} x {len(x)} nodes "
                              f"at {steps[1]:.3g} m needs {padded[0]} x {padded[1]} nodes, more than {_MOST_NODES}; "
                              "use a coarser step, a smaller grid or a smaller outer scale.")
         first = [round(axis[0] / d) - m for axis, d, m in zip((y, x), steps, margin)]
@@ -52,8 +63,16 @@ class Fractal(Relief):
         k_y = 2 * np.pi * fft.fftfreq(padded[0], steps[0])
         k_x = 2 * np.pi * fft.rfftfreq(padded[1], steps[1])
         gain = np.sqrt(self.spectrum.at(np.hypot(k_x, k_y[:, None])) * (2 * np.pi) ** 2 / (steps[0] * steps[1]))
+        if self.surveyed is not None:
+            t_x, t_y = _spline_response(k_x * self.surveyed[0]), _spline_response(k_y * self.surveyed[1])
+            gain *= np.sqrt(np.maximum(1 - np.square(t_x * t_y[:, None]), 0))
         heights = fft.irfft2(fft.rfft2(noise) * gain, s=padded, overwrite_x=True)
         return heights[margin[0]:margin[0] + len(y), margin[1]:margin[1] + len(x)].copy()
+
+
+def _spline_response(phase):
+    """Give the factor by which interpolation by cubic splines multiplies waves of ``phase`` [rad] from node to node."""
+    return np.sinc(phase / (2 * np.pi)) ** 4 / (2 / 3 + np.cos(phase) / 3)
 
 
 def _white_noise(seed, first, shape):

@@ -26,10 +26,19 @@ class Bathymetry(mi.Mesh):
     ``spacing``                  distance of the nodes of an ``.npy`` array [m]
     ``local_origin``             "east, north" that becomes x = y = 0, by default the middle of the part in
                                  use, rounded to metres; several surveys in one scene need a common one
+    ``holes``        cut         or "filled": by the smoothest bed through their rims, where the part in use
+                                 surrounds them
+    ``holes_max``                width of the widest hole to fill [m]
+    ``relief``       false       below the file's own resolution, relief that continues its spectrum; the
+                                 ``resolution`` must be finer
+    ``relief_seed``  0           realisation of it
+    ``relief_w2``                spectral strength [m^(4 - gamma)] and
+    ``relief_gamma``             exponent of it, by default as measured on the file
     ``to_world``                 applied to the finished mesh
     ================ =========== ===========================================================================
 
-    Triangles that touch a node without depth are left out. Attributes of the object, all before ``to_world``:
+    Where relief is added, materials that know ``mesh_resolution`` should be given the ``resolution``. Triangles that
+    touch a node without depth are left out. Attributes of the object, all before ``to_world``:
     ``survey`` (the `mitsonar.io.bathymetry.Bathymetry` itself), ``local_origin`` [m], ``crs`` and
     ``bathymetry_bounds`` (west, south, east, north [m] in ``crs``).
 
@@ -57,7 +66,12 @@ class Bathymetry(mi.Mesh):
                    "nodata": attributes.number("nodata", None),
                    "crs": attributes.text("crs", None),
                    "spacing": attributes.number("spacing", None, unit="m", above=0),
-                   "local_origin": attributes.numbers("local_origin", None, count=2, unit="m")}
+                   "local_origin": attributes.numbers("local_origin", None, count=2, unit="m"),
+                   "holes": attributes.text("holes", "cut", choices=("cut", "filled")),
+                   "holes_max": attributes.number("holes_max", None, unit="m", above=0),
+                   "relief": _relief(attributes)}
+        if options["holes_max"] and options["holes"] == "cut":
+            raise attributes.error('holes_max is written, but holes are cut; write holes "filled" too.')
         to_world = attributes.matrix()
         attributes.finish()
         survey = bathymetry.read(path, **options)
@@ -79,6 +93,21 @@ class Bathymetry(mi.Mesh):
     def to_string(self):
         """Say where the bed comes from and how it was read."""
         return self._description
+
+
+def _relief(attributes):
+    """What is asked for below the survey's resolution, or None."""
+    asked = attributes.boolean("relief", False)
+    options = {"seed": attributes.integer("relief_seed", 0, minimum=0),
+               "w2": attributes.number("relief_w2", None, minimum=0),
+               "gamma": attributes.number("relief_gamma", None, above=2, below=4)}
+    given = attributes.given("relief_seed", "relief_w2", "relief_gamma")
+    if given and not asked:
+        raise attributes.error(f"{given[0]} is written without relief; write relief true.")
+    try:
+        return bathymetry.Relief(**options) if asked else None
+    except ValueError as error:
+        raise attributes.error(str(error)) from None
 
 
 mi.register_shape("bathymetry", Bathymetry)

@@ -1,0 +1,91 @@
+"""Holes of a survey filled by the smoothest bed that overshoots nowhere.
+
+    laplacian(height) = 0 in the hole, heights of the survey on its rim
+
+Such a surface has its highest and lowest point on the rim. The equation is that of five nodes, with the steps of the
+grid, and conjugate gradients solve it from a linear interpolation of the rim on.
+"""
+import numpy as np
+
+_MOST_NODES = 5_000_000       # unknowns: about 1.5 GB
+_TOLERANCE = 1e-3             # of the residual, relative; the rest is clipped to the rim's heights
+
+
+def fill_holes(heights, steps, widest=None):
+    """Fill the holes that the survey surrounds; what reaches the grid's edge lies outside the survey and stays open.
+
+    Parameters
+    ----------
+    heights : float32 array (Y, X) [m]
+        NaN is a hole. It is left as it is.
+    steps : tuple of 2 floats [m]
+        Distance of columns and of rows.
+    widest : float [m], optional
+        Wider holes stay open: width is the diameter of the largest circle that finds room between soundings.
+
+    Returns
+    -------
+    float32 array (Y, X) [m]
+
+    Raises
+    ------
+    ValueError
+        If the holes to be filled have more nodes than fit into memory.
+    """
+    from scipy import ndimage
+
+    holes, count = ndimage.label(np.isnan(heights))
+    edge = np.concatenate((holes[0], holes[-1], holes[:, 0], holes[:, -1]))
+    asked = np.ones(count + 1, bool)
+    asked[0] = asked[edge] = False
+    if widest is not None and asked.any():
+        deep = ndimage.maximum(ndimage.distance_transform_edt(holes > 0, sampling=steps[::-1]), holes,
+                               np.arange(count + 1))
+        asked &= 2 * deep <= widest
+    unknown = asked[holes]
+    number = np.count_nonzero(unknown)
+    if number == 0:
+        return heights
+    if number > _MOST_NODES:
+        raise ValueError(f"the holes to be filled have {number} nodes, more than {_MOST_NODES:.0e}; fill smaller ones "
+                         "by holes_max, or use a coarser resolution.")
+    filled = heights.copy()
+    filled[unknown] = _harmonic(heights, unknown, steps)
+    # Of each hole, not higher nor lower than its rim.
+    rim = ndimage.grey_dilation(np.where(unknown, holes, 0), footprint=ndimage.generate_binary_structure(2, 1))
+    rim = np.where(unknown | np.isnan(heights), 0, rim)
+    index = np.arange(count + 1)
+    lowest, highest = (extreme(filled, rim, index)[holes[unknown]] for extreme in (ndimage.minimum, ndimage.maximum))
+    filled[unknown] = np.clip(filled[unknown], lowest, highest)
+    return filled
+
+
+def _harmonic(heights, unknown, steps):
+    """Give the heights of the unknown nodes, in the order of the array."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.ndimage import binary_dilation
+    from scipy.sparse import coo_array, diags_array
+    from scipy.sparse.linalg import cg
+
+    rim = np.argwhere(binary_dilation(unknown) & ~unknown)
+    nodes = np.argwhere(unknown)
+    level = float(np.mean(heights[tuple(rim.T)]))                       # small numbers: float32 sums keep the digits
+    start = LinearNDInterpolator(rim * steps[::-1], heights[tuple(rim.T)] - level, fill_value=0.0)(nodes * steps[::-1])
+    index = np.full(heights.shape, -1, np.int32)
+    index[unknown] = np.arange(len(nodes))
+    known = np.where(unknown, 0.0, heights - level)
+    pull, entries = np.zeros(len(nodes)), []
+    weights = (1 / steps[1] ** 2, (1, 0)), (1 / steps[1] ** 2, (-1, 0)), (1 / steps[0] ** 2, (0, 1)), \
+        (1 / steps[0] ** 2, (0, -1))
+    for weight, (down, right) in weights:
+        beside = nodes[:, 0] + down, nodes[:, 1] + right                # a hole never touches the edge
+        neighbour = index[beside]
+        inside = np.flatnonzero(neighbour >= 0)
+        pull += weight * known[beside] * (neighbour < 0)
+        entries.append((np.full(inside.size, weight), inside, neighbour[inside]))
+    weight, row, column = (np.concatenate(part) for part in zip(*entries))
+    shape = len(nodes), len(nodes)
+    matrix = diags_array(np.full(len(nodes), 2 / steps[0] ** 2 + 2 / steps[1] ** 2)) \
+        - coo_array((weight, (row, column)), shape=shape).tocsr()
+    solution, _ = cg(matrix.tocsr(), pull, x0=start, rtol=_TOLERANCE, maxiter=5000)
+    return solution + level

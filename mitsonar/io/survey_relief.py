@@ -1,0 +1,129 @@
+"""A survey laid on a finer grid, with relief in place of what it could not resolve.
+
+The survey's heights are interpolated by cubic splines; a random surface of the spectrum that the survey has at its
+shortest waves, continued as the power law it follows there, adds what splines leave out (`mitsonar.scattering.Fractal`
+with ``surveyed``). Longer waves stay as they were surveyed.
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+from ..scattering import Fractal
+from ..scattering.measured_roughness import SMALLEST_PATCH, fit_power_law
+
+MARGIN = 12                        # nodes of the survey about a part, beyond which splines feel nothing
+_PATCHES, _TRIED = 64, 24          # patches that are enough; places looked at along each side of the file
+_FEW = 4                           # patches with which larger ones do
+
+
+class FinerGrid(NamedTuple):
+    """Say where the nodes of a finer grid are, as rasters do: ``transform``, ``width``, ``height``, ``crs``."""
+
+    transform: object
+    width: int
+    height: int
+    crs: object
+
+    @classmethod
+    def over(cls, grid, resolution):
+        """Lay one over a raster, with the nodes that the raster resampled to ``resolution`` [m] would have."""
+        from rasterio.transform import from_origin
+
+        step = min(grid.res)
+        if resolution is None or not resolution < step:
+            asked = "none is given" if resolution is None else f"it is {resolution:g} m"
+            raise ValueError(f"relief needs a resolution finer than the survey's {step:g} m; {asked}.")
+        west, south, east, north = grid.bounds
+        low, high = sorted((south, north))
+        return cls(from_origin(west, high, resolution, resolution), round((east - west) / resolution),
+                   round((high - low) / resolution), grid.crs)
+
+
+def measure(read_window, shape, steps, gamma=None):
+    """Measure the roughness of a survey on patches without holes, all over the file, whatever part of it is used.
+
+    Parameters
+    ----------
+    read_window : callable
+        Gives the heights [m] of (first row, first column, size).
+    shape : tuple of 2 int
+        Rows and columns of the file.
+    steps : tuple of 2 floats [m]
+        Distance of columns and of rows.
+    gamma : float, optional
+        The exponent, where it is known.
+
+    Returns
+    -------
+    RoughnessSpectrum
+
+    Raises
+    ------
+    ValueError
+        If the survey has no patch without holes.
+    """
+    for size in (2 * SMALLEST_PATCH, SMALLEST_PATCH):
+        patches = _patches(read_window, shape, size)
+        if len(patches) >= _FEW or (patches and size == SMALLEST_PATCH):
+            break
+    else:
+        raise ValueError(f"relief continues the survey's spectrum, but no {SMALLEST_PATCH} x {SMALLEST_PATCH} nodes of "
+                         "it are without holes; give relief_w2 and relief_gamma.")
+    return fit_power_law(patches, steps, gamma)
+
+
+def _patches(read_window, shape, size):
+    starts = [np.unique(np.linspace(0, length - size, min(_TRIED, length // size)).astype(int))
+              if length >= size else [] for length in shape]
+    places = [(row, column) for row in starts[0] for column in starts[1]]
+    found = []
+    for index in np.random.default_rng(0).permutation(len(places)):         # those that are enough lie all over
+        heights = read_window(*places[index], size)
+        if np.isfinite(heights).all():
+            found.append(heights)
+        if len(found) == _PATCHES:
+            break
+    return found
+
+
+def refine(x, y, heights, finer_x, finer_y, spectrum, seed):
+    """Lay a survey on a finer grid and add the relief below its resolution.
+
+    Parameters
+    ----------
+    x, y : array (X,), (Y,) [m]
+        Eastings of the survey's columns and northings of its rows, either way round.
+    heights : array (Y, X) [m]
+        NaN is a hole.
+    finer_x, finer_y : array (P,), (Q,) [m]
+        Those of the finer grid, x increasing. The relief belongs to these places: another part shows the same.
+    spectrum : RoughnessSpectrum
+    seed : int
+        Realisation.
+
+    Returns
+    -------
+    float32 array (Q, P) [m]
+        A node is a hole unless the survey's nodes about it have depths.
+    """
+    from scipy import ndimage
+
+    holes = np.isnan(heights)
+    if holes.any():                # splines would carry a hole everywhere
+        nearest = ndimage.distance_transform_edt(holes, return_distances=False, return_indices=True)
+        heights = heights[tuple(nearest)]
+    steps = [(axis[-1] - axis[0]) / (axis.size - 1) for axis in (y, x)]
+    finer_steps = [(axis[-1] - axis[0]) / (axis.size - 1) for axis in (finer_y, finer_x)]
+    first = finer_y[0] - y[0], finer_x[0] - x[0]
+    placed = {"matrix": np.divide(finer_steps, steps), "offset": np.divide(first, steps),
+              "output_shape": (finer_y.size, finer_x.size)}
+    level = float(heights.mean())
+    coefficients = ndimage.spline_filter(np.asarray(heights, np.float64) - level, order=3, mode="mirror")
+    fine = ndimage.affine_transform(coefficients, **placed, order=3, mode="mirror", prefilter=False) + level
+    relief = Fractal(spectrum=spectrum, seed=seed, surveyed=tuple(abs(step) for step in steps[::-1]))
+    upward = finer_y[::-1] if finer_y[0] > finer_y[-1] else finer_y
+    added = relief.on_grid(finer_x, upward)
+    fine += added[::-1] if upward is not finer_y else added
+    share = ndimage.affine_transform((~holes).astype(np.float32), **placed, order=1, mode="nearest")
+    fine[share < 0.999] = np.nan
+    return fine.astype(np.float32)
