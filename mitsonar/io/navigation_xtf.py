@@ -59,7 +59,8 @@ def read(path):
         be true.
     """
     try:
-        return _navigation(path, *_packets(path))
+        with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
+            return _navigation(path, *_packets(path))
     except ValueError as error:
         raise ValueError(f"cannot read the track {path}: {error}") from None
 
@@ -132,9 +133,8 @@ def _navigation(path, units, packets, pings):
                          "disagree.")
     place = np.stack([np.interp(at, time, axis) for axis in place.T], -1)
     depth = _sensor_depth(pings, at, dropped)
-    said = ", ".join(f"{count} {what}" for what, count in dropped.items() if count) or "none"
     _log.info("%s: %d positions and %d attitudes over %.1f s; left out: %s", path, time.size, clock.size,
-              at[-1] - at[0], said)
+              at[-1] - at[0], _listed(dropped))
     roll, pitch, heave = (np.interp(at, clock, angles[name]) for name in ("roll", "pitch", "heave"))
     return Navigation(time=at, x=place[:, 0], y=place[:, 1], z=None if depth is None else -depth, heave=heave,
                       roll=np.deg2rad(roll), pitch=np.deg2rad(pitch),
@@ -164,11 +164,12 @@ def _positions(geographic, packets, pings, dropped):
             place[:, 0] = np.unwrap(place[:, 0], period=360)
         near = _without_jumps(time, place, geographic)
         _count(dropped, "jumps", ~near)
-        if 2 * near.sum() <= near.size:
+        if near.size > 2 and 2 * near.sum() <= near.size:
             raise ValueError(f"{near.size - near.sum()} of its {near.size} positions jump faster than {_FASTEST:g} m/s "
                              "away from the others; it is not a track.")
         if near.sum() < 2:
-            raise ValueError("less than two of its positions can be true; it is not a track.")
+            raise ValueError(f"less than two of its positions can be true (left out: {_listed(dropped)}); it is not a "
+                             "track.")
         return time[near], place[near], records[near]
     raise ValueError("it holds no navigation: no packet has a position; give a track as CSV.")
 
@@ -271,6 +272,10 @@ def _sensor_depth(pings, at, dropped):
     real = np.isfinite(depth) & (depth >= 0) & (depth < 12000)
     _count(dropped, "impossible depths", ~real)
     return np.interp(at, clock[real], depth[real]) if real.any() else None
+
+
+def _listed(dropped):
+    return ", ".join(f"{count} {what}" for what, count in dropped.items() if count) or "none"
 
 
 def _count(dropped, what, which):
