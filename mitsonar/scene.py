@@ -1,12 +1,10 @@
 """Load a scene file as mitsonar means it: variant set, ids kept, parameters filled in."""
-import numbers
 import os
 from xml.etree import ElementTree
 
 import mitsuba as mi
-import numpy as np
 
-from .io.scenes import filled, root
+from .io.scenes import filled, root, text
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
@@ -70,7 +68,7 @@ def load_file(path, /, **parameters):
         raise ValueError(f"scene file {path} is a folder; {WANTED}")
     if not os.access(path, os.R_OK):
         raise PermissionError(f"scene file {path} may not be read by you; change its permissions")
-    values = {name: _text(name, value) for name, value in parameters.items()}
+    values = {name: text(name, value) for name, value in parameters.items()}
     for name in TAKEN:
         if name in values:
             raise ValueError(f"a scene's parameter cannot be called {name}, which means something to Mitsuba's loader; "
@@ -113,8 +111,8 @@ def resolved(path, parameters):
     top, values = root(path), dict(parameters)
     elements = list(top.iter())                    # in the order of the document, which is that of Mitsuba's reader
     for element in elements:
-        for key, text in element.attrib.items():
-            element.set(key, filled(text, values))
+        for key, template in element.attrib.items():
+            element.set(key, filled(template, values))
         if element.tag == "default":
             values.setdefault(element.get("name"), element.get("value"))     # the first one, or who loads it, wins
     for element in elements:
@@ -145,17 +143,3 @@ def _naming_parameters(error, path):
         return error
     names = sorted({element.get("name") for element in root(path).iter("default")})
     return ValueError(f"{path}: {error} Known: {', '.join(names) or 'none'}.")
-
-
-def _text(name, value):
-    """A parameter's value as it would be written in XML."""
-    if isinstance(value, (bool, np.bool_)):
-        return "true" if value else "false"
-    if isinstance(value, (str, numbers.Real)):
-        return str(value)
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return ", ".join(_text(name, item) for item in value)
-    raise TypeError(f"the parameter {name} is {value!r}; give a number, a string, true or false, a path, or a list of "
-                    "these")

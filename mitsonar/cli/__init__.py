@@ -1,20 +1,21 @@
-"""The command line: render, signals, plot, published, validate, doctor, demo.
+"""The command line: render, signals, sweep, plot, published, validate, labels, doctor, demo.
 
-Exit codes: 0 done, 1 where `validate` finds too large an error, 2 for what the user can mend, 128 + n where signal n
-ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.
+Exit codes: 0 done, 1 where `validate` finds too large an error or renders of a `sweep` failed, 2 for what the user can
+mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.
 """
 import signal
 import sys
 import warnings
 
 from .. import __version__
-from . import machine, rendering, results
+from ..io.errors import sentence
+from . import labels, machine, rendering, results, sweep
 from .arguments import Parser
-from .words import Signals, mute, sentence, warn
+from .words import Signals, mute, warn
 
 __all__ = ["main"]
 
-GROUPS = (rendering, results, machine)      # of commands, in the order of the help
+GROUPS = (rendering, sweep, results, labels, machine)      # of commands, in the order of the help
 
 
 def main(argv=None):

@@ -7,13 +7,20 @@ __all__ = ["Progress"]
 
 QUIET_SECONDS = 2.0                # progress is shown on anything longer
 LINE_SECONDS = 10.0                # where there is no terminal, a line this often
+SLOW = 0.1                         # a second; below, it is told by the hour
 
 
 class Progress:
-    """Show things done, things per second and time left once a run lasts longer than a moment."""
+    """Show how many are done, how many a second or hour, and the time left, once a run lasts longer than a moment.
 
-    def __init__(self, verb="rendering", things="pings"):
-        self.verb, self.things = verb, things
+    Parameters
+    ----------
+    unit : str
+        What is counted.
+    """
+
+    def __init__(self, unit="pings"):
+        self.unit = unit
         self.start = self.last_line = time.monotonic()
         self.bar = self.task = None
 
@@ -24,16 +31,18 @@ class Progress:
         if self.bar is not None:
             self.bar.stop()
 
-    def __call__(self, done, total):
+    def __call__(self, done, total, failed=0):
         now = time.monotonic()
-        if now - self.start < QUIET_SECONDS:
+        if now - self.start < QUIET_SECONDS or not done:
             return
         rate = done / (now - self.start)
-        pace = f"{rate:.1f} {self.things}/s, {datetime.timedelta(seconds=round((total - done) / rate))} left"
+        often = f"{rate:.1f} {self.unit}/s" if rate > SLOW else f"{rate * 3600:.0f} {self.unit}/h"
+        pace = f"{often}, {datetime.timedelta(seconds=round((total - done) / rate))} left"
+        pace += f", {failed} failed" if failed else ""
         if not sys.stderr.isatty():
             if now - self.last_line > LINE_SECONDS:
                 self.last_line = now
-                print(f"{done} of {total} {self.things}, {pace}", file=sys.stderr)
+                print(f"{done} of {total} {self.unit}, {pace}", file=sys.stderr)
         elif self.bar is None:
             self._open(done, total, pace)
         else:
@@ -43,8 +52,8 @@ class Progress:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-        self.bar = Progress(TextColumn(self.verb), BarColumn(), MofNCompleteColumn(),
-                            TextColumn(f"{self.things}, {{task.fields[pace]}}"), console=Console(stderr=True),
+        self.bar = Progress(TextColumn("rendering"), BarColumn(), MofNCompleteColumn(),
+                            TextColumn(f"{self.unit}, {{task.fields[pace]}}"), console=Console(stderr=True),
                             transient=True)
-        self.task = self.bar.add_task(self.things, completed=done, total=total, pace=pace)
+        self.task = self.bar.add_task(self.unit, completed=done, total=total, pace=pace)
         self.bar.start()

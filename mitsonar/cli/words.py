@@ -1,9 +1,9 @@
-"""What a command says beside its results: files it wrote, warnings, errors, and that it was interrupted."""
+"""What a command says beside its results: files it wrote, warnings, and that it was interrupted."""
 import os
 import signal
 import sys
 
-__all__ = ["Signals", "announce", "mute", "sentence", "warn"]
+__all__ = ["Signals", "announce", "mute", "warn"]
 
 
 class Signals:
@@ -52,12 +52,3 @@ def mute():
 def warn(message, *_):
     """Print a warning as one sentence."""
     print(f"mitsonar: {message}", file=sys.stderr)
-
-
-def sentence(error):
-    """Put an error the user can mend into one sentence."""
-    if isinstance(error, MemoryError):
-        return f"out of memory: {error or 'nothing more is known'}; take fewer pings, rays or bins"
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return " ".join(str(error).split())

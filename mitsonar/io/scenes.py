@@ -1,9 +1,12 @@
 """Scene files as text: found by name, parsed, their ``$parameters`` filled in as Mitsuba does it."""
+import numbers
 import os
 from importlib.resources import files
 from xml.etree import ElementTree
 
-__all__ = ["filled", "find", "root"]
+import numpy as np
+
+__all__ = ["filled", "find", "root", "text"]
 
 
 def find(name):
@@ -48,16 +51,46 @@ def root(path):
         raise ValueError(f"{path}: the XML is broken: {error}") from None
 
 
-def filled(text, values):
+def filled(template, values):
     """Give an attribute's text with its ``$names`` replaced, longest first: $rays must not eat the start of $rays_far.
 
     Parameters
     ----------
-    text : str
+    template : str
     values : dict of str to str
     """
     for name in sorted(values, key=len, reverse=True):
         # a dollar behind a backslash is no parameter, and both stay for Mitsuba to read
-        parts = text.replace(r"\$", "\0").split(f"${name}")
-        text = values[name].join(parts).replace("\0", r"\$")
-    return text
+        parts = template.replace(r"\$", "\0").split(f"${name}")
+        template = values[name].join(parts).replace("\0", r"\$")
+    return template
+
+
+def text(name, value):
+    """Write a parameter's value as XML has it.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    value : number, str, bool, path, or a list of these
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    TypeError
+        If the value is of another kind.
+    """
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (str, numbers.Real)):
+        return str(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return ", ".join(text(name, item) for item in value)
+    raise TypeError(f"the parameter {name} is {value!r}; give a number, a string, true or false, a path, or a list of "
+                    "these")

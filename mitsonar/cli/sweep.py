@@ -1,0 +1,76 @@
+"""The command that renders many: sweep."""
+import datetime
+import os
+
+from .arguments import whole
+from .progress import Progress
+from .words import announce, warn
+
+__all__ = ["add"]
+
+SHOWN = 5                          # failures told at the end
+
+
+def add(commands):
+    """Add the command to the parser's."""
+    sweep = commands.add_parser("sweep", help="render all that a plan asks for and is not there yet")
+    sweep.add_argument("plan", metavar="PLAN.toml")
+    sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
+    sweep.add_argument("--dry-run", action="store_true", help="say how many renders, how long and how large, and end")
+    sweep.add_argument("--processes", type=whole, metavar="N", help="on this machine; default: one for two cores")
+    sweep.add_argument("--threads", type=whole, metavar="N",
+                       help="of each process, at least 2; default: the cores shared out")
+    sweep.add_argument("--workers", type=whole, metavar="N", help="start a Dask cluster of N workers here instead")
+    sweep.add_argument("--scheduler", metavar="ADDRESS", help="use a running Dask cluster instead")
+    sweep.set_defaults(run=_sweep)
+
+
+def _sweep(arguments):
+    from ..sweep import load_plan, run
+
+    plan = load_plan(arguments.plan)
+    if arguments.dry_run:
+        return _tell(plan, arguments)
+    with Progress("renders") as progress:
+        outcome = run(plan, arguments.output, processes=arguments.processes, threads=arguments.threads,
+                      workers=arguments.workers, scheduler=arguments.scheduler, progress=progress, say=warn)
+    took = datetime.timedelta(seconds=round(outcome.seconds))
+    parts = [f"{outcome.done} rendered in {took}" if outcome.done or outcome.failed else "nothing to do",
+             *([f"{outcome.kept} were there"] if outcome.kept else []),
+             *([f"{outcome.failed} failed"] if outcome.failed else [])]
+    announce(f"{outcome.total} renders: {', '.join(parts)}")
+    for output, error in outcome.failures[:SHOWN]:
+        warn(f"{output} failed: {error}")
+    if outcome.failed > SHOWN:
+        warn(f"and {outcome.failed - SHOWN} more; see the lines of the manifest that say \"failed\"")
+    announce(os.path.join(outcome.folder, "manifest.jsonl"))
+    return 1 if outcome.failed else 0
+
+
+def _tell(plan, arguments):
+    from ..sweep.estimate import estimate
+
+    if arguments.scheduler is not None:
+        raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
+    found = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
+                     threads=arguments.threads)
+    there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
+    announce(f"{found.total} renders into {found.folder}, {there}"
+             + (f", {found.changed} to be made anew" if found.changed else ""))
+    if found.missing:
+        how = f"tried {found.trials}" if found.trials else "as those there took"
+        length = datetime.timedelta(seconds=round(found.seconds * found.missing / found.processes))
+        announce(f"time: about {length}, {found.seconds:.2g} s each ({how}), by {found.processes} processes of "
+                 f"{found.threads} threads")
+        announce(f"disk: about {_size(found.bytes * found.missing)}, and {_size(found.free)} are free")
+    return 0
+
+
+def _size(count):
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if count < 1000:
+            break
+        count /= 1000
+    else:
+        unit = "TB"
+    return f"{count:.3g} {unit}"

@@ -1,0 +1,144 @@
+"""Renders on a Dask cluster: one that runs already, or workers started here for the sweep.
+
+Dask carries jobs and answers; each of its workers has processes of its own that render, so that a render which ends its
+process costs no worker, and long kernels keep none from answering. Workers must see the same files as the runner.
+"""
+import logging
+import os
+import queue
+import secrets
+
+from .local import THREADS, shares
+
+__all__ = ["Cluster"]
+
+PATIENCE = 60                      # seconds to wait for a scheduler, and for its first worker
+AHEAD = 2                          # jobs on their way for every one that runs
+_FREE = queue.SimpleQueue()        # of a Dask worker: renderers that wait for a job
+
+
+class Cluster:
+    """A pool of Dask workers.
+
+    Parameters
+    ----------
+    threads : int or None
+        Of every process that renders.
+    place : str
+        The folder they run in.
+    folder : str
+        Where they write.
+    scheduler : str or None
+        Address of a scheduler; None: start workers here,
+    workers : int or None
+        this many.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scheduler, it has no workers, or they do not see the folder.
+    """
+
+    def __init__(self, threads, place, folder, *, scheduler=None, workers=None):
+        import distributed
+
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        self.place, self.folder, self._own, self._client = place, folder, None, None
+        try:
+            if scheduler is None:
+                workers, self.threads = shares(workers, threads)
+                self._own = distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
+                                                     dashboard_address=None, silence_logs=logging.CRITICAL)
+                self._client = distributed.Client(self._own)
+            else:
+                self.threads = shares(1, threads or THREADS)[1]
+                self._client = self._connect(distributed, scheduler)
+            self._look()
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._client is not None:
+            if self._own is None and self._client.status == "running":
+                self._client.run(_release, wait=False)
+            self._client.close()
+        if self._own is not None:
+            self._own.close()
+
+    @property
+    def capacity(self):
+        """Jobs to have on their way."""
+        return AHEAD * max(1, sum(self._client.nthreads().values()))
+
+    def submit(self, job):
+        """Send a job, and give the future of its answer."""
+        return self._client.submit(_render, job, self.threads, self.place, pure=False, retries=1)
+
+    def check(self):
+        """Refuse to wait any longer for a cluster that is gone.
+
+        Raises
+        ------
+        ValueError
+            If the scheduler does not answer.
+        """
+        if self._client.status != "running":
+            raise ValueError("the Dask scheduler went away; what is done is kept: run the sweep again when it is back")
+
+    def _connect(self, distributed, scheduler):
+        try:
+            client = distributed.Client(scheduler, timeout=PATIENCE / 6)
+            try:
+                client.wait_for_workers(1, timeout=PATIENCE)
+            except BaseException:
+                client.close()
+                raise
+        except (OSError, ValueError, TypeError) as error:          # no such host, no such address, nobody there
+            what = " ".join(str(error).split())[:300]
+            raise ValueError(f"no Dask workers to be had at {scheduler}: {what}; give the address of a scheduler with "
+                             "workers, such as tcp://HOST:8786") from None
+        return client
+
+    def _look(self):
+        """Have every worker look for a file that was just written."""
+        name = os.path.join(self.folder, f".{secrets.token_hex(8)}")
+        with open(name, "w", encoding="utf-8"):
+            pass
+        try:
+            seen = self._client.run(os.path.exists, name)
+        finally:
+            os.unlink(name)
+        blind = sorted(address for address, found in seen.items() if found is not True)
+        if blind:
+            raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see what "
+                             "is written there); give one by -o that all workers share")
+
+
+def _render(job, threads, place):
+    """Run on a Dask worker: have a process render that waits for it, or a new one."""
+    from .renderer import Renderer
+
+    try:
+        renderer = _FREE.get_nowait()
+        if (renderer.threads, renderer.place) != (threads, place):
+            renderer.kill()
+            renderer = Renderer(threads, place)
+    except queue.Empty:
+        renderer = Renderer(threads, place)
+    try:
+        return renderer(job)
+    finally:
+        _FREE.put(renderer)
+
+
+def _release():
+    """Run on a Dask worker: end the processes that wait for a job."""
+    while True:
+        try:
+            _FREE.get_nowait().kill()
+        except queue.Empty:
+            return

@@ -1,0 +1,106 @@
+"""What a sweep will take, from what is there already or from a few renders made to see."""
+import os
+import shutil
+import tempfile
+import time
+from dataclasses import dataclass
+
+from .execute import default_folder, job, standing
+from .local import Local, shares
+from .manifest import MANIFEST, read
+from .plan import load_plan
+from .versions import versions
+
+__all__ = ["Estimate", "estimate"]
+
+TRIALS = 3
+ENOUGH_SECONDS = 30.0              # of trials
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """What a sweep will take.
+
+    Attributes
+    ----------
+    folder : str
+    total, missing : int
+        Renders of the plan, and of these not there yet.
+    changed : int
+        How many of the missing are there, made of other parameters, files or versions.
+    processes, threads : int
+        That it was estimated for.
+    seconds, bytes : float or None
+        Of one render, in the mean; None where nothing is missing.
+    trials : int
+        Renders made to find out; 0: those that are there tell.
+    free : int
+        Bytes free where the folder is.
+    """
+
+    folder: str
+    total: int
+    missing: int
+    changed: int
+    processes: int
+    threads: int
+    seconds: float | None
+    bytes: float | None
+    trials: int
+    free: int
+
+
+def estimate(plan, folder=None, *, processes=None, threads=None):
+    """Find out what a sweep will take, without writing into its folder.
+
+    Parameters
+    ----------
+    plan, folder, processes, threads
+        As of `mitsonar.sweep.run`.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the plan is wrong, or a render that was tried failed.
+    """
+    plan = plan if hasattr(plan, "render") else load_plan(plan)
+    processes, threads = shares(processes, threads)
+    folder = os.path.abspath(default_folder(plan) if folder is None else folder)
+    made_by = versions()
+    now = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by)
+    seconds, sizes, trials = now.seconds, now.bytes, 0
+    if now.missing and not seconds:
+        seconds, sizes = _try(plan, now.missing, threads, made_by)
+        trials = len(sizes)
+    return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed, processes=processes,
+                    threads=threads, seconds=sum(seconds) / len(seconds) if now.missing else None,
+                    bytes=sum(sizes) / len(sizes) if now.missing else None, trials=trials,
+                    free=shutil.disk_usage(_above(folder)).free)
+
+
+def _try(plan, missing, threads, made_by):
+    """Seconds and bytes of a few renders, over the plan; the first one warms up where the others are quick."""
+    spread = dict.fromkeys(missing[k * (len(missing) - 1) // (TRIALS - 1)] for k in range(TRIALS))
+    seconds, sizes, start = [], [], time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="mitsonar-") as scratch, Local(1, threads, os.path.dirname(plan.path)) as one:
+        for index in spread:
+            render = plan.render(index)
+            answer = one.submit(job(plan, render, scratch, made_by)).result()
+            if answer.get("error"):
+                raise ValueError(f"render {index} ({render.output}) fails: {answer['error']}")
+            seconds.append(answer["seconds"])
+            sizes.append(answer["bytes"])
+            if time.perf_counter() - start > ENOUGH_SECONDS:
+                break
+    return seconds[1:] or seconds, sizes
+
+
+def _above(folder):
+    """The folder, or the nearest above it that is there."""
+    while not os.path.exists(folder):
+        folder = os.path.dirname(folder)
+    return folder

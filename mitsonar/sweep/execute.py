@@ -1,0 +1,283 @@
+"""Run a sweep: what is missing is rendered, what happened is written down."""
+import array
+import contextlib
+import os
+import queue
+import time
+from dataclasses import dataclass
+
+from ..io import files, scenes
+from .cluster import Cluster
+from .local import Local, shares
+from .manifest import LOCK, MANIFEST, Manifest, key, remove_leftovers
+from .plan import load_plan
+from .versions import versions
+
+__all__ = ["Outcome", "Standing", "default_folder", "job", "run", "standing"]
+
+ATTEMPTS = 2                       # of a render before it counts as failed
+LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
+MOST_LISTED = 100                  # failures kept to be shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a sweep went.
+
+    Attributes
+    ----------
+    folder : str
+    total, kept, done, failed : int
+        Renders of the plan; those that were there before, were made now, and could not be made.
+    failures : tuple of (str, str)
+        Output and error of the first that failed.
+    seconds : float
+    """
+
+    folder: str
+    total: int
+    kept: int
+    done: int
+    failed: int
+    failures: tuple
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """How far a sweep has come.
+
+    Attributes
+    ----------
+    missing : array of int
+        Numbers of the renders to be made.
+    changed : int
+        How many of them are there, made of other parameters, files or versions.
+    seconds, bytes : list of float
+        Of each render that is there.
+    """
+
+    missing: array.array
+    changed: int
+    seconds: list
+    bytes: list
+
+
+def default_folder(plan):
+    """Give the folder a sweep goes into where none is named: beside the plan, named as it is."""
+    bare, suffix = os.path.splitext(plan.path)
+    return bare if suffix else f"{bare}_renders"
+
+
+def run(plan, folder=None, *, processes=None, threads=None, workers=None, scheduler=None, progress=None, say=None):
+    """Render all of a plan that is not there yet.
+
+    Parameters
+    ----------
+    plan : Plan, or str or path
+    folder : str, path or None
+        Where files and manifest go; made if it is not there. Default: the plan's name without suffix.
+    processes : int or None
+        On this machine; default: as many as its cores bear.
+    threads : int or None
+        Of each process, at least 2; default: the cores shared out.
+    workers : int or None
+        Start a Dask cluster of this many workers here instead.
+    scheduler : str or None
+        Address of the scheduler of a Dask cluster to use instead; its workers must see the same files.
+    progress : callable(done, total, failed) or None
+        Told how many of the missing renders have ended.
+    say : callable(str) or None
+        Told what a user should know beside the result.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the plan cannot be run, or somebody else runs it in this folder; nothing is rendered then.
+    OSError
+        If the disk is full; what is done is kept.
+
+    Notes
+    -----
+    The same plan gives the same bytes, whatever the number of processes and threads, and however often it was
+    interrupted. A render that fails is tried once more, then written down as failed, and tried again by the next run.
+    """
+    start = time.perf_counter()
+    plan = plan if hasattr(plan, "render") else load_plan(plan)
+    if sum(choice is not None for choice in (processes, workers, scheduler)) > 1:
+        raise ValueError("processes, workers and a scheduler were asked for together; give one of them")
+    counts = shares(workers if processes is None else processes, threads)
+    folder = os.path.abspath(default_folder(plan) if folder is None else folder)
+    made_by, say, place = versions(), say or (lambda text: None), os.path.dirname(plan.path)
+    with _made(folder), Manifest(folder) as manifest:
+        remove_leftovers(_folders(plan, folder))
+        if manifest.damaged:
+            say(f"{manifest.damaged} damaged lines of {manifest.path} are passed over")
+        now = standing(plan, folder, manifest.entries, made_by)
+        if now.changed:
+            say(f"{now.changed} renders in {folder} were made of other parameters, files or versions and are made anew")
+        if manifest.fresh:
+            _check_foreign(plan, folder)
+        runner = _Runner(plan, folder, manifest, now, made_by, progress)
+        if now.missing:
+            try:
+                with (Local(*counts, place) if workers is None and scheduler is None else
+                      Cluster(threads, place, folder, scheduler=scheduler, workers=workers)) as pool:
+                    if len(now.missing) == len(plan):
+                        runner.check_loading(pool)
+                    runner.run(pool)
+            finally:
+                remove_leftovers(_folders(plan, folder))
+    return Outcome(folder=folder, total=len(plan), kept=len(plan) - len(now.missing), done=runner.done,
+                   failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start)
+
+
+def standing(plan, folder, entries, made_by):
+    """Find out what is missing: all that the manifest does not call done, or whose files are not there as it says."""
+    missing, changed, seconds, sizes = array.array("l"), 0, [], []
+    for index in range(len(plan)):
+        render = plan.render(index)
+        entry = entries.get(render.output)
+        if entry is None or entry.status != "ok" or not _is_there(folder, render, entry, plan.previews):
+            missing.append(index)
+        elif entry.key != key(render.parameters, render.seed, plan.inputs.digest(_texts(render)), made_by):
+            missing.append(index)
+            changed += 1
+        else:
+            seconds.append(entry.seconds)
+            sizes.append(entry.bytes)
+    return Standing(missing=missing, changed=changed, seconds=seconds, bytes=sizes)
+
+
+def job(plan, render, folder, made_by):
+    """Describe a render to whoever makes it; without a folder it is only loaded."""
+    return {"scene": plan.scene, "parameters": _texts(render), "seed": render.seed, "versions": made_by,
+            "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
+            "preview": _preview(render) if plan.previews and folder else None}
+
+
+class _Runner:
+    """Keeps a pool busy, and the manifest."""
+
+    def __init__(self, plan, folder, manifest, now, made_by, progress):
+        self.plan, self.folder, self.manifest, self.missing, self.made_by = plan, folder, manifest, now.missing, made_by
+        self.progress = progress or (lambda done, total, failed: None)
+        self.done, self.failed, self.failures = 0, 0, []
+        self._answers, self._running = queue.SimpleQueue(), {}
+
+    def check_loading(self, pool):
+        """Refuse a sweep whose first and last scene cannot be loaded: then none can, as far as one can tell."""
+        errors = []
+        for index in dict.fromkeys((self.missing[0], self.missing[-1])):
+            answer = _answer(pool.submit(job(self.plan, self.plan.render(index), None, self.made_by)))
+            if not answer.get("error"):
+                return
+            errors.append(answer["error"])
+        raise ValueError(f"no render of {os.path.basename(self.plan.path)} was started: {errors[0]}")
+
+    def run(self, pool):
+        """Render all that is missing."""
+        to_do = iter(self.missing)
+        while True:
+            while len(self._running) < pool.capacity and (index := next(to_do, None)) is not None:
+                self._start(pool, index, 1)
+            if not self._running:
+                return
+            try:
+                future = self._answers.get(timeout=LOOK_SECONDS)
+            except queue.Empty:
+                pool.check()
+                continue
+            self._end(pool, future)
+
+    def _start(self, pool, index, attempt):
+        render = self.plan.render(index)
+        digest = self.plan.inputs.digest(_texts(render))       # before it is rendered: a file that changes then is seen
+        future = pool.submit(job(self.plan, render, self.folder, self.made_by))
+        self._running[id(future)] = future, render, digest, attempt
+        future.add_done_callback(self._answers.put)
+
+    def _end(self, pool, future):
+        _, render, digest, attempt = self._running.pop(id(future))
+        answer = _answer(future)
+        if answer.get("full"):
+            raise OSError(f"{answer['error']} The sweep stopped and keeps what is done; run it again then.")
+        if answer.get("error") and attempt < ATTEMPTS:
+            pool.check()
+            self._start(pool, render.index, attempt + 1)
+            return
+        error = answer.get("error")
+        self.manifest.append({
+            "index": render.index, "output": render.output, "parameters": render.parameters, "seed": render.seed,
+            "inputs": digest, "versions": self.made_by, "status": "failed" if error else "ok", "attempts": attempt,
+            "seconds": answer["seconds"], "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
+            **({"preview": _preview(render)} if self.plan.previews and not error else {}),
+            **({"warnings": answer["warnings"]} if answer["warnings"] else {})})
+        if error:
+            self.failed += 1
+            self.failures += [(render.output, error)] if self.failed <= MOST_LISTED else []
+        else:
+            self.done += 1
+        self.progress(self.done + self.failed, len(self.missing), self.failed)
+
+
+def _answer(future):
+    """The answer of a job, also where the pool itself failed it."""
+    try:
+        return future.result()
+    except Exception as error:     # of Dask: a worker lost again and again, or one that has no mitsonar
+        return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}", "seconds": 0.0, "warnings": []}
+
+
+def _texts(render):
+    return {name: scenes.text(name, value) for name, value in render.parameters.items()}
+
+
+def _preview(render):
+    return f"{os.path.splitext(render.output)[0]}.png"
+
+
+def _is_there(folder, render, entry, previews):
+    path = os.path.join(folder, render.output)
+    with contextlib.suppress(OSError):
+        return os.path.getsize(path) == entry.bytes and (not previews or (
+            entry.preview is not None and os.path.exists(os.path.join(folder, entry.preview))))
+    return False
+
+
+def _folders(plan, folder):
+    """The folders that outputs go to."""
+    if "/" not in plan.pattern.text:
+        return [folder]
+    return sorted({os.path.dirname(os.path.join(folder, plan.render(index).output)) for index in range(len(plan))})
+
+
+@contextlib.contextmanager
+def _made(folder):
+    """A folder to write into; one made for this goes again if nothing came into it."""
+    there = os.path.exists(folder)
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except FileExistsError:
+        raise ValueError(f"cannot write into {folder}: it is a file; give a folder by -o") from None
+    try:
+        files.check_writable(os.path.join(folder, MANIFEST))
+        yield
+    finally:
+        if not there:
+            with contextlib.suppress(OSError):
+                os.rmdir(folder)
+
+
+def _check_foreign(plan, folder):
+    """Refuse to write over files that no sweep made."""
+    there = set(os.listdir(folder))
+    for index in range(len(plan) if there - {MANIFEST, LOCK} else 0):
+        output = plan.render(index).output
+        if os.path.exists(os.path.join(folder, output)):
+            raise ValueError(f"{folder} holds {output}, but no manifest that knows it; move it away, or give another "
+                             "folder by -o")

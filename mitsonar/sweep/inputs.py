@@ -1,0 +1,167 @@
+"""What a scene is made of: its parameters, and the files it reads, known by their content.
+
+Every string of a scene that names a file counts as one it reads: looked for beside the scene, then beside the plan,
+where the renders run. A folder stands for the files in it.
+"""
+import hashlib
+import os
+import re
+
+from ..io import scenes
+from .manifest import MANIFEST
+from .values import shortened
+
+__all__ = ["Inputs"]
+
+FILES = {"filename", "cast", "track", "file", "receive_file", "transmit_file"}    # attributes that are always files
+NAME = re.compile(r"(?<!\\)\$([A-Za-z_]\w*)")
+LARGEST_SCENE = 100_000_000        # bytes
+MOST_FILES = 10_000                # in a folder
+
+
+class Inputs:
+    """The files of a scene.
+
+    Parameters
+    ----------
+    scene : str
+        Path of its file.
+    place : str
+        The plan's folder.
+
+    Attributes
+    ----------
+    known : set of str
+        Names of the scene's parameters.
+
+    Raises
+    ------
+    ValueError
+        If the scene is no XML.
+    """
+
+    def __init__(self, scene, place):
+        self.scene, self.folders = scene, (os.path.dirname(scene), place)
+        self._trees, self._digests, self.known = {}, {}, set()
+        for path in self._walk({}):
+            self.known |= set(self._tree(path)[0])
+
+    def check_names(self, names):
+        """Refuse parameters that the scene has not.
+
+        Raises
+        ------
+        ValueError
+            If there are any; lists those it has.
+        """
+        for name in names:
+            if name not in self.known:
+                raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}; it has: "
+                                 f"{', '.join(sorted(self.known)) or 'none'}")
+
+    def check_files(self, columns):
+        """Refuse values that name files which are not there.
+
+        Parameters
+        ----------
+        columns : dict of str to tuple
+            All values each parameter may take.
+
+        Raises
+        ------
+        FileNotFoundError
+            If a file is missing.
+        """
+        defaults = self._tree(self.scene)[1]
+        for path in self._walk({}):
+            for attribute, template in self._tree(path)[2]:
+                used = [name for name in NAME.findall(template) if name in columns]
+                if attribute not in FILES or len(used) > 1:
+                    continue
+                for item in dict.fromkeys(columns[used[0]]) if used else (None,):
+                    values = {**defaults, **({used[0]: scenes.text(used[0], item)} if used else {})}
+                    name = scenes.filled(template, values)
+                    if name and not NAME.search(name) and self._find(name) is None:
+                        raise FileNotFoundError(f"the scene {os.path.basename(self.scene)} reads the file {name}, which "
+                                                "is not there; it is looked for beside the scene, then beside the plan")
+
+    def digest(self, values):
+        """Give a SHA-256 of all that a render reads, as hexadecimal digits.
+
+        Parameters
+        ----------
+        values : dict of str to str
+            Of the scene's parameters, as `mitsonar.io.scenes.text` writes them.
+        """
+        everything = hashlib.sha256()
+        for path in self._walk(values):
+            everything.update(f"scene {self._content(path)}\n".encode())
+            _, defaults, templates = self._tree(path)
+            names = {scenes.filled(template, {**defaults, **values}) for _, template in templates}
+            for name in sorted({part for name in names for part in (name, *map(str.strip, name.split(",")))}):
+                found = self._find(name) if name else None
+                if found is not None:
+                    everything.update(f"{name} {self._content(found)}\n".encode())
+        return everything.hexdigest()
+
+    def _walk(self, values):
+        """Paths of the scene and of the files it includes, each once."""
+        paths = [self.scene]
+        for path in paths:
+            _, defaults, templates = self._tree(path)
+            for attribute, template in templates:
+                if attribute == "include":
+                    found = self._find(scenes.filled(template, {**defaults, **values}))
+                    if found is not None and os.path.isfile(found) and found not in paths:
+                        paths.append(found)
+        return paths
+
+    def _tree(self, path):
+        """Names of parameters, defaults, and (attribute, text) of every string of an XML file."""
+        if path not in self._trees:
+            if os.path.getsize(path) > LARGEST_SCENE:
+                raise ValueError(f"the scene {path} has {os.path.getsize(path):,} bytes; give at most {LARGEST_SCENE:,}")
+            names, defaults, templates = set(), {}, []
+            for element in scenes.root(path).iter():
+                if element.tag == "default":
+                    names.add(element.get("name"))
+                    defaults.setdefault(element.get("name"), element.get("value") or "")
+                for key, text in element.attrib.items():
+                    names |= set(NAME.findall(text))
+                if element.tag == "path":
+                    self.folders += (os.path.join(self.folders[0], element.get("value") or ""),)
+                if element.tag == "include":
+                    templates.append(("include", element.get("filename") or ""))
+                elif element.tag == "string":
+                    templates.append((element.get("name"), element.get("value") or ""))
+                elif "filename" in element.attrib:
+                    templates.append(("filename", element.get("filename")))
+            self._trees[path] = names - {None}, defaults, templates
+        return self._trees[path]
+
+    def _find(self, name):
+        if "\0" in name or len(os.fsencode(name)) > 4000:
+            return None
+        return next(filter(_is_input, (os.path.join(folder, name) for folder in self.folders)), None)
+
+    def _content(self, path):
+        """SHA-256 of a file, or of all files in a folder; read anew where time or size have changed."""
+        if os.path.isdir(path):
+            names = sorted(name for name in os.listdir(path) if os.path.isfile(os.path.join(path, name)))
+            if len(names) > MOST_FILES:
+                return f"a folder of {len(names)} files"
+            return " ".join(f"{name} {self._content(os.path.join(path, name))}" for name in names)
+        stat = os.stat(path)
+        known = self._digests.get(path)
+        if known is None or known[0] != (stat.st_mtime_ns, stat.st_size):
+            with open(path, "rb") as file:
+                digest = hashlib.sha256()
+                while block := file.read(1 << 20):
+                    digest.update(block)
+            known = self._digests[path] = (stat.st_mtime_ns, stat.st_size), digest.hexdigest()
+        return known[1]
+
+
+def _is_input(path):
+    """A file, or a folder other than a sweep's own, which would change as it fills."""
+    return os.path.isfile(path) or (os.path.isdir(path) and not os.path.exists(os.path.join(path, MANIFEST)))

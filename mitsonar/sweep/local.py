@@ -1,0 +1,78 @@
+"""Renders on this machine, by as many processes as asked for."""
+import os
+import queue
+from concurrent.futures import ThreadPoolExecutor, wait
+
+from .renderer import Renderer
+
+__all__ = ["THREADS", "Local", "shares"]
+
+THREADS = 2                        # of a process where nothing is said: small renders gain most by more processes
+MOST_PROCESSES, MOST_THREADS = 1024, 1024
+
+
+def shares(processes, threads):
+    """Give the number of processes, and of threads of each, where not told: all cores, shared out.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    if processes is None:
+        processes = max(1, cores // (threads or THREADS))
+    if not 1 <= processes <= MOST_PROCESSES:
+        raise ValueError(f"{processes} processes were asked for; give 1 to {MOST_PROCESSES}")
+    if threads is None:
+        threads = max(2, cores // processes)
+    if not 2 <= threads <= MOST_THREADS:
+        raise ValueError(f"{threads} threads were asked for; give 2 to {MOST_THREADS} (Mitsuba needs two even on one core)")
+    return processes, threads
+
+
+class Local:
+    """A pool of processes on this machine; each loses no more than its own render when it dies.
+
+    Parameters
+    ----------
+    processes, threads : int
+        How many, and of how many threads each.
+    place : str
+        The folder they run in.
+    """
+
+    def __init__(self, processes, threads, place):
+        self.capacity = processes
+        self._renderers = [Renderer(threads, place) for _ in range(processes)]
+        self._free = queue.SimpleQueue()
+        for renderer in self._renderers:
+            self._free.put(renderer)
+        self._waiting, self._futures = ThreadPoolExecutor(processes), []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._waiting.shutdown(wait=False, cancel_futures=True)
+        while True:                                    # one that is just being started is met the next time
+            for renderer in self._renderers:
+                renderer.kill()
+            if not wait(self._futures, timeout=0.1).not_done:
+                return
+
+    def submit(self, job):
+        """Start a job, and give the future of its answer."""
+        self._futures = [future for future in self._futures if not future.done()]
+        self._futures.append(self._waiting.submit(self._render, job))
+        return self._futures[-1]
+
+    def check(self):
+        """Nothing can be wrong before the first job is done."""
+
+    def _render(self, job):
+        renderer = self._free.get()
+        try:
+            return renderer(job)
+        finally:
+            self._free.put(renderer)

@@ -1,0 +1,206 @@
+"""What a sweep has done: ``manifest.jsonl`` in its folder, a line of JSON for every render that ended.
+
+Each line holds ``index``, ``output``, ``parameters``, ``seed``, ``inputs`` (SHA-256 of the scene and the files it
+reads), ``versions``, ``status`` ("ok" or "failed"), ``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output,
+``error``, and where there are any ``preview`` and ``warnings``. The last line about an output counts.
+
+Only who holds the folder's lock writes, a line in one piece. A line cut short (the machine went down, the disk was
+full) is none: readers pass over it, and the next writer cuts it off.
+"""
+import contextlib
+import datetime
+import hashlib
+import json
+import os
+import platform
+import re
+import time
+from typing import NamedTuple
+
+from ..io.files import FULL
+
+__all__ = ["Entry", "Manifest", "key"]
+
+MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
+LONGEST_LINE = 1 << 20             # bytes; no line of ours comes near
+FLUSH_SECONDS = 5.0
+LEFTOVER = re.compile(r"\..+\.[0-9a-f]{8}\.(exr|png)", re.I)      # as `mitsonar.io.files.replacing` names them
+
+
+class Entry(NamedTuple):
+    """What the manifest says of one output: what it was made of, and how that went."""
+
+    key: bytes
+    status: str
+    bytes: int
+    preview: str | None
+    seconds: float
+
+
+def key(parameters, seed, inputs, versions):
+    """Give 16 bytes that tell what a render is made of."""
+    made_of = json.dumps([parameters, seed, inputs, versions], sort_keys=True)
+    return hashlib.sha256(made_of.encode()).digest()[:16]
+
+
+class Manifest:
+    """The manifest of a folder, held by one runner at a time.
+
+    Parameters
+    ----------
+    folder : str
+        It exists.
+
+    Attributes
+    ----------
+    entries : dict of str to Entry
+        By output, as the file says on opening.
+    damaged : int
+        Lines in it that are no entries.
+    fresh : bool
+        Whether there was none before.
+
+    Raises
+    ------
+    ValueError
+        If another runner holds it; says which.
+    OSError
+        If it cannot be read or written.
+    """
+
+    def __init__(self, folder):
+        self.path = os.path.join(folder, MANIFEST)
+        self._lock = _hold(folder)
+        try:
+            self.fresh = not os.path.exists(self.path)
+            self.entries, self.damaged, whole = read(self.path)
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+            try:
+                if whole < os.fstat(self._file).st_size:
+                    os.ftruncate(self._file, whole)
+                self._end, self._flushed = whole, time.monotonic()
+            except BaseException:
+                os.close(self._file)
+                raise
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        with contextlib.suppress(OSError):             # a disk that cannot: the lines are written, if not to the platter
+            os.fsync(self._file)
+        os.close(self._file)
+        if self.fresh and not self._end:               # nothing came of it: as if nobody had been here
+            os.unlink(self.path)
+            os.unlink(os.path.join(os.path.dirname(self.path), LOCK))
+        os.close(self._lock)
+
+    def append(self, record):
+        """Write a line, whole or not at all.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written, the disk being full for example; the file then ends as before.
+        """
+        line = json.dumps(record, allow_nan=False).encode() + b"\n"
+        try:
+            written = os.pwrite(self._file, line, self._end)
+            while written < len(line):                 # a disk that fills up takes a part first, and says so next time
+                written += os.pwrite(self._file, line[written:], self._end + written)
+            if time.monotonic() - self._flushed > FLUSH_SECONDS:
+                os.fsync(self._file)
+                self._flushed = time.monotonic()
+        except OSError as error:
+            os.ftruncate(self._file, self._end)
+            raise OSError(error.errno, full(self.path, error)) from error
+        self._end += len(line)
+
+
+def full(path, error):
+    """Say why a file could not be written, and that nothing is lost."""
+    what = FULL.get(error.errno, error.strerror or str(error))
+    return f"cannot write {path}: {what}; the sweep stopped and keeps what is done: free some space and run it again"
+
+
+def read(path):
+    """Read a manifest.
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    entries : dict of str to Entry
+    damaged : int
+        Whole lines that are no entries.
+    whole : int
+        Bytes to the end of the last whole line.
+    """
+    entries, damaged, whole = {}, 0, 0
+    if not os.path.exists(path):
+        return entries, damaged, whole
+    with open(path, "rb") as file:
+        while line := file.readline(LONGEST_LINE):
+            if not line.endswith(b"\n"):
+                while len(line) == LONGEST_LINE and not line.endswith(b"\n"):
+                    line = file.readline(LONGEST_LINE)         # the rest of a line that is none of ours
+                if not line.endswith(b"\n"):
+                    break
+                damaged, whole = damaged + 1, file.tell()
+                continue
+            whole = file.tell()
+            try:
+                output, entry = _entry(json.loads(line))
+                entries[output] = entry
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
+                damaged += 1
+    return entries, damaged, whole
+
+
+def _entry(record):
+    if record["status"] not in ("ok", "failed") or not isinstance(record["output"], str):
+        raise ValueError
+    preview, size = record.get("preview"), record["bytes"] if record["status"] == "ok" else 0
+    if not (isinstance(size, int) and (preview is None or isinstance(preview, str))):
+        raise ValueError
+    return record["output"], Entry(key=key(record["parameters"], record["seed"], record["inputs"], record["versions"]),
+                                   status=record["status"], bytes=size, preview=preview,
+                                   seconds=float(record["seconds"]))
+
+
+def remove_leftovers(folders):
+    """Remove the unfinished files that killed renders left in these folders."""
+    for folder in folders:
+        with contextlib.suppress(FileNotFoundError):
+            for name in os.listdir(folder):
+                if LEFTOVER.fullmatch(name):
+                    with contextlib.suppress(FileNotFoundError):
+                        os.unlink(os.path.join(folder, name))
+
+
+def _hold(folder):
+    """Lock the folder; the system frees it however we end."""
+    import fcntl
+
+    path = os.path.join(folder, LOCK)
+    lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not (os.path.exists(path) and os.path.samestat(os.fstat(lock), os.stat(path))):
+            os.close(lock)                             # whoever held it has just taken it away
+            return _hold(folder)
+    except BlockingIOError:
+        holder = os.pread(lock, 1000, 0).decode(errors="replace").strip()
+        os.close(lock)
+        raise ValueError(f"the sweep in {folder} is being run by {holder or 'somebody else'}; wait until it ends, or "
+                         "choose another folder by -o") from None
+    since = datetime.datetime.now().astimezone().isoformat(" ", "seconds")
+    with contextlib.suppress(OSError):                 # on a full disk it is held all the same, only not told by whom
+        os.ftruncate(lock, 0)
+        os.pwrite(lock, f"process {os.getpid()} on {platform.node()} since {since}\n".encode(), 0)
+    return lock

@@ -1,0 +1,88 @@
+"""Names of a sweep's renders, made from a pattern such as ``{index:04}_{range}.exr``."""
+import os
+import re
+import string
+
+from .values import shortened
+
+__all__ = ["Pattern"]
+
+SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # no width that fills the memory
+NUMBER = re.compile(r"0?\d*d?")
+UNFIT = re.compile(r"[^\w.+=,-]+")                           # in a value; the pattern itself may make folders
+LONGEST = 200                                                # bytes of a part: temporary names need some more
+
+
+class Pattern:
+    """A pattern of names with the parameters it uses.
+
+    Parameters
+    ----------
+    text : str
+        With the fields ``{index}``, ``{seed}`` and names of parameters, each with a format after a colon if wanted.
+    known : iterable of str
+        The parameters that the sweep sets.
+
+    Raises
+    ------
+    ValueError
+        If a field is unknown, or names would leave the folder, be hidden or not end in ``.exr``.
+    """
+
+    def __init__(self, text, known):
+        known = {"index", "seed", *known}
+        if not isinstance(text, str) or len(text) > 500 or any(ord(letter) < 32 for letter in text) or "\\" in text:
+            raise ValueError(f"output is {shortened(text)}; give a pattern of names, such as \"{{index:04}}.exr\"")
+        try:
+            self.parts = list(string.Formatter().parse(text))
+        except ValueError as error:
+            raise ValueError(f"output is {shortened(text)}: {error}; give a pattern such as "
+                             "\"{index:04}.exr\"") from None
+        for _, field, spec, conversion in self.parts:
+            if field is not None and (field not in known or conversion):
+                raise ValueError(f"output has the field {shortened(field)}; known: {', '.join(sorted(known))}")
+            if spec and not SPEC.fullmatch(spec):
+                raise ValueError(f"output has the field {field} with the format {shortened(spec)}; give one such as "
+                                 "04, .1f or g")
+        plain = "".join(literal for literal, *_ in self.parts)
+        names = text.split("/")
+        if not text.lower().endswith(".exr") or text.startswith("/") or not all(names) or plain.endswith("/.exr"):
+            raise ValueError(f"output is {shortened(text)}; give names that end in .exr, inside the sweep's folder")
+        if any(name.startswith(".") for name in names):
+            raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")
+        self.text = text
+        self.parameters = {field for _, field, *_ in self.parts} - {None, "index", "seed"}
+
+    def numbered(self):
+        """Tell whether names differ by their index alone: it comes first, in digits, and none can follow."""
+        (_, field, spec, _), (after, *_) = self.parts[0], (*self.parts, ("",))[1]
+        return field == "index" and NUMBER.fullmatch(spec) is not None and after[:1] not in (*string.digits, "")
+
+    def name(self, index, seed, parameters):
+        """Make the name of a render.
+
+        Raises
+        ------
+        ValueError
+            If a value does not take the format, or makes no name.
+        """
+        values = {**parameters, "index": index, "seed": seed}
+        name = "".join(literal + ("" if field is None else _written(field, values[field], spec))
+                       for literal, field, spec, _ in self.parts)
+        for part in name.split("/"):
+            if part.startswith(".") or not part.strip() or len(os.fsencode(part)) > LONGEST:
+                raise ValueError(f"the output pattern {shortened(self.text)} makes the name {shortened(name)} of render "
+                                 f"{index}; give one that makes visible names of at most {LONGEST} bytes")
+        return name
+
+
+def _written(field, value, spec):
+    if isinstance(value, tuple):
+        value = ",".join(map(str, value))
+    elif isinstance(value, bool):
+        value = str(value).lower()
+    try:
+        return UNFIT.sub("_", format(value, spec))
+    except ValueError:
+        raise ValueError(f"output has the field {field} with the format {spec}, which does not fit its value "
+                         f"{shortened(value)}") from None

@@ -1,0 +1,295 @@
+"""The plan of a sweep: a scene, the values of its parameters, and names for the renders, read from a TOML file.
+
+    renders = samples x seeds x rows of the table x length of the lists x grid
+
+in this order, the last parameter of the grid running fastest: more samples, or more rows where there is one sample and
+one seed, come after the renders that are there already.
+"""
+import itertools
+import math
+import os
+from dataclasses import dataclass, field
+
+from ..io import scenes, tables
+from .inputs import Inputs
+from .names import Pattern
+from .values import Draw, axis, draw, random_bits, shortened, value, whole
+
+__all__ = ["Plan", "Render", "load_plan"]
+
+MOST_RENDERS = 1_000_000
+LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
+MOST_SEEDS = 1 << 32                                            # what `mitsonar.render` takes
+KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "table", "set", "list", "grid", "draw")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Render:
+    """One render of a sweep.
+
+    Attributes
+    ----------
+    index : int
+        Its number in the plan, from 0.
+    output : str
+        Name of its file in the sweep's folder.
+    parameters : dict
+        Values of the scene's parameters.
+    seed : int
+        Of rays, speckle and noise.
+    """
+
+    index: int
+    output: str
+    parameters: dict
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A sweep as its plan describes it; ``len(plan)`` renders, ``plan.render(k)`` one of them.
+
+    Attributes
+    ----------
+    path, scene : str
+        Absolute paths of plan and scene.
+    pattern : Pattern
+        Of the output's names.
+    seed : int
+        Of all draws, and of the renders' seeds.
+    seeds : int or tuple of int
+        How many renders of every combination, or their seeds.
+    samples : int
+        How many draws of every combination.
+    previews : bool
+        Whether a PNG is made beside each file.
+    fixed : dict
+        Parameters with one value.
+    table, lists, grid : dict of str to tuple
+        Parameters with many: columns of equal length twice, and what is crossed.
+    draws : dict of str to Draw
+    inputs : Inputs
+        The scene's files.
+    """
+
+    path: str
+    scene: str
+    pattern: Pattern
+    seed: int
+    seeds: int | tuple
+    samples: int
+    previews: bool
+    fixed: dict
+    table: dict
+    lists: dict
+    grid: dict
+    draws: dict
+    inputs: Inputs = field(repr=False)
+
+    def __len__(self):
+        return self.samples * self._seeds() * math.prod(self._sizes())
+
+    def render(self, index):
+        """Give the render of a number.
+
+        Raises
+        ------
+        IndexError
+            If there is none.
+        ValueError
+            If its values do not fit the pattern of names.
+        """
+        if not 0 <= index < len(self):
+            raise IndexError(f"render {index} was asked for, and the plan has {len(self)}")
+        sizes, rest, places = [self._seeds(), *self._sizes()], index, []
+        for size in reversed(sizes):
+            rest, place = divmod(rest, size)
+            places.insert(0, place)
+        sample, (which, row, item, *crossed) = rest, places
+        combination = index % math.prod(sizes[1:])
+        parameters = {**self.fixed, **{name: column[row] for name, column in self.table.items()},
+                      **{name: column[item] for name, column in self.lists.items()},
+                      **{name: column[place] for (name, column), place in zip(self.grid.items(), crossed)},
+                      **{name: drawn.at(random_bits(self.seed, name, combination, sample))
+                         for name, drawn in self.draws.items()}}
+        seed = (random_bits(self.seed, "", combination, sample, which) % MOST_SEEDS if isinstance(self.seeds, int)
+                else self.seeds[which])
+        return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed)
+
+    def _seeds(self):
+        return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
+
+    def _sizes(self):
+        """Lengths of table, lists and every parameter of the grid."""
+        first = [len(next(iter(columns.values()), (None,))) for columns in (self.table, self.lists)]
+        return [*first, *map(len, self.grid.values())]
+
+
+def load_plan(path):
+    """Read a plan, and check all that can be checked without rendering.
+
+    Parameters
+    ----------
+    path : str or path
+        TOML, as README.md describes it.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    FileNotFoundError
+        If plan, scene, table or a file they name is not there.
+    ValueError
+        If the plan is wrong; says which key, what it holds, and what belongs there.
+    """
+    path = os.path.abspath(path)
+    given, place = _toml(path), os.path.dirname(path)
+    try:
+        return _plan(path, place, given)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _plan(path, place, given):
+    unknown = [key for key in given if key not in KEYS]
+    if unknown:
+        raise ValueError(f"the plan has the unknown key {shortened(unknown[0])}; known: {', '.join(KEYS)}")
+    if "scene" not in given:
+        raise ValueError('the plan names no scene; write scene = "FILE.xml" at its beginning')
+    scene = _scene(_text(given, "scene"), place)
+    seed = whole(given.get("seed", 0), "seed", 0, MOST_SEEDS - 1)
+    seeds = _seeds(given.get("seeds", 1))
+    samples = whole(given.get("samples", 1), "samples", 1, MOST_RENDERS)
+    previews = given.get("previews", False)
+    if not isinstance(previews, bool):
+        raise ValueError(f"previews is {shortened(previews)}; give true or false")
+    fixed = {name: value(item, f"set.{name}") for name, item in _section(given, "set")}
+    inputs = Inputs(scene, place)
+    table = _table(os.path.join(place, _text(given, "table")), inputs.known) if "table" in given else {}
+    lists = {name: axis(item, f"list.{name}") for name, item in _section(given, "list")}
+    grid = {name: axis(item, f"grid.{name}") for name, item in _section(given, "grid")}
+    draws = {name: draw(item, f"draw.{name}") for name, item in _section(given, "draw")}
+    named = list(itertools.chain(fixed, table, lists, grid, draws))
+    twice = next((name for name in named if named.count(name) > 1), None) if len(set(named)) < len(named) else None
+    if twice is not None:
+        raise ValueError(f"the parameter {twice} is given twice; leave one out")
+    lengths = {name: len(column) for name, column in lists.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"the lists of [list] run side by side, and have the lengths {shortened(lengths)}; make them "
+                         "equal, or move them to [grid], which crosses them")
+    inputs.check_names(named)
+    columns = {**{name: (item,) for name, item in fixed.items()}, **table, **lists, **grid,
+               **{name: drawn.choices for name, drawn in draws.items()}}
+    inputs.check_files(columns)
+    plan = Plan(path=path, scene=scene, pattern=Pattern(given.get("output", "{index:06}.exr"), named), seed=seed,
+                seeds=seeds, samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid,
+                draws=draws, inputs=inputs)
+    if samples > 1 and not draws:
+        raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
+                         "take seeds")
+    _check_number(plan)
+    _check_output(plan)
+    return plan
+
+
+def _check_number(plan):
+    count = plan.samples * plan._seeds() * math.prod(plan._sizes())        # len() takes no numbers beyond 63 bits
+    if count > MOST_RENDERS:
+        many = f"{count:,}" if count < 1e15 else "over 1e15"
+        raise ValueError(f"the plan makes {many} renders; make it at most {MOST_RENDERS:,}")
+
+
+def _check_output(plan):
+    """Refuse two renders of one name, also where a file system takes capitals for small letters."""
+    if plan.pattern.numbered() and not plan.pattern.parameters:
+        return
+    seen = {}
+    for index in range(len(plan)):
+        name = plan.render(index).output
+        if seen.setdefault(hash(name.casefold()), index) != index:
+            other = seen[hash(name.casefold())]
+            raise ValueError(f"output names both render {other} and render {index} {shortened(name)}; put {{index}} or "
+                             "all that varies into it")
+
+
+def _toml(path):
+    try:
+        import tomllib
+    except ModuleNotFoundError:                        # before Python 3.11
+        import tomli as tomllib
+
+    _check_file(path, "plan", LARGEST_PLAN, "a TOML file")
+    try:
+        with open(path, "rb") as file:
+            return tomllib.load(file)
+    except UnicodeDecodeError:
+        raise ValueError(f"the plan {path} is not a text file; give a TOML file") from None
+    except (ValueError, RecursionError) as error:      # TOMLDecodeError, numbers and dates that do not exist
+        what = "it is nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
+        raise ValueError(f"cannot read the plan {path}: {what[:300]}") from None
+
+
+def _check_file(path, what, largest, wanted):
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"the {what} {path} does not exist; give the path of {wanted}")
+    if not os.path.isfile(path):
+        raise ValueError(f"the {what} {path} is no file; give the path of {wanted}")
+    if os.path.getsize(path) > largest:
+        raise ValueError(f"the {what} {path} has {os.path.getsize(path):,} bytes; give {wanted} of at most {largest:,}")
+
+
+def _scene(name, place):
+    beside = os.path.join(place, name)
+    return os.path.abspath(beside if os.path.isfile(beside) else scenes.find(name))
+
+
+def _text(given, key):
+    text = given[key]
+    if not isinstance(text, str) or not text or not text.isprintable():
+        raise ValueError(f"{key} is {shortened(text)}; give the name of a file")
+    return text
+
+
+def _section(given, key):
+    section = given.get(key, {})
+    if not isinstance(section, dict):
+        raise ValueError(f"{key} is {shortened(section)}; write parameters under [{key}]")
+    return section.items()
+
+
+def _seeds(given):
+    if not isinstance(given, list):
+        return whole(given, "seeds", 1, MOST_RENDERS)
+    seeds = tuple(whole(item, "seeds", 0, MOST_SEEDS - 1) for item in given)
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds is {shortened(given)}; give different whole numbers, at least one")
+    return seeds
+
+
+def _table(path, known):
+    """Columns of a CSV file by name, capitals as the scene has them; what reads as a number is one."""
+    _check_file(path, "table", LARGEST_TABLE, "a CSV file")
+    names, lines, rows = tables.records(path, "table")
+    if len(set(names)) < len(names) or not all(names):
+        raise ValueError(f"the table {path} has the columns {shortened(names)}; give each a name of its own")
+    spelt = {name.lower(): name for name in known}
+    for line, row in zip(lines, rows, strict=True):
+        if len(row) > len(names):
+            raise ValueError(f"{path}, line {line}: {len(row)} fields, but the header names {len(names)}; name the rest "
+                             "or remove it")
+    return {spelt.get(name, name): tuple(_cell(row[k], f"{path}, line {line}: {name}")
+                                         for line, row in zip(lines, rows, strict=True))
+            for k, name in enumerate(names)}
+
+
+def _cell(text, where):
+    text = text.strip()
+    for kind in (int, float):
+        try:
+            read = kind(text)
+        except ValueError:
+            continue
+        return value(read, where) if str(read) == text else text
+    return value({"true": True, "false": False}.get(text, text), where)

@@ -1,0 +1,243 @@
+"""The values a parameter takes in a sweep: written one by one, as a range, or drawn.
+
+A draw depends on the plan's seed, the parameter's name, and the numbers of combination and sample, nothing else: a
+SHA-256 of these gives a fraction u in (0, 1), and the inverse of the distribution its value. So no draw changes because
+others are added, and none depends on a library's generator.
+"""
+import bisect
+import hashlib
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import NormalDist
+
+__all__ = ["Draw", "axis", "draw", "fraction", "number", "random_bits", "shortened", "value", "whole"]
+
+MOST_VALUES = 1_000_000
+LONGEST_TEXT = 1000
+LARGEST_WHOLE = 1 << 53            # what every reader of JSON keeps exactly
+DIGITS = 12                        # of what is computed here: enough for any sonar, and no 0.30000000000000004
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """How a parameter is drawn.
+
+    Attributes
+    ----------
+    what : str
+        As the plan says it: ``uniform``, ``choice``, ...
+    at : callable(int)
+        The value for a whole number of 256 random bits.
+    choices : tuple
+        All values there are, empty where they are numbers of a distribution.
+    """
+
+    what: str
+    at: Callable
+    choices: tuple = ()
+
+
+def value(given, where):
+    """Check one value of a parameter: a number, true or false, a text, or a list of numbers, which becomes a tuple.
+
+    Raises
+    ------
+    ValueError
+        If it is of another kind, not finite, or too long.
+    """
+    if isinstance(given, bool):
+        return given
+    if isinstance(given, (int, float)):
+        return _finite(given, where)
+    if isinstance(given, str):
+        if len(given) > LONGEST_TEXT or any(ord(letter) < 32 for letter in given):
+            raise ValueError(f"{where} is a text of {len(given)} characters; give up to {LONGEST_TEXT} in one line")
+        return given
+    if isinstance(given, list) and 0 < len(given) <= LONGEST_TEXT and all(map(_is_number, given)):
+        return tuple(_finite(item, where) for item in given)
+    raise ValueError(f"{where} is {shortened(given)}; give a number, true or false, a text, or a list of numbers")
+
+
+def axis(given, where):
+    """Give the values of a list or a range ``{from, to, count or step, scale}`` as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If there are none, too many, or what is given makes no list.
+    """
+    if isinstance(given, dict):
+        return _range(given, where)
+    if not isinstance(given, list) or not given:
+        raise ValueError(f"{where} is {shortened(given)}; give a list of values, or {{ from, to, count }}")
+    if len(given) > MOST_VALUES:
+        raise ValueError(f"{where} has {len(given)} values; give at most {MOST_VALUES:,}")
+    return tuple(value(item, where) for item in given)
+
+
+def draw(given, where):
+    """Give how a parameter is drawn: ``{ uniform = [low, high] }`` and so on.
+
+    Raises
+    ------
+    ValueError
+        If the distribution is unknown or its numbers are wrong.
+    """
+    kinds = [name for name in given if name in DISTRIBUTIONS] if isinstance(given, dict) else []
+    if len(kinds) != 1:
+        raise ValueError(f"{where} is {shortened(given)}; give one of {', '.join(DISTRIBUTIONS)}, "
+                         "such as { uniform = [1, 2] }")
+    kind, rest = kinds[0], {name: item for name, item in given.items() if name != kinds[0]}
+    unknown = [name for name in rest if (kind, name) != ("choice", "weights")]
+    if unknown:
+        raise ValueError(f"{where} has the unknown key {shortened(unknown[0])} beside {kind}; leave it out")
+    return DISTRIBUTIONS[kind](given[kind], f"{where}: {kind}", **rest)
+
+
+def fraction(bits):
+    """Give a number above 0 and below 1 for 256 random bits."""
+    return ((bits >> 203) + 0.5) / (1 << 53)
+
+
+def random_bits(*parts):
+    """Give 256 bits that depend on the parts and look random."""
+    return int.from_bytes(hashlib.sha256("/".join(map(str, parts)).encode()).digest(), "big")
+
+
+def number(given, where):
+    """Check a finite number."""
+    if not _is_number(given):
+        raise ValueError(f"{where} is {shortened(given)}; give a number")
+    return _finite(given, where)
+
+
+def whole(given, where, low, high):
+    """Check a whole number from low to high."""
+    if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
+        raise ValueError(f"{where} is {shortened(given)}; give a whole number from {low} to {high}")
+    return given
+
+
+def shortened(given):
+    """Write what was given, no longer than a sentence bears."""
+    if isinstance(given, (dict, list)) and len(given) > 20:
+        return f"a {'table' if isinstance(given, dict) else 'list'} of {len(given)}"
+    if isinstance(given, int) and not isinstance(given, bool) and abs(given) >= 1 << 200:
+        return f"a number of {given.bit_length()} bits"            # Python refuses to write the longest
+    try:
+        written = repr(given)
+    except ValueError:
+        written = "something with a number too long to write"
+    return written if len(written) <= 100 else written[:97] + "..."
+
+
+def _range(given, where):
+    unknown = set(given) - {"from", "to", "count", "step", "scale"}
+    if unknown or not {"from", "to"} <= set(given) or ("count" in given) == ("step" in given):
+        raise ValueError(f"{where} is {shortened(given)}; give {{ from, to, count }} or {{ from, to, step }}, and "
+                         "scale = \"log\" if wanted")
+    first, last = number(given["from"], f"{where}: from"), number(given["to"], f"{where}: to")
+    scale = given.get("scale", "linear")
+    if scale not in ("linear", "log") or (scale == "log" and "step" in given):
+        raise ValueError(f"{where} has the scale {shortened(scale)}; give \"linear\", or \"log\" with a count")
+    if scale == "log" and not (first > 0 and last > 0):
+        raise ValueError(f"{where} runs from {first} to {last} on a log scale; give numbers above 0")
+    if "count" in given:
+        count = whole(given["count"], f"{where}: count", 1, MOST_VALUES)
+        if count == 1 and first != last:
+            raise ValueError(f"{where} has the count 1 from {first} to {last}; give 2 or more")
+        shares = [k / max(count - 1, 1) for k in range(count)]
+        if scale == "log":
+            low, high = math.log(first), math.log(last)
+            return (first, *(_rounded(math.exp(low + (high - low) * share)) for share in shares[1:-1]), last)[:count]
+        return (first, *(_tidy(first + (last - first) * share, first, last) for share in shares[1:-1]), last)[:count]
+    step = number(given["step"], f"{where}: step")
+    if step == 0 or not 0 <= (last - first) / step < MOST_VALUES:
+        raise ValueError(f"{where} goes from {first} to {last} by {step}; give a step that gets there, in at most "
+                         f"{MOST_VALUES:,}")
+    count = math.floor((last - first) / step + 1e-9) + 1
+    return tuple(_tidy(first + step * k, first, step) for k in range(count))
+
+
+def _tidy(computed, *given):
+    """Round; a whole number where all that were given are whole."""
+    computed = _rounded(computed)
+    return int(computed) if computed.is_integer() and all(isinstance(item, int) for item in given) else computed
+
+
+def _rounded(computed):
+    return float(f"{computed:.{DIGITS}g}")
+
+
+def _uniform(given, where):
+    low, high = _pair(given, where, "the lowest and the highest number")
+    return Draw(what="uniform", at=lambda bits: _rounded(low + (high - low) * fraction(bits)))
+
+
+def _log_uniform(given, where):
+    low, high = _pair(given, where, "the lowest and the highest number")
+    if low <= 0:
+        raise ValueError(f"{where} is from {low}; give numbers above 0")
+    low, high = math.log(low), math.log(high)
+    return Draw(what="log_uniform", at=lambda bits: _rounded(math.exp(low + (high - low) * fraction(bits))))
+
+
+def _normal(given, where):
+    mean, deviation = _pair(given, where, "mean and standard deviation", ordered=False)
+    if deviation <= 0:
+        raise ValueError(f"{where} has the standard deviation {deviation}; give one above 0")
+    curve = NormalDist(mean, deviation)
+    return Draw(what="normal", at=lambda bits: _rounded(curve.inv_cdf(fraction(bits))))
+
+
+def _integer(given, where):
+    low, high = _pair(given, where, "the lowest and the highest whole number")
+    if not (isinstance(low, int) and isinstance(high, int)):
+        raise ValueError(f"{where} is {shortened(given)}; give whole numbers")
+    return Draw(what="integer", at=lambda bits: low + bits % (high - low + 1))
+
+
+def _choice(given, where, weights=None):
+    choices = axis(given, where)
+    if weights is None:
+        return Draw(what="choice", at=lambda bits: choices[bits % len(choices)], choices=choices)
+    if not isinstance(weights, list) or len(weights) != len(choices):
+        raise ValueError(f"{where} has {len(choices)} values and the weights {shortened(weights)}; give a weight each")
+    weights = [number(weight, f"{where}: weights") for weight in weights]
+    total = math.fsum(weights)
+    if min(weights) < 0 or not 0 < total < math.inf:
+        raise ValueError(f"{where} has the weights {shortened(weights)}; give numbers of at least 0, not all 0")
+    ends = [end / total for end in itertools.accumulate(weights)]
+    last = max(k for k, weight in enumerate(weights) if weight > 0)     # where rounding leaves the ends short of 1
+
+    def chosen(bits):
+        return choices[min(bisect.bisect_right(ends, fraction(bits)), last)]
+
+    return Draw(what="choice", at=chosen, choices=choices)
+
+
+DISTRIBUTIONS = {"uniform": _uniform, "log_uniform": _log_uniform, "normal": _normal, "choice": _choice,
+                 "integer": _integer}
+
+
+def _pair(given, where, what, ordered=True):
+    if not (isinstance(given, list) and len(given) == 2 and all(map(_is_number, given))):
+        raise ValueError(f"{where} is {shortened(given)}; give two numbers, {what}")
+    first, second = (_finite(item, where) for item in given)
+    if ordered and not first < second:
+        raise ValueError(f"{where} is from {first} to {second}; give {what}, in this order")
+    return first, second
+
+
+def _is_number(given):
+    return isinstance(given, (int, float)) and not isinstance(given, bool)
+
+
+def _finite(given, where):
+    if isinstance(given, int) and abs(given) > LARGEST_WHOLE:
+        raise ValueError(f"{where} is {shortened(given)}; give a whole number of at most {LARGEST_WHOLE}")
+    if not math.isfinite(given) or abs(given) > 1e150:
+        raise ValueError(f"{where} is {given}; give a finite number")
+    return given

@@ -1,0 +1,11 @@
+"""The versions that decide what a render's bytes are."""
+import importlib.metadata
+
+from .. import __version__
+
+__all__ = ["versions"]
+
+
+def versions():
+    """Give the versions of mitsonar and of what computes for it, by name."""
+    return {"mitsonar": __version__, **{name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}}

@@ -1,0 +1,107 @@
+"""The process that renders for a sweep: jobs come in as lines of JSON, results go out the same way.
+
+It builds every scene from its files, writes the image itself, and ends when whoever started it does, however that ends,
+or when it has had nothing to do for long.
+"""
+import hashlib
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+import warnings
+
+__all__ = ["main"]
+
+IDLE_SECONDS = 600.0
+MOST_WARNINGS = 10
+
+
+def main(threads):
+    """Serve until standard input ends.
+
+    Parameters
+    ----------
+    threads : int
+        Worker threads of Dr.Jit, at least 2.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)       # Ctrl-C is the runner's business
+    replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)                                      # what libraries print must not come between
+    jobs = queue.Queue()
+    threading.Thread(target=_listen, args=(jobs,), daemon=True).start()
+    while True:
+        try:
+            job = jobs.get(timeout=IDLE_SECONDS)
+        except queue.Empty:
+            os._exit(0)
+        replies.write(json.dumps(_answer(job, threads)) + "\n")
+        replies.flush()
+
+
+def _listen(jobs):
+    for line in sys.stdin:
+        jobs.put(json.loads(line))
+    os._exit(0)                                        # in the middle of a render too: nobody waits for it
+
+
+def _answer(job, threads):
+    """Do a job; errors are answers too."""
+    from ..io.errors import sentence
+    from ..io.files import FULL
+
+    start = time.perf_counter()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            answer = _do(job, threads)
+        except (ValueError, OSError, MemoryError) as error:
+            answer = {"error": sentence(error), "full": isinstance(error, OSError) and error.errno in FULL}
+        except Exception as error:                     # whatever it is stops this render, not the sweep
+            answer = {"error": f"{type(error).__name__}: {sentence(error)}", "full": False}
+    said = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught
+                              if issubclass(one.category, UserWarning)))
+    return {**answer, "seconds": round(time.perf_counter() - start, 3), "warnings": said[:MOST_WARNINGS]}
+
+
+def _do(job, threads):
+    from .versions import versions
+
+    if job["versions"] != (ours := versions()):
+        raise ValueError(f"where it was to be rendered are other versions, {ours}, than where the sweep was started, "
+                         f"{job['versions']}; install the same on both")
+    if not os.path.isdir(job["folder"]):
+        raise ValueError(f"the folder {job['folder']} is not there where it was to be rendered; give one by -o that all "
+                         "workers see")
+    _set_up(threads)
+    from .. import load_file, render
+    from ..io import exr
+
+    scene = load_file(job["scene"], **job["parameters"])
+    if job["output"] is None:
+        from ..rendering import opened
+
+        opened(scene)
+        return {}
+    dataset = render(scene, seed=job["seed"])
+    path = os.path.join(job["folder"], job["output"])
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    exr.write(dataset, path)
+    if job["preview"] is not None:
+        from .. import plots
+
+        plots.preview(dataset, os.path.join(job["folder"], job["preview"]))
+    with open(path, "rb") as file:
+        content = file.read()
+    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def _set_up(threads):
+    import drjit as dr
+    import mitsuba as mi
+
+    if dr.thread_count() != threads:
+        mi.set_log_level(mi.LogLevel.Error)
+        dr.set_thread_count(threads)
