@@ -37,6 +37,16 @@ def test_filling_is_smooth_and_overshoots_nowhere():
     assert filled[inside].std() < 0.3 * rim.std()                           # noise of the rim dies out inwards
 
 
+def test_wide_holes_of_any_outline_are_solved():
+    # Wide enough for the first guess by coarser grids; a strip outside, one node away from the hole, at an odd edge.
+    y, x = np.mgrid[:151, :203] / 100
+    surface = np.exp(2 * x) * np.sin(2 * y)
+    hole = (y > 0.015) & (y < 1.3) & (x > 0.3 + 0.2 * np.sin(9 * y)) & (x < 1.7)
+    heights = np.where(hole | (y < 0.005), np.nan, surface - 40).astype(np.float32)
+    filled = fill_holes(heights, (0.01, 0.01))
+    assert np.abs(filled - surface + 40)[hole].max() < 2e-3 * np.ptp(surface) and np.isnan(filled[0]).all()
+
+
 def test_what_the_survey_does_not_surround_stays_open():
     heights = np.where((X > 0.5) | HOLE, np.nan, -40.0).astype(np.float32)
     filled = fill_holes(heights, STEPS)
