@@ -139,7 +139,7 @@ def test_damage_gives_a_cast_or_one_sentence(spoilt, name):
     choices = st.fixed_dictionaries({"sound_speed": st.sampled_from(casts.SOUND_SPEEDS),
                                      "extension": st.sampled_from(casts.EXTENSIONS)})
 
-    @settings(derandomize=True, database=None, deadline=2000, max_examples=200)
+    @settings(derandomize=True, database=None, deadline=10_000, max_examples=200)
     @given(st.one_of(*map(damaged, cast_samples.SAMPLES[name])), st.sampled_from(["utf-8", "cp1252", "utf-16"]),
            choices)
     def attempt(content, encoding, choices):

@@ -54,6 +54,15 @@ def test_neither_heave_further_down_nor_one_wrong_pressure_is_a_soak():
     assert cleaned[0].columns["depth"][0] == 0.5
 
 
+@pytest.mark.parametrize("wrong", [900.0, -15.0])
+def test_a_wrong_pressure_is_neither_the_deepest_sample_nor_a_turn(wrong):
+    depth = np.r_[np.arange(1, 30.0), np.arange(29, 0, -1.0)]
+    depth[10] = wrong
+    cleaned = cleaning.cleaned(recording(depth))
+    assert counts(cleaned) == {"spikes": 1, "upcast": 29}
+    assert cleaned[0].columns["depth"].size == 28
+
+
 def test_a_cell_half_full_of_water_is_in_air_and_a_fresh_layer_is_not():
     conductivity = np.array([1.0, 10, 3, 40, 40, 40])
     cleaned = cleaning.cleaned(recording([0.1, 0.2, 0.8, 2, 3, 4], conductivity=conductivity))

@@ -81,6 +81,11 @@ def test_table_of_a_ctd(read):
     np.testing.assert_allclose(cast.salinity, gsw.SP_from_C([36.9, 36.8, 36.5], [11, 10.5, 9], [0.5, 2, 9]))
 
 
+def test_columns_of_a_table_that_are_not_needed_may_be_anything(read):
+    cast = read("depth,pressure (bar),conductivity,cond2,sound_speed\n0,,,,1500\n5,x,,,1490\n")
+    assert list(cast.profile.depth) == [0, 5] and cast.salinity is None
+
+
 @pytest.mark.parametrize("columns, expected", [
     ({}, (1, 10, 35)),
     ({"pressure": "prM: Pressure [db]"}, (1, 10, 35)),

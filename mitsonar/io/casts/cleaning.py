@@ -5,6 +5,8 @@ through water that it has stirred. What is kept:
 
 - samples in the water. In air are those with a sound speed below `SLOWEST_WATER`, and those within `SPLASH` of the
   surface whose conductivity is below half the median of the cast (a cell half full of water);
+- of these, no depth that departs from the median of the five around it by more than `SPIKE` and ten times the step
+  that three quarters of the samples stay below: one wrong pressure must not be the deepest sample;
 - of these, what comes before the deepest sample and, where the instrument came up again by more than `RISE` to less
   than `SOAK` before it went down for good, what comes after the top of that turn;
 - of these, samples at least as deep as every sample before, so that heave does not fold the profile;
@@ -21,6 +23,7 @@ SLOWEST_WATER = 1350.0  # [m/s]: fresh water at 0 deg C has 1402, and instrument
 SPLASH = 0.5            # [m]
 RISE, SOAK = 0.1, 2.0   # [m]
 SAME_DEPTH = 0.05       # [m]
+SPIKE = 1.0             # [m]
 
 
 def cleaned(samples):
@@ -48,8 +51,8 @@ def cleaned(samples):
     if samples.state == "processed":
         samples, counts["merged"] = _merged(samples.taking(np.argsort(samples.columns["depth"], kind="stable")), 0.0)
         return samples, Cleaning(**counts)
-    for name, step in (("in_air", _in_water), ("upcast", _to_the_deepest), ("soak", _after_the_soak),
-                       ("reversals", _deepening)):
+    for name, step in (("in_air", _in_water), ("spikes", _without_spikes), ("upcast", _to_the_deepest),
+                       ("soak", _after_the_soak), ("reversals", _deepening)):
         before, samples = samples.lines.size, samples.taking(step(samples))
         counts[name] = before - samples.lines.size
     samples, counts["merged"] = _merged(samples, SAME_DEPTH)
@@ -78,6 +81,18 @@ def _in_water(samples):
     return wet
 
 
+def _smoothed(depth):
+    from scipy.ndimage import median_filter
+
+    return median_filter(depth, 5, mode="nearest")
+
+
+def _without_spikes(samples):
+    depth = samples.columns["depth"]
+    step = np.percentile(np.abs(np.diff(depth)), 75) if depth.size > 1 else 0.0
+    return np.abs(depth - _smoothed(depth)) <= SPIKE + 10 * step
+
+
 def _to_the_deepest(samples):
     depth = samples.columns["depth"]
     deepest = int(np.argmax(depth))
@@ -90,10 +105,8 @@ def _to_the_deepest(samples):
 
 
 def _after_the_soak(samples):
-    from scipy.ndimage import median_filter
-
     depth = samples.columns["depth"]
-    steady = median_filter(depth, 5, mode="nearest")            # a single wrong pressure is no turn
+    steady = _smoothed(depth)                                   # one sample further up is no turn
     risen = np.flatnonzero((steady < SOAK) & (np.maximum.accumulate(steady) - steady > RISE))
     start = 0
     if risen.size:

@@ -121,15 +121,18 @@ def titled(line, header):
     Raises
     ------
     ValueError
-        If a unit is not known, a quantity is named twice, or depth (or pressure) or what gives the sound speed is
-        missing.
+        If a quantity is named twice, the unit of one that is needed is not known, or depth (or pressure) or what
+        gives the sound speed is missing.
     """
-    columns = {}
-    for k, (what, unit) in enumerate(map(title, header)):
+    columns, titles = {}, [title(text) for text in header]
+    named = {what for what, _ in titles}
+    for k, (what, unit) in enumerate(titles):
         if what is None:
             continue
         unit = unit or ("" if what == "conductivity" else next(iter(UNITS[what])))
         if unit not in UNITS[what]:
+            if (what == "pressure" and "depth" in named) or (what == "conductivity" and "sound speed" in named):
+                continue
             given = f"in {shown(unit)!r}" if unit else "without its unit"
             raise ValueError(f"line {line}: {what} is given {given}; convert it to {next(iter(UNITS[what]))}.")
         if what in columns:

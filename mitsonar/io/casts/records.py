@@ -20,6 +20,8 @@ class Cleaning:
         Marked bad by the instrument's own software.
     in_air : int
         Before the water and after it.
+    spikes : int
+        At a depth where no instrument gets from one sample to the next.
     upcast : int
         After the deepest sample.
     soak : int
@@ -33,6 +35,7 @@ class Cleaning:
     read: int
     flagged: int = 0
     in_air: int = 0
+    spikes: int = 0
     upcast: int = 0
     soak: int = 0
     reversals: int = 0

@@ -16,6 +16,9 @@ def read(lines, section):
     (number, first), columns = rows[0], {"depth": 0, "sound speed": 1}
     if not _numeric(first):
         rows, columns = rows[1:], fields.titled(number, first)
+        for needless, given in (("pressure", "depth"), ("conductivity", "salinity")):
+            if given in columns:
+                columns.pop(needless, None)
     elif len(first) > 2:
         raise ValueError(f"line {number} has {len(first)} columns and no header names them; give a header with the "
                          "names depth and sound_speed.")
