@@ -174,15 +174,22 @@ class Attributes:
 
     def object(self, kind, default=REQUIRED):
         """Read the first nested object of a Mitsuba class such as ``mi.Medium``, whatever its name."""
+        found = self.objects(kind, most=1)
+        if not found and default is REQUIRED:
+            raise self.error(f"a nested <{kind.__name__.lower()}> is missing.")
+        return found[0] if found else default
+
+    def objects(self, kind, *, most=None):
+        """Read the nested objects of a Mitsuba class, all or the first ``most``, as a list."""
+        found = []
         for name in self.props.keys():
-            if self.props.type(name).name in _OBJECTS:
+            if self.props.type(name).name in _OBJECTS and len(found) != most:
                 queried = self.props.was_queried(name)
                 if isinstance(value := self.props[name], kind):
-                    return value
-                self.props.mark_queried(name, queried)  # left for whoever knows it, or for Mitsuba to report
-        if default is REQUIRED:
-            raise self.error(f"a nested <{kind.__name__.lower()}> is missing.")
-        return default
+                    found.append(value)
+                else:
+                    self.props.mark_queried(name, queried)  # left for whoever knows it, or for Mitsuba to report
+        return found
 
     def finish(self, *also):
         """Refuse every attribute that no call asked for, except ``also`` and those of Mitsuba's own shapes.

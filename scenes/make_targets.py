@@ -2,9 +2,10 @@
 
     python3 scenes/make_targets.py [FOLDER]
 
-Writes meshes/*.ply and bathymetry/sandwaves.tif, by default beside this script. Every mesh stands on the seabed z = 0,
-metres, z up, its bow or front to the north (+y); what lies below z = 0 is buried. All surfaces are closed and look
-outwards. Scenes should load them with face_normals = true: these are plates, not smooth bodies.
+Writes meshes/*.ply, targets/*.ply and bathymetry/sandwaves.tif, by default beside this script. Every mesh stands on the
+seabed z = 0, metres, z up, its bow or front to the north (+y). In meshes/, what lies below z = 0 is buried; those in
+targets/ are whole, to be strewn by the shape `targets`. All surfaces are closed and look outwards. Scenes should load
+them with face_normals = true: these are plates, not smooth bodies.
 """
 import sys
 from pathlib import Path
@@ -161,6 +162,109 @@ def wreck():
     return join([bow, stern, *debris])
 
 
+# ---- species: whole bodies, for the shape `targets` --------------------------------------------------------------
+
+
+def turned_body(outline, sides=32):
+    """Turn an outline of (distance along y, radius) [m] about the y axis."""
+    angle = 2 * np.pi * np.arange(sides)[:, None] / sides
+    ring = np.concatenate((np.cos(angle), np.zeros((sides, 1)), np.sin(angle)), axis=1)
+    return loft([radius * ring + (0, y, 0) for y, radius in outline])
+
+
+def torus(radius, thickness, sides=24, section=8):
+    """Make a ring about the y axis."""
+    turn = 2 * np.pi * np.arange(sides)[:, None] / sides
+    around = 2 * np.pi * np.arange(section) / section
+    across = radius + thickness * np.cos(around)
+    return loft(np.stack((np.cos(turn) * across, np.broadcast_to(thickness * np.sin(around), (sides, section)),
+                          np.sin(turn) * across), axis=-1), around=True)
+
+
+def grounded(parts):
+    """Join parts and lift them onto z = 0."""
+    vertices, faces = join(parts)
+    return vertices - (0, 0, vertices[:, 2].min()), faces
+
+
+def cylinder():
+    """A cylindrical ground mine: 2.0 m long, 0.53 m across, edges rounded off, a lug for its parachute."""
+    body = turned_body([(-1.0, 0.22), (-0.96, 0.265), (0.9, 0.265), (1.0, 0.19)], sides=40)
+    return grounded([body, tube((0, 0.98, 0), (0, 1.06, 0), 0.1, sides=16), box((0.06, 0.3, 0.06), (0, 0.1, 0.28))])
+
+
+def sphere():
+    """A moored mine come down: 0.9 m across, with seven horns and an eye to moor it by."""
+    lift = np.deg2rad(np.linspace(-84, 84, 15))
+    ball = turned_body(np.column_stack((0.45 * np.sin(lift), 0.45 * np.cos(lift))), sides=36)
+    directions = [(0, 0, 1)] + [(np.cos(turn), np.sin(turn), 0.6) for turn in np.deg2rad(np.arange(6) * 60)]
+    horns = [tube(0.43 * way, 0.57 * way, 0.03, sides=8)
+             for way in (np.array(direction) / np.linalg.norm(direction) for direction in directions)]
+    return grounded([ball, *horns, moved(torus(0.06, 0.015), by=(0, 0, -0.49))])
+
+
+def wedge():
+    """A wedge-shaped ground mine: 1.0 x 0.8 x 0.4 m, low in front, with a step behind."""
+    outline = [(-0.5, 0), (0.5, 0), (0.5, 0.08), (-0.1, 0.4), (-0.35, 0.4), (-0.5, 0.3)]
+    return loft([[(side * (0.4 if z == 0 else 0.36), y, z) for y, z in outline] for side in (-1, 1)])
+
+
+def torpedo():
+    """A torpedo: 5.8 m long, 0.533 m across, round nose, tapering tail with four fins and a ring about the screw."""
+    bend = np.deg2rad(np.linspace(4, 90, 8))
+    nose = np.column_stack((2.55 + 0.35 * np.cos(bend), 0.2665 * np.sin(bend)))
+    body = turned_body([*nose, (-1.9, 0.2665), (-2.5, 0.17), (-2.8, 0.06)], sides=28)
+    fins = [moved(box((0.02, 0.5, 0.2), (0, -2.5, 0.2)), roll=90 * turn) for turn in range(4)]
+    return grounded([body, *fins, moved(torus(0.22, 0.02), by=(0, -2.84, 0))])
+
+
+def drum():
+    """A drum of 200 l, lying: 0.88 m long, 0.585 m across, with rolling hoops and chimes."""
+    hoops = ((-0.44, 0.293), (-0.41, 0.293), (-0.4, 0.283), (-0.17, 0.283), (-0.15, 0.2925), (-0.13, 0.283))
+    return grounded([turned_body([*hoops, *((-y, radius) for y, radius in reversed(hoops))], sides=40)])
+
+
+def crate():
+    """A wooden crate: 1.2 x 0.8 x 0.7 m with battens round its edges."""
+    x, y, z = 0.8, 1.2, 0.7
+    edges = [box((x + 0.04, 0.1, z + 0.04), (0, place, z / 2 + 0.02)) for place in (-0.5, 0.0, 0.5)]
+    return grounded([box((x, y, z), (0, 0, z / 2 + 0.02)), *edges])
+
+
+def clump():
+    """A concrete sinker: 1.0 m square below, 0.8 m above, 0.6 m high, with a mooring ring."""
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    block = loft([0.5 * square, 0.4 * square + (0, 0, 0.6)])
+    return grounded([block, moved(torus(0.14, 0.025), by=(0, 0, 0.7))])
+
+
+def anchor():
+    """A stocked anchor lying on stock and fluke: shank 1.8 m, arms 1.1 m, stock 1.5 m across."""
+    bend = np.deg2rad(np.linspace(-65, 65, 9))
+    arm = np.column_stack((0.65 * np.sin(bend), -0.2 - 0.65 * np.cos(bend), np.zeros(9)))
+    bars = [tube(start, end, 0.055, sides=8) for start, end in zip(arm[:-1], arm[1:])]
+    palms = [moved(box((0.04, 0.34, 0.3), (0, 0, 0)), turn=-side * 30, by=(side * 0.53, -0.42, 0)) for side in (-1, 1)]
+    parts = [tube((0, -0.85, 0), (0, 0.95, 0), (0.075, 0.055), sides=10), *bars, *palms,
+             tube((0, 0.72, -0.75), (0, 0.72, 0.75), 0.04, sides=8), moved(torus(0.1, 0.022), roll=90, by=(0, 1.05, 0))]
+    return grounded([moved(join(parts), roll=45)])
+
+
+def lobster_pot():
+    """A lobster pot: 0.7 x 0.5 m, 0.42 m high, a floor of slats under hoops and stringers, bars of 3 cm."""
+    turn = np.deg2rad(np.linspace(0, 180, 9))
+    hoop = np.column_stack((0.25 * np.cos(turn), np.zeros(9), 0.12 + 0.28 * np.sin(turn)))
+    hoops = [tube(start + (0, y, 0), end + (0, y, 0), 0.016, sides=6)
+             for y in (-0.34, 0.0, 0.34) for start, end in zip(hoop[:-1], hoop[1:])]
+    stringers = [tube(hoop[n] + (0, -0.36, 0), hoop[n] + (0, 0.36, 0), 0.014, sides=6) for n in range(9)]
+    posts = [tube((x, y, 0.02), (x, y, 0.13), 0.016, sides=6) for x in (-0.25, 0.25) for y in (-0.34, 0.0, 0.34)]
+    slats = [box((0.06, 0.74, 0.03), (x, 0, 0.015)) for x in np.linspace(-0.24, 0.24, 5)]
+    return grounded([*hoops, *stringers, *posts, *slats])
+
+
+SPECIES = {"anchor": anchor, "boulder": lambda: grounded([boulder()]), "clump": clump, "crate": crate,
+           "cylinder": cylinder, "drum": drum, "lobster_pot": lobster_pot, "sphere": sphere, "torpedo": torpedo,
+           "truncated_cone": lambda: grounded([truncated_cone()]), "tyre": lambda: grounded([tyre()]), "wedge": wedge}
+
 TARGETS = {"boulder": boulder, "truncated_cone": truncated_cone, "tyre": tyre, "wreck": wreck}
 
 
@@ -212,10 +316,11 @@ def write_survey(path, heights):
 
 def main(folder=ROOT):
     """Write everything into ``folder``."""
-    for name in ("meshes", "bathymetry"):
+    for name in ("meshes", "targets", "bathymetry"):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    for name, make in TARGETS.items():
-        write_ply(folder / "meshes" / f"{name}.ply", *make())
+    for inside, made in (("meshes", TARGETS), ("targets", SPECIES)):
+        for name, make in made.items():
+            write_ply(folder / inside / f"{name}.ply", *make())
     write_survey(folder / "bathymetry" / "sandwaves.tif", sandwaves())
 
 

@@ -9,7 +9,8 @@ from mitsonar.io import bathymetry
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SCRIPT = runpy.run_path(str(SCENES / "make_targets.py"))
-MESHES = sorted(SCRIPT["TARGETS"])
+MESHES = [*(f"meshes/{name}" for name in sorted(SCRIPT["TARGETS"])),
+          *(f"targets/{name}" for name in sorted(SCRIPT["SPECIES"]))]
 
 
 @pytest.fixture(scope="module")
@@ -19,11 +20,16 @@ def made(tmp_path_factory):
     return folder
 
 
+def mesh(name):
+    folder, _, name = name.partition("/")
+    return SCRIPT[{"meshes": "TARGETS", "targets": "SPECIES"}[folder]][name]()
+
+
 @pytest.mark.parametrize("name", MESHES)
 def test_shipped_meshes_are_what_the_script_makes(made, name):
-    file = f"meshes/{name}.ply"
+    file = f"{name}.ply"
     assert (made / file).read_bytes() == (SCENES / file).read_bytes()
-    assert (SCENES / file).stat().st_size < 300_000
+    assert (SCENES / file).stat().st_size < (60_000 if name.startswith("targets/") else 300_000)
 
 
 def test_shipped_survey_is_what_the_script_makes(made):
@@ -38,7 +44,7 @@ def test_shipped_survey_is_what_the_script_makes(made):
 
 @pytest.mark.parametrize("name", MESHES)
 def test_targets_are_closed_and_look_outwards(name):
-    vertices, faces = SCRIPT["TARGETS"][name]()
+    vertices, faces = mesh(name)
     edges = np.concatenate((faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]))
     directed = set(map(tuple, edges))
     assert len(directed) == len(edges)                                      # no edge runs the same way twice
@@ -56,3 +62,14 @@ def test_targets_have_their_size_and_are_partly_buried(name, size, height):
     assert np.all(np.ptp(vertices[:, :2], axis=0) <= np.array(size) * 1.1)
     assert vertices[:, 2].max() == pytest.approx(height, rel=0.1) and -2.5 < vertices[:, 2].min() < 0
     assert len(faces) < 10_000
+
+
+@pytest.mark.parametrize("name, size", [
+    ("anchor", (1.1, 2.0, 1.1)), ("boulder", (1.8, 1.5, 1.1)), ("clump", (1.0, 1.0, 0.87)),
+    ("crate", (0.84, 1.2, 0.74)), ("cylinder", (0.53, 2.06, 0.58)), ("drum", (0.59, 0.88, 0.59)),
+    ("lobster_pot", (0.54, 0.74, 0.42)), ("sphere", (1.0, 0.9, 1.1)), ("torpedo", (0.6, 5.8, 0.6)),
+    ("truncated_cone", (1.0, 1.0, 0.45)), ("tyre", (1.0, 1.0, 0.28)), ("wedge", (0.8, 1.0, 0.4)),
+])
+def test_species_stand_on_the_ground_and_have_their_size(name, size):
+    vertices, _ = SCRIPT["SPECIES"][name]()
+    assert np.allclose(np.ptp(vertices, axis=0), size, rtol=0.05) and vertices[:, 2].min() == pytest.approx(0, abs=1e-9)

@@ -20,6 +20,7 @@ NEEDED = {
     "impedance": {"density": 1100.0, "sound_speed": 1600.0},
     "empirical": {"filename": str(SCENES / "casts" / "summer.csv")},
     "bathymetry": {"filename": str(SCENES / "bathymetry" / "sandwaves.tif")},
+    "targets": {"meshes": "targets", "count": 1},
 }
 NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not
 
