@@ -108,6 +108,11 @@ def test_sea_bird_depth_where_there_is_no_pressure(read):
     assert list(cast.profile.depth) == [1, 5] and cast.pressure_latitude is None
 
 
+def test_aml_without_a_fix(read):
+    cast = read(cast_samples.AML_NEWER.replace("54.175", "0.000000").replace("-7.5", "0.000000"))
+    assert cast.latitude is None and cast.longitude is None and cast.pressure_latitude == 45
+
+
 def test_valeport_in_metres(read):
     cast = read(cast_samples.VALEPORT.replace("units: dBar", "units: m"))
     np.testing.assert_allclose(cast.profile.depth, DEPTH, atol=1e-12)

@@ -42,10 +42,13 @@ def read(lines, section):
         if line.strip():
             rows.append((number, [field.strip() for field in line.split(",")]))
     columns, rows = _columns(notes, rows, start + 1)
+    latitude, longitude = (_first_position(notes, name) for name in ("latitude", "longitude"))
+    if latitude == longitude == 0:                  # what an instrument without a fix writes
+        latitude = longitude = None
     date, time = notes.get("date", [""])[0], notes.get("time", [""])[0].partition(".")[0]
     samples = fields.samples(
         rows, columns, "recorded", time=fields.instant(f"{date} {time}", "%Y-%m-%d %H:%M:%S", "%m/%d/%y %H:%M:%S"),
-        latitude=_first_position(notes, "latitude"), longitude=_first_position(notes, "longitude"))
+        latitude=latitude, longitude=longitude)
     _check_salinity(samples.columns)
     return samples
 
