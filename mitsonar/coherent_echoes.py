@@ -79,7 +79,7 @@ class CoherentEchoes:
         -------
         dict of (2 B, bins, ...) arrays
             ``coherent`` complex64 (cell) [µPa], means of z over each stretch; ``coherent_intensity`` [µPa²], mean of
-            |z|²; ``coherent_label`` uint32, 0 where no echo arrives, and ``coherent_depth`` [m] of the strongest;
+            |z|²; ``coherent_power`` (labels, bins), of every instance by itself; ``coherent_depth`` [m], of the strongest;
             ``coherent_in_beam`` uint32, 1 where one comes through the main lobe; and where there is more than one path
             ``coherent_path_intensity`` (2 B, paths, bins) [µPa²].
         """
@@ -87,7 +87,7 @@ class CoherentEchoes:
         cells, paths = pulse_cells(survey.bin_length, survey.sonar.pulse_length), len(survey.paths)
         out = {"coherent": np.zeros((rows, survey.bins, cells), np.complex64),
                "coherent_intensity": np.zeros((rows, survey.bins)),
-               "coherent_label": np.zeros((rows, survey.bins), np.uint32),
+               "coherent_power": np.zeros((rows, len(survey.labels), survey.bins), np.float32),
                "coherent_depth": np.zeros((rows, survey.bins), np.float32),
                "coherent_in_beam": np.zeros((rows, survey.bins), np.uint32)}
         if paths > 1:
@@ -220,7 +220,7 @@ class CoherentEchoes:
         return (sums * (parts * self.step / survey.bin_length)).reshape(len(samples), survey.bins, parts)
 
     def _name(self, heard, slot, rows, out):
-        """Label and depth of the strongest shape of every bin, of those whose echoes' middles lie there."""
+        """Powers of the instances in every bin, and depth of the strongest, of those whose echoes' middles lie there."""
         survey = self.survey
         bins, labels = survey.bins, int(heard["label"].max()) + 1
         bin = np.floor((heard["delay"] - survey.window[0]) / survey.bin_length).astype(np.int64)
@@ -238,9 +238,9 @@ class CoherentEchoes:
         energy = heard["real"][good].astype(float) ** 2 + heard["imaginary"][good].astype(float) ** 2
         which = np.searchsorted(key, (row * bins + bin) * labels + label)
         depth = np.bincount(which, energy * heard["depth"][good]) / np.bincount(which, energy)
-        order = np.lexsort((power, key // labels))
-        last = np.flatnonzero(np.diff(key[order] // labels, append=-1))
+        place, of = np.divmod(key, labels)
+        out["coherent_power"][rows][place // bins, of - 1, place % bins] = power
+        order = np.lexsort((power, place))
+        last = np.flatnonzero(np.diff(place[order], append=-1))
         best = order[last]
-        place = np.divmod(key[best] // labels, bins)
-        out["coherent_label"][rows][place] = key[best] % labels
-        out["coherent_depth"][rows][place] = depth[best]
+        out["coherent_depth"][rows][np.divmod(place[best], bins)] = depth[best]

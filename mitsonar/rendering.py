@@ -33,8 +33,9 @@ def render(scene, seed=0, *, sensor=0, progress=None):
     -------
     xarray.Dataset
         For a sidescan over (ping, side, range): ``level`` [dB re 1 µPa], ``mean_level``, and ground truth from the same
-        rays (``label``, ``depth``, ``shadow``, ``rays``); axes, units, resolved scene and versions in coordinates and
-        attributes.
+        rays (``label``, ``class``, ``share`` of every shape, ``hidden`` and ``object_shadow``, ``layover``, ``depth``,
+        ``seabed_x``, ``seabed_y``, ``seabed_depth``, ``shadow``, ``rays``); axes, units, resolved scene, objects and
+        versions in coordinates and attributes.
 
     Raises
     ------

@@ -60,7 +60,7 @@ class ShapeLabels:
         numbers = np.array([self._number[name] for name in _names(shape)], np.uint32)
         return numbers[part_of_face(shape)] if hasattr(shape, "part_names") else np.full(faces, numbers[0])
 
-    def kinds(self):
+    def label_kinds(self):
         """Kind of every number from 0, uint32: 1 seabed, 2 object, 0 neither."""
         kinds = np.zeros(len(self.names) + 1, np.uint32)
         kinds[list(self.seabed)], kinds[list(self.objects)] = 1, 2

@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .bin_truth import BinTruth
 from .bounces import Bounces
 from .coherent_echoes import CoherentEchoes
 from .connection import Connector
@@ -26,6 +27,7 @@ from .materials import scattering_strength
 from .paths import Paths
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
+from .signal.origins import WORDS
 from .sonar.directivity import sinc
 from .sonar.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles, refine_quantiles
 from .trace import Tracer
@@ -92,7 +94,7 @@ class Survey:
 
     def pings_per_block(self):
         """How many pings a block holds: bounded by rays and by the memory of sums and fans."""
-        sums = 2 * self.bins * (len(self.labels) + len(self.paths) - 1)
+        sums = 2 * self.bins * (len(self.labels) * (2 if self.hides else 1) + len(self.paths) - 1 + WORDS)
         if sums >= MOST_SUMS:
             raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "
                              f"{MOST_SUMS}; take fewer bins or let shapes share an id")
@@ -107,6 +109,11 @@ class Survey:
         """Number → what it stands for: the scene's shapes and, where it scatters, the water."""
         labels = self.geometry.labels
         return labels if self.volume is None else {**labels, 1 + max(labels): "water"}
+
+    @property
+    def hides(self):
+        """Whether there are objects that may hide the seabed."""
+        return bool(self.geometry.named.objects) and bool(self.geometry.named.seabed)
 
     @cached_property
     def paths(self):
@@ -182,6 +189,7 @@ class _Block:
         dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
         self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
+        self.truth = BinTruth(survey)
         self.connector = Connector(self.tracer)
         self.coherent = CoherentEchoes(survey, self.connector, self.absorption)
         self.bounces = self._bounces(deepest) if survey.max_depth > 1 else None
@@ -202,19 +210,28 @@ class _Block:
         if self.first_grid:
             quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
         sums = EchoSums(self.lib, rows, len(survey.labels), survey.bins, len(survey.paths))
+        origins = self.truth.sums(ping)
         ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
-        hits = self._trace(place, ray)
+        in_beam = ray.along_intensity > BEAM_EDGE
+        hits, hidden = self._trace(place, ray, hidden=survey.hides)
         units, bin, in_window = self._echo(place, ray, hits)
-        sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=ray.along_intensity > BEAM_EDGE,
+        sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=in_beam,
                  height=self._height(mi.Float(-hits.point.z)), active=in_window,
                  path=survey.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self.surface)))
+        self.truth.add(origins, ray, hits, bin=bin, units=units, in_beam=in_beam, active=in_window)
+        if hidden is not None:
+            units, bin, in_window = self._echo(place, ray, hidden)
+            origins.add_hidden(row=ray.row, label=hits.label, bin=bin, units=units, active=in_window)
         if self.bounces is not None:
             self._add_ghosts(place, ray, hits, sums)
         if self.water is not None:
             self._add_water(place, sums)
-        dr.eval(sums.energy, sums.depth, sums.count, sums.path_energy)
-        record = sums.read(10 ** (survey.sonar.source_level_db / 10) * self.unit, survey.geometry.depth_range)
-        return {**record, **self.coherent(place, ping, source)} if self.coherent else record
+        dr.eval(sums.energy, sums.depth, sums.count, sums.path_energy, origins.sums())
+        unit = 10 ** (survey.sonar.source_level_db / 10) * self.unit
+        record = sums.read(unit, survey.geometry.depth_range)
+        if self.coherent:
+            record |= self.coherent(place, ping, source)
+        return record | self.truth.read(origins, unit, record)
 
     def _first_quantiles(self, ping):
         survey = self.survey
@@ -233,7 +250,7 @@ class _Block:
     def _need(self, place, quantiles):
         """Trace the first pass and ask how far each cell of φ leads into bins that few rays reach."""
         ray = self._launch(place, quantiles, self.first_grid, FIRST_SALT)
-        hits = self._trace(place, ray)
+        hits, _ = self._trace(place, ray)
         bin, in_window = self._bin(hits.travel_time, hits.valid)
         index = ray.row * self.bins + bin
         cell = ray.cell
@@ -271,13 +288,14 @@ class _Block:
                      solid_angle=phi_width * u_width / mi.Float(per_row), along_intensity=along,
                      pattern=along * across)
 
-    def _trace(self, place, ray):
-        origin, geometry = place.origin(ray.ping), self.survey.geometry
-        hits = self.tracer(place.sources, origin, place.source(ray.ping), ray.direction)
-        if not geometry.surface_mirrors:
-            return hits
-        # nothing comes back from there: it lights no shadow, and what lies beyond is seen by other rays (`bounces`)
-        return replace(hits, valid=hits.valid & (hits.label != self.surface))
+    def _trace(self, place, ray, hidden=False):
+        """Hits, and those that objects hide or None."""
+        way = place.sources, place.origin(ray.ping), place.source(ray.ping), ray.direction
+        hits, behind = self.tracer.with_hidden(*way) if hidden else (self.tracer(*way), None)
+        if self.survey.geometry.surface_mirrors:
+            # nothing comes back from there: it lights no shadow, and what lies beyond is seen by others (`bounces`)
+            hits = replace(hits, valid=hits.valid & (hits.label != self.surface))
+        return hits, behind
 
     def _bounces(self, deepest):
         survey, geometry = self.survey, self.survey.geometry

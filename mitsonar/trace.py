@@ -24,7 +24,7 @@ TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is statio
 # over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
 FAN_TOLERANCE = 0.0002
 BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on, over what float32 knows of places
-SEABED, OBJECT = 1, 2  # kinds, as `ShapeLabels.kinds` gives them
+SEABED, OBJECT = 1, 2  # kinds, as `ShapeLabels.label_kinds` gives them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ class Geometry:
             self.meshes.append((int(index), shape, first_face, len(face)))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
-        self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.kinds()[rows[:, 0]])
+        self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
         # four wide, so that a vertex is one aligned packet, and a face with its label another
         self.vertices = upload(mi.Float, _padded(vertices))
         self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
@@ -145,6 +145,12 @@ class Geometry:
                 if shape not in surface:
                     box.expand(shape.bbox())
         self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
+
+    def mesh(self, first, count):
+        """Vertices (V, 3) [m] and corners of faces (count, 3) of a mesh with these rows in `faces`."""
+        faces = self.faces.numpy().reshape(-1, 4)[first:first + count, :3]
+        lowest, highest = int(faces.min()), int(faces.max())
+        return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
     def targets(self):
         """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""

@@ -84,19 +84,22 @@ def realisation(intensity, shares, noise, random, coherent=None, coherent_intens
     return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
 
 
-def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckle, seed, absorption_db,
+def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_db, speckle, seed, absorption_db,
           paths=("b",)):
     """Make the dataset of a run.
 
     Parameters
     ----------
     echoes : dict of (ping, side, bin) arrays
-        As `EchoSums.read` gives them, and `CoherentEchoes` where there are some.
+        As `EchoSums.read` and `imaging.truth` give them, and `CoherentEchoes` where there are some.
     sonar : Sidescan
     track : Track
     depth_below : (P,) [m]
     window : (float, float) [s]
     labels : dict[int, str]
+        Names of the instances.
+    class_of : dict[int, int]
+        Number of an instance → number of its class.
     paths : tuple of str
         Names of the paths of ``path_intensity``, which is there where there are more than one.
     noise_db : float [dB re 1 µPa] or None
@@ -118,9 +121,9 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
-    label, depth, in_beam = (echoes[name] for name in ("label", "depth", "rays_in_beam"))
+    depth, in_beam = echoes["depth"], echoes["rays_in_beam"]
     if "coherent" in echoes:
-        label, depth, in_beam = label.copy(), depth.copy(), in_beam + echoes["coherent_in_beam"]
+        depth, in_beam = depth.copy(), in_beam + echoes["coherent_in_beam"]
     step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
     for start in range(0, pings, step):
         some = slice(start, start + step)
@@ -128,8 +131,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
         mean, with_phase = mean_intensity(energy, shares), ()
         if "coherent" in echoes:
             with_phase = echoes["coherent"][some], echoes["coherent_intensity"][some].astype(float)
-            _name(label[some], depth[some], mean, np.where(in_beam[some] > 0, echoes["coherent_label"][some], 0),
-                  echoes["coherent_depth"][some], with_phase[1])
+            _place(depth[some], mean, echoes["coherent_depth"][some], np.where(in_beam[some] > 0, with_phase[1], 0))
             mean = mean + with_phase[1]
         mean_level[some] = _level(mean)
         if speckle:
@@ -137,6 +139,8 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
             level[some] = _level(realisation(energy, shares, noise, random, *with_phase))
         else:
             level[some] = _level(mean + noise)
+    # in a shadow side lobes bring what little there is: it has no label
+    label = np.where(in_beam > 0, echoes["label"], np.uint32(0))
     slant_range = 0.5 * sonar.sound_speed * time
     shadow = _shadow(in_beam, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
     dims = ("ping", "side", "range")
@@ -149,12 +153,21 @@ def image(echoes, *, sonar, track, depth_below, window, labels, noise_db, speckl
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
          "label": entry(label, "1", "shape that brings most of the echo"),
+         "class": entry(np.array([0, *class_of.values()], np.uint32)[label], "1", "class of that shape"),
+         "share": entry(np.moveaxis(echoes["share"], 2, 0), "1", "share of each shape in the echo", ("shape", *dims)),
          "depth": entry(depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
+         "hidden": entry(echoes["hidden"], "1", "share of the seabed's echo that objects hide"),
+         "object_shadow": entry(echoes["object_shadow"], "1", "object in whose shadow the bin lies; 0: none"),
+         "layover": entry(echoes["layover"], "1", "separate places that share the bin"),
+         **{f"seabed_{name}": entry(np.ascontiguousarray(echoes["seabed_place"][..., k]), "m",
+                                    f"mean {words} of the seabed seen")
+            for k, (name, words) in enumerate((("x", "place east"), ("y", "place north"), ("depth", "depth")))},
          "rays": entry(echoes["rays"], "1", "rays that arrive")},
         coords={
             "ping": entry(np.arange(pings), "1", "ping number", along),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
+            "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
             "range": entry(slant_range, "m", "slant range at the head's sound speed", ("range",)),
             "time": entry(time, "s", "two-way travel time", ("range",)),
             "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
@@ -197,13 +210,12 @@ def _by_path(echoes, shares, entry):
             "path": entry(strongest, "1", "path that brings most of the echo, counted from 1; 0: nothing")}
 
 
-def _name(label, depth, mean, coherent_label, coherent_depth, coherent_mean):
-    """Let what has a phase name the bins that it dominates, and count where it is, in place."""
-    there = (coherent_label > 0) & (coherent_mean > 0)
+def _place(depth, mean, coherent_depth, coherent_mean):
+    """Count where it is what has a phase, in place."""
+    there = (coherent_depth != 0) & (coherent_mean > 0)
     total = np.where(there, mean + coherent_mean, 1)
     known = np.where(np.isnan(depth), 0, depth)
     depth[...] = np.where(there, (mean * known + coherent_mean * coherent_depth) / total, depth)
-    label[...] = np.where(there & (coherent_mean > mean), coherent_label, label)
 
 
 def _crossed(z, coherent, cell):

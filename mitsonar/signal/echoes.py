@@ -164,7 +164,7 @@ class EchoSums:
         Returns
         -------
         dict of (rows, bins) arrays
-            ``intensity`` [µPa²] float64, ``label`` uint32, 0 where no ray of the main lobe arrives, ``depth`` [m]
+            ``intensity`` [µPa²] float64, ``label_intensity`` (rows, labels, bins) of every instance, ``depth`` [m]
             float32, NaN where no echo, ``rays`` and ``rays_in_beam`` uint32; ``path_intensity`` (rows, paths, bins)
             [µPa²] where there is more than one path.
         """
@@ -174,16 +174,13 @@ class EchoSums:
 
         energy = values(self.energy, self.rows, self.labels, self.bins)
         total = energy.sum(1, dtype=np.uint64)
-        strongest = energy.argmax(1).astype(np.uint32) + np.uint32(1)
         height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
         count = values(self.count, *shape)
         top, bottom = depth_range
         by_path = {}
         if self.path_energy is not None:
             by_path["path_intensity"] = values(self.path_energy, self.rows, self.paths, self.bins) * unit
-        return {"intensity": total * unit[None], **by_path,
-                # in a shadow side lobes bring what little there is: it has no label
-                "label": np.where((count >> np.uint64(32) > 0) & (total > 0), strongest, np.uint32(0)),
+        return {"intensity": total * unit[None], "label_intensity": energy * unit, **by_path,
                 "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
                 "rays": (count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
                 "rays_in_beam": (count >> np.uint64(32)).astype(np.uint32)}

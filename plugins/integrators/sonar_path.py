@@ -26,19 +26,21 @@ import os
 import mitsuba as mi
 import numpy as np
 
-from mitsonar import materials
+from mitsonar import materials, scene_objects
 from mitsonar.array_signals import LEAD, received_signals
 from mitsonar.array_survey import ArraySurvey, Fans
 from mitsonar.ensonification import LIGHTING
 from mitsonar.imaging import fan, sidescan
 from mitsonar.plugins.properties import Attributes
+from mitsonar.shape_labels import classes_of
 from mitsonar.signal.noise import ElementNoise
 from mitsonar.sonar import element_directivity_index_db
 from mitsonar.survey import Survey
 from mitsonar.trace import Geometry
 from mitsonar.units import db_from_power
 
-BYTES_PER_BIN = 50                 # of the record while it is made and written, all variables together,
+BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
+BYTES_PER_LABEL = 8                # and of each shape's share,
 BYTES_PER_PATH = 12                # and of each path where there is more than one
 BINS_PER_PULSE = 10_000
 MOST_BOUNCES = 6
@@ -140,9 +142,13 @@ class SonarPath(mi.SamplingIntegrator):
         if sensor.noise:
             noise_db = float(sensor.noise_level_db() + db_from_power(sonar.bandwidth) - sonar.directivity_index_db())
         head = float(np.mean(-track.position[:, 2]))
-        return sidescan.image(echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window,
-                              labels=survey.labels, paths=survey.paths.names, noise_db=noise_db,
-                              speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
+        classes, class_of = classes_of(survey.labels)
+        image = sidescan.image(echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window,
+                               labels=survey.labels, class_of=class_of, paths=survey.paths.names, noise_db=noise_db,
+                               speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
+        return image.assign_attrs(classes={str(number): name for number, name in classes.items()},
+                                  label_class={str(label): number for label, number in class_of.items()},
+                                  **scene_objects.described(survey.geometry))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
@@ -188,7 +194,7 @@ def _check_size(survey):
     if pulse_length > BINS_PER_PULSE * bin_length:
         raise ValueError(f"the film's bins last {1e6 * bin_length:.3g} µs and the pulse {1e6 * pulse_length:.3g} µs, "
                          f"more than {BINS_PER_PULSE} bins; take fewer bins, a longer range or a shorter pulse")
-    per_bin = BYTES_PER_BIN + (BYTES_PER_PATH * paths if paths > 1 else 0)
+    per_bin = BYTES_PER_BIN + BYTES_PER_LABEL * len(survey.labels) + (BYTES_PER_PATH * paths if paths > 1 else 0)
     needed, there = per_bin * pings * 2 * bins, _memory()
     if needed > there:
         by_path, fewer = (f" and {paths} paths", "pings, bins or bounces") if paths > 1 else ("", "pings or bins")

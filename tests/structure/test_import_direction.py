@@ -12,19 +12,19 @@ ROOT = Path(__file__).resolve().parents[2]
 # From the ground up: a room imports only rooms that stand before it here.
 FLOORS = """
     debian llvm units
-    water scattering
+    water scattering placing
     propagation
     sonar
     signal
     imaging
     io
-    shape_labels trace
+    shape_labels trace scene_objects
     tessellation
     materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays
     smooth_facets
     smooth_parts
     smooth_targets
-    coherent_echoes
+    coherent_echoes bin_truth
     ensonification array_station array_survey array_signals
     survey
     plugins
@@ -37,7 +37,7 @@ FLOORS = """
     __main__
 """
 RANK = {room: rank for rank, room in enumerate(FLOORS.split())}
-PHYSICS = {"units", "water", "scattering", "propagation", "sonar", "signal", "imaging"}
+PHYSICS = {"units", "water", "scattering", "placing", "propagation", "sonar", "signal", "imaging"}
 WITHOUT_MITSUBA = PHYSICS | {"io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
 STANDARD_LIBRARY_ONLY = {"llvm", "debian", "bootstrap", "__main__"}

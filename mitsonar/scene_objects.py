@@ -1,0 +1,56 @@
+"""What an image says about the things in its scene: the boxes of objects, and which seabed they lie on."""
+import numpy as np
+
+from .shape_labels import class_name, fingerprint
+
+__all__ = ["described"]
+
+
+def described(geometry):
+    """Describe a scene's objects and its seabed.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+
+    Returns
+    -------
+    dict, plain JSON
+        ``objects``: number (as text) → ``class``, ``lower`` and ``upper`` corner of its box [m], and what a shape that
+        placed it says of it (``placed``); ``seabed``: a hash of the seabed's geometry, empty where there is none.
+    """
+    named = geometry.named
+    boxes, placed, beds = {}, {}, []
+    for _, shape, first, count in geometry.meshes:
+        labels = named.of_faces(shape, count)
+        if int(labels[0]) in named.seabed:
+            beds.append(geometry.mesh(first, count))
+            continue
+        placed.update(getattr(shape, "placed", {}))
+        if (labels == labels[0]).all():
+            _widen(boxes, int(labels[0]), shape.bbox())
+            continue
+        vertices, faces = geometry.mesh(first, count)
+        for label in np.unique(labels):
+            corners = vertices[faces[labels == label]].reshape(-1, 3)
+            _widen(boxes, int(label), corners.min(0), corners.max(0))
+    for _, shape in geometry.others:
+        label = named.of(shape)
+        if label in named.seabed:
+            beds.append((np.array([shape.bbox().min, shape.bbox().max], np.float32), np.zeros(0)))
+        _widen(boxes, label, shape.bbox())
+    objects = {str(label): {"class": class_name(named.names[label]),
+                            "lower": [round(float(v), 4) for v in low], "upper": [round(float(v), 4) for v in high],
+                            **placed.get(named.names[label], {})}
+               for label, (low, high) in sorted(boxes.items()) if label in named.objects}
+    return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
+
+
+def _widen(boxes, label, low, high=None):
+    """Let the box of an instance hold another."""
+    if high is None:
+        low, high = low.min, low.max
+    low, high = np.array(low, float), np.array(high, float)
+    if label in boxes:
+        low, high = np.minimum(low, boxes[label][0]), np.maximum(high, boxes[label][1])
+    boxes[label] = low, high

@@ -1,0 +1,95 @@
+"""Truth of a sidescan's bins against geometry: a box on a level bed in uniform water, lit by straight rays.
+
+The sonar is H above the bed, the box h high from x0 to x1 abeam. At slant range R
+
+    highlight       hypot(x0, H - h) .. hypot(x1, H - h)          face and top
+    layover         hypot(x0, H - h) .. hypot(x0, H)              bed before the box, face, and top: 3 places
+    shadow          hypot(x1, H - h) .. hypot(x1 H / (H - h), H)
+    seabed          at x = √(R² - H²)
+
+Edges fall within a bin of w = 5 cm; they may be off by one bin, for a bin that is cut counts as a whole.
+"""
+import numpy as np
+import pytest
+from sidescan_scene import lambert, plane, render, sidescan
+
+import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
+import mitsuba as mi
+
+H, HEIGHT, NEAR, FAR, WIDTH = 10.0, 1.0, 28.0, 30.0, 0.05
+
+
+def _box(mu_db=-20.0):
+    to_world = mi.ScalarTransform4f().translate([0.5 * (NEAR + FAR), 0, -20 + HEIGHT / 2])
+    return {"type": "cube", "id": "box.1", "bsdf": lambert(mu_db),
+            "to_world": to_world.scale([0.5 * (FAR - NEAR), 3, HEIGHT / 2])}
+
+
+@pytest.fixture(scope="module")
+def image():
+    mitsonar.scene.prepare()
+    scene = sidescan({"seabed": plane(20), "box": _box()}, rays=200_000, film={"range": 60.0, "bins": 1200},
+                     sensor={"start": [0, 0, -H], "beam_width_deg": 0.5, "pulse_ms": 0.05})
+    return render(scene)[0]
+
+
+def _span(image, flags):
+    """Slant ranges from where to where `flags` (bins,) hold, without gaps."""
+    found = np.flatnonzero(flags)
+    assert len(found) == found[-1] - found[0] + 1, "there are gaps"
+    return image["range"].values[[found[0], found[-1]]] + np.array([-0.5, 0.5]) * WIDTH
+
+
+def test_highlight_shadow_and_layover_lie_where_geometry_puts_them(image):
+    abeam = image.isel(ping=0, side=1)
+    top = np.hypot(NEAR, H - HEIGHT), np.hypot(FAR, H - HEIGHT)
+    end = np.hypot(FAR * H / (H - HEIGHT), H)
+    np.testing.assert_allclose(_span(image, abeam["share"].sel(shape="box.1") > 0.5), top, atol=WIDTH)
+    np.testing.assert_allclose(_span(image, abeam["object_shadow"] > 0), (top[1], end), atol=WIDTH)
+    np.testing.assert_allclose(_span(image, abeam["hidden"] > 0.5), (np.hypot(NEAR, H), end), atol=WIDTH)
+    np.testing.assert_allclose(_span(image, abeam["layover"] > 1), (top[0], np.hypot(NEAR, H)), atol=WIDTH)
+    assert (abeam["layover"].values[[590, 591, 592]] == 3).all()
+    assert not image["object_shadow"].sel(side="port").any()
+
+
+def test_the_seabed_of_a_bin_is_where_its_slant_range_meets_it(image):
+    abeam = image.isel(ping=0, side=1)
+    slant = abeam["range"].values
+    seen = np.isfinite(abeam["seabed_x"].values) & (slant > 1.05 * H)
+    assert seen.sum() > 850
+    ground = np.sqrt(np.maximum(slant**2 - H**2, 0))
+    # the mean over a bin is its middle but for the fall of energy across it: a tenth of the bin on the ground
+    np.testing.assert_allclose(abeam["seabed_x"].values[seen], ground[seen], atol=0.3 * WIDTH / 0.3)
+    np.testing.assert_allclose(abeam["seabed_depth"].values[seen], 20, atol=1e-4)
+    assert np.abs(abeam["seabed_y"].values[seen]).max() < 0.1
+    assert np.isnan(abeam["seabed_x"].values[abeam["object_shadow"].values > 0][2:-2]).all()
+
+
+def test_names_classes_and_boxes_are_said(image):
+    assert image.attrs["labels"] == {"1": "box.1", "2": "seabed"}
+    assert image.attrs["classes"] == {"1": "box", "2": "seabed"}
+    assert image.attrs["label_class"] == {"1": 1, "2": 2}
+    assert image.attrs["objects"] == {"1": {"class": "box", "lower": [NEAR, -3, -20], "upper": [FAR, 3, -19]}}
+    assert len(image.attrs["seabed"]) == 16
+    assert (image["class"].values == image["label"].values).all()          # one instance of each class
+
+
+def test_shares_add_to_one(image):
+    total = image["share"].sum("shape").values
+    assert np.abs(total[total > 0] - 1).max() < 1e-6
+    np.testing.assert_array_equal(total > 0, image["mean_level"].values > -200)
+
+
+def test_shares_of_smooth_bodies_and_points_add_to_one():
+    """What has a phase is shared out as well: a rigid ball and a point target over a bed."""
+    T = mi.ScalarTransform4f
+    ball = {"type": "sphere", "radius": 0.5, "to_world": T().translate([15, 0, -16]), "bsdf": {"type": "rigid"}}
+    point = {"type": "point_target", "position": [-12.0, 0, -16], "target_strength_db": -5.0}
+    scene = sidescan({"seabed": plane(20, mu_db=-35), "ball": ball, "point": point}, rays=40_000,
+                     sensor={"start": [0, 0, -H]}, film={"range": 40.0, "bins": 400})
+    image = render(scene)[0]
+    total = image["share"].sum("shape").values
+    assert np.abs(total[total > 0] - 1).max() < 1e-6
+    for name, side, where in (("ball", 1, np.hypot(15, 6) - 0.5), ("point", 0, np.hypot(12, 6))):
+        bin = int(where / 0.1)
+        assert image["share"].sel(shape=name).values[0, side, bin - 1:bin + 2].max() > 0.9
