@@ -71,7 +71,7 @@ class Targets(mi.Mesh):
         bed_shape = next((shape for shape in shapes if getattr(shape, "seabed", False)),
                          next((shape for shape in shapes if not hasattr(shape, "placed")), None))
         if bed_shape is None:
-            raise attributes.error('a seabed is missing; refer to one that stands before it: <ref id="seabed"/>.')
+            raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
         bodies = [_body(attributes, path) for path in _chosen(attributes, _files(attributes, name), species)]
         if rules.weights is not None and len(rules.weights) != len(bodies):
             raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(bodies)} species "
@@ -80,13 +80,14 @@ class Targets(mi.Mesh):
         stream = seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
         bed = _bed(attributes, bed_shape)
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
+        count, faces = draw_count(low, high, stream), max(len(body.faces) for body in bodies)
+        if count * faces > MOST_FACES:
+            raise attributes.error(f"{count} targets of up to {faces} triangles are more than {MOST_FACES} together; use "
+                                   "fewer, or coarser meshes.")
         try:
-            targets = place(bodies, bed, rules, count=draw_count(low, high, stream), seed=stream, taken=taken)
+            targets = place(bodies, bed, rules, count=count, seed=stream, taken=taken)
         except ValueError as error:
             raise attributes.error(f"{error}.") from None
-        if sum(len(target.body.faces) for target in targets) > MOST_FACES:
-            raise attributes.error(f"{len(targets)} targets have more than {MOST_FACES} triangles together; use fewer, "
-                                   "or coarser meshes.")
         self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
         self.placed = {name: _told(target) for name, target in zip(self.part_names, targets)}
         if targets:

@@ -146,6 +146,7 @@ def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     ({"count": "3, 8.5"}, 'count is 3, 8.5; expected a whole number or two, "low, high", from 0 to 100000'),
     ({"count": -1}, "count is -1; expected a whole number"),
     ({"count": "many"}, 'count is the string "many"; expected a list of numbers'),
+    ({"count": 90_000}, "90000 targets of up to 1840 triangles are more than 5000000 together; use fewer, or coarser"),
     ({"burial": "0.5, 0.2"}, 'burial is 0.5, 0.2; expected a number or two, "low, high", from 0 to 1'),
     ({"burial": 1.5}, "burial is 1.5; expected a number"),
     ({"scale": "1, 2, 3"}, "scale is 1, 2, 3; expected a number or two"),
@@ -197,6 +198,6 @@ def test_a_folder_without_meshes_and_beds_that_are_none_are_refused(strewn, make
         return plain(caught.value)
     assert f"the folder {tmp_path} holds no mesh; put .ply or .obj files into it" in said(
         lambda: strewn(meshes=str(tmp_path), count=2))
-    assert 'a seabed is missing; refer to one that stands before it: <ref id="seabed"/>' in said(
+    assert 'a seabed is missing; refer to one: <ref id="seabed"/>' in said(
         lambda: make("targets", meshes=FOLDER, count=2))
     assert "is no mesh; refer to a seabed" in said(lambda: strewn(ground={"type": "sphere"}, count=2))
