@@ -22,7 +22,8 @@ def add(commands):
                         help="of a bin's energy that an object must exceed; default: 0.5")
     labels.add_argument("--above-noise", type=float, default=0.0, metavar="DB",
                         help="of a highlight's mean echo; default: 0")
-    labels.add_argument("--smallest", type=whole, default=4, metavar="BINS", help="of an annotation; default: 4")
+    labels.add_argument("--smallest", type=whole, default=8, metavar="BINS",
+                        help="of a piece of an annotation; smaller ones are dropped; default: 8")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS", help="cut the pictures, as 512x512")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
     labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
@@ -48,7 +49,7 @@ def _labels(arguments):
         overlap=arguments.overlap, tvg=None if arguments.tvg == "none" else arguments.tvg, window=arguments.window,
         split=None if arguments.split is None else read_shares(arguments.split), split_seed=arguments.split_seed,
         split_by=arguments.split_by)
-    with Progress("images") as progress:
+    with Progress("images", "labelling") as progress:
         write(arguments.images, output, rules, progress)
     announce(output)
 

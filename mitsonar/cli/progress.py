@@ -17,10 +17,12 @@ class Progress:
     ----------
     unit : str
         What is counted.
+    verb : str
+        What is done to them.
     """
 
-    def __init__(self, unit="pings"):
-        self.unit = unit
+    def __init__(self, unit="pings", verb="rendering"):
+        self.unit, self.verb = unit, verb
         self.start = self.last_line = time.monotonic()
         self.bar = self.task = None
 
@@ -52,7 +54,7 @@ class Progress:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-        self.bar = Progress(TextColumn("rendering"), BarColumn(), MofNCompleteColumn(),
+        self.bar = Progress(TextColumn(self.verb), BarColumn(), MofNCompleteColumn(),
                             TextColumn(f"{self.unit}, {{task.fields[pace]}}"), console=Console(stderr=True),
                             transient=True)
         self.task = self.bar.add_task(self.unit, completed=done, total=total, pace=pace)

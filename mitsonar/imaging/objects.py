@@ -1,17 +1,23 @@
 """Which bins of a record show an object, and which its shadow: one rule for pictures, masks and boxes.
 
-    highlight   share of the object > threshold, and the bin's mean echo is no weaker than the noise
-    shadow      the object hides most of the seabed's echo (``object_shadow``), and the bin is no object's highlight
+    highlight   share of the object > threshold, and the bin's mean echo is no weaker than the noise, nor, in a shadow,
+                much weaker than the bed is at that range
+    shadow      the object hides most of the seabed's echo (``object_shadow``), or no ray arrives (``shadow``) between
+                such bins of a ping; and the bin is no object's highlight
 
-``share``, ``object_shadow`` and ``mean_level`` are variables of the record, made by the same rays as its levels.
+``share``, ``object_shadow``, ``shadow``, ``hidden`` and ``mean_level`` are variables of the record, made by the same rays
+as its levels. Within a shadow an object's dark side is often all that is heard; and what lies in the lee of a ripple has
+no echo that an object could hide. Neither is what a picture shows.
 """
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 __all__ = ["ObjectBins", "check_labelled", "object_bins"]
 
 NEEDED = ("level", "share", "object_shadow")
+FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +54,7 @@ def check_labelled(dataset, name="the dataset"):
                          "this version of mitsonar rendered.")
 
 
-def object_bins(dataset, *, threshold=0.5, above_noise_db=0.0):
+def object_bins(dataset, *, threshold=0.5, above_noise_db=0.0, smallest=1):
     """Find the highlight and the shadow of every object.
 
     Parameters
@@ -60,6 +66,9 @@ def object_bins(dataset, *, threshold=0.5, above_noise_db=0.0):
         a bin.
     above_noise_db : float [dB]
         How far the mean echo of a highlight's bins must be above the noise, where the record has noise.
+    smallest : int
+        Bins that every piece of a highlight or shadow must have; smaller ones are dropped. Pieces hang together along
+        rows and columns of the picture.
 
     Yields
     ------
@@ -75,16 +84,59 @@ def object_bins(dataset, *, threshold=0.5, above_noise_db=0.0):
     if not 0 <= threshold < 1:
         raise ValueError(f"the threshold is {threshold:g}; give a share of at least 0 and below 1, such as 0.5.")
     dims = dataset["level"].dims
-    heard = np.ones(dataset["level"].shape, bool)
-    if dataset.attrs.get("noise_db") is not None and "mean_level" in dataset:
-        heard = dataset["mean_level"].values >= dataset.attrs["noise_db"] + above_noise_db
     share = dataset["share"].transpose("shape", *dims).values
-    hidden_by = dataset["object_shadow"].transpose(*dims).values
     objects = sorted((int(number), entry["class"]) for number, entry in dataset.attrs["objects"].items())
+    heard = _heard(dataset, dims, share, [label for label, _ in objects], above_noise_db)
+    hidden_by = dataset["object_shadow"].transpose(*dims).values
+    if "shadow" in dataset:
+        hidden_by = _without_gaps(hidden_by, dataset["shadow"].transpose(*dims).values > 0)
     taken = np.zeros_like(heard)
     for label, _ in objects:
         taken |= share[label - 1] > threshold
     taken &= heard
     for label, class_name in objects:
         yield ObjectBins(label=label, name=str(dataset["shape"].values[label - 1]), class_name=class_name,
-                         highlight=heard & (share[label - 1] > threshold), shadow=(hidden_by == label) & ~taken)
+                         highlight=_without_specks(heard & (share[label - 1] > threshold), dims, smallest),
+                         shadow=_without_specks((hidden_by == label) & ~taken, dims, smallest))
+
+
+def _heard(dataset, dims, share, labels, above_noise_db):
+    """Where an object's echo is strong enough for a highlight."""
+    heard = np.ones(share.shape[1:], bool)
+    if "mean_level" not in dataset:
+        return heard
+    level = dataset["mean_level"].transpose(*dims).values
+    if dataset.attrs.get("noise_db") is not None:
+        heard = level >= dataset.attrs["noise_db"] + above_noise_db
+    if "hidden" in dataset:
+        bed = share.sum(0) - sum(share[label - 1] for label in labels) > 0.5
+        faintest = np.full(share.shape[-1], -np.inf)
+        for bin in np.flatnonzero(bed.any(tuple(range(bed.ndim - 1)))):
+            faintest[bin] = np.median(level[..., bin][bed[..., bin]]) - FAINT_DB
+        heard &= (level >= faintest) | (dataset["hidden"].transpose(*dims).values <= 0.5)
+    return heard
+
+
+def _without_specks(mask, dims, smallest):
+    if smallest < 2 or not mask.any():
+        return mask
+    rows = "beam" if "beam" in dims else "ping"
+    neighbours = ndimage.generate_binary_structure(mask.ndim, 1)
+    for axis, dim in enumerate(dims):
+        if dim not in (rows, dims[-1]):
+            neighbours &= np.arange(3).reshape(-1, *[1] * (mask.ndim - axis - 1)) == 1
+    kept = np.zeros_like(mask)
+    where, = ndimage.find_objects(mask.view(np.uint8))
+    pieces, count = ndimage.label(mask[where], neighbours)
+    kept[where] = mask[where] & (np.bincount(pieces.ravel(), minlength=count + 1) >= smallest)[pieces]
+    return kept
+
+
+def _without_gaps(label, dark):
+    """Give dark bins between two of a label in the same ping that label."""
+    bins = np.arange(label.shape[-1])
+    known = (label > 0) | ~dark                        # a bin that is lit ends a shadow
+    before = np.maximum.accumulate(np.where(known, bins, 0), -1)
+    after = np.flip(np.minimum.accumulate(np.flip(np.where(known, bins, bins[-1]), -1), -1), -1)
+    before, after = (np.take_along_axis(label, nearest, -1) for nearest in (before, after))
+    return np.where(before == after, before, label)

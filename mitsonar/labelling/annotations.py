@@ -80,7 +80,7 @@ def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
     smallest : int
-        Bins an annotation must have.
+        Bins that every piece of an annotation must have; smaller ones are dropped.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=
     """
     found = [[] for _ in frames]
     near_is_cut = float(dataset["range"].values[0]) > float(dataset.attrs.get("bin_width", np.inf))
-    for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db):
+    for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db, smallest=smallest):
         for kind, bins in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
             if not bins.any():
                 continue

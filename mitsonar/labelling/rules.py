@@ -19,7 +19,7 @@ class Labels:
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
     smallest : int
-        Bins that an annotation must have.
+        Bins that every piece of an annotation must have; smaller ones are dropped.
     tile : (int, int) or None
         Pings and columns of a tile; None: whole pictures.
     overlap : float
@@ -44,7 +44,7 @@ class Labels:
     masks: bool = False
     threshold: float = 0.5
     above_noise_db: float = 0.0
-    smallest: int = 4
+    smallest: int = 8
     tile: object = None
     overlap: float = 0.0
     tvg: object = "seabed"

@@ -1,20 +1,17 @@
 """Which images there are: EXR files by name, and the finished renders of sweeps by their manifests.
 
-A sweep's folder holds ``manifest.jsonl``, a line of JSON for every render: ``output`` (its file, relative to the
-folder), ``status``, ``parameters``, ``seed``. What failed is left out; of two lines about one file the later holds; a
-last line that is torn, as a runner that was killed leaves it, is not there.
+What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines that are damaged holds here too.
 """
-import json
 import os
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..io import exr
+from ..sweep import manifest
+from ..sweep.manifest import MANIFEST
 
-__all__ = ["MANIFEST", "Source", "find_sources"]
-
-MANIFEST = "manifest.jsonl"
+__all__ = ["Source", "find_sources"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,32 +90,19 @@ def _source(path, name):
 
 def _finished(folder):
     """The files that a sweep's manifest calls done."""
-    manifest = folder / MANIFEST
-    if not manifest.is_file():
+    path = folder / MANIFEST
+    if not path.is_file():
         raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give its EXR files "
                          "by name.")
-    lines, status = manifest.read_bytes().split(b"\n"), {}
-    for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
-        try:
-            entry = json.loads(line)
-            if "output" not in entry and number == 1:
-                continue                                                       # a line about the sweep as a whole
-            status[os.fspath(entry["output"])] = str(entry["status"])
-        except (ValueError, TypeError, KeyError, RecursionError):
-            if number == len(lines):                                           # torn: it lacks its end
-                continue
-            raise ValueError(f"line {number} of {manifest} is not a render of a sweep; run the sweep again, which "
-                             "mends it.") from None
-    paths = [folder / output for output, word in sorted(status.items()) if word == "ok"]
+    entries = manifest.read(path)[0]
+    paths = [folder / output for output, entry in sorted(entries.items()) if entry.status == "ok"]
     outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]
     if outside:
-        raise ValueError(f"{manifest} names the file {outside[0]}, which is outside its folder; give the EXR files by "
+        raise ValueError(f"{path} names the file {outside[0]}, which is outside its folder; give the EXR files by "
                          "name.")
     missing = [path for path in paths if not path.is_file()]
     if missing:
-        raise FileNotFoundError(f"{manifest} names {missing[0]}, which is not there; run the sweep again to make it.")
+        raise FileNotFoundError(f"{path} names {missing[0]}, which is not there; run the sweep again to make it.")
     if not paths:
         raise ValueError(f"the sweep {folder} has no finished image yet; run it first.")
     return paths

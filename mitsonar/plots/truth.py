@@ -15,6 +15,7 @@ from .titles import subtitle, title
 __all__ = ["SHADOW_COLOUR", "TRUTH", "class_colours"]
 
 SHADOW_COLOUR = "#5aa9e6"
+SPECK = 8  # bins: smaller pieces are not outlined
 LEGEND = 24  # classes named at most
 
 
@@ -42,7 +43,7 @@ def _objects(dataset, grid, *, tvg):
     picture = np.repeat(grey[..., None], 3, -1)
     dims, counts = dataset["level"].dims, Counter()
     colours = class_colours(entry["class"] for entry in dataset.attrs.get("objects", {}).values())
-    for seen in object_bins(dataset):
+    for seen in object_bins(dataset, smallest=SPECK):
         counts[seen.class_name] += bool(seen.highlight.any() or seen.shadow.any())
         for bins, colour in ((seen.shadow, to_rgb(SHADOW_COLOUR)), (seen.highlight, colours[seen.class_name])):
             if bins.any():

@@ -79,6 +79,31 @@ def test_a_bin_that_an_object_fills_is_no_shadow():
     assert not (box.highlight & box.shadow).any() and box.shadow[20, 1, 45:60].all() and not box.shadow[20, 1, 43]
 
 
+def test_what_is_dark_in_a_shadow_is_no_highlight():
+    # the bed is at 80 dB; the dark side of the box is all that is heard in its shadow, and far weaker
+    record = labelled()
+    record["share"].values[:, 20:30, 1, 50:55] = (np.arange(4) == 1)[:, None, None]
+    for level, bins in ((69.0, 50), (71.0, 100)):
+        record["mean_level"].values[20:30, 1, 50:55] = level
+        box = next(object_bins(record))
+        assert box.highlight.sum() == bins and not (box.highlight & box.shadow).any()
+        assert (box.highlight | box.shadow)[20:30, 1, 40:60].all()
+    record["hidden"].values[:] = 0                                             # a weak object on a stronger bed
+    record["mean_level"].values[20:30, 1, 50:55] = 69.0
+    assert next(object_bins(record)).highlight.sum() == 100
+
+
+def test_a_shadow_goes_on_where_there_is_no_echo_to_hide():
+    # ripples within the shadow leave lees that no ray reaches: dark between two parts of it, but not behind it
+    record = labelled()
+    record["object_shadow"].values[20:30, 1, 50:53] = 0
+    record["shadow"].values[:] = 0
+    record["shadow"].values[20:25, 1, 45:70] = 1
+    shadow = next(object_bins(record)).shadow[20:30, 1]
+    assert shadow[:5, 45:60].all() and not shadow[:, 60:].any()
+    assert not shadow[5:, 50:53].any() and shadow[5:, 53:60].all()
+
+
 def test_the_picture_is_the_exr_s_and_masks_lie_on_it(tmp_path):
     record = labelled()
     exr.write(record, tmp_path / "a.exr")
@@ -183,7 +208,11 @@ def test_tiles_cover_the_picture_and_carry_what_lies_in_them(height, width, over
 
 def test_too_small_a_piece_is_left_out():
     record = labelled()
+    record["share"].values[:, 5, 0, 50] = (np.arange(4) == 1)[:, None].T           # a speck to port
     each = annotations(record, frames(record), smallest=4)[0][0]
+    assert [found.side for found in annotations(record, frames(record))[0] if found.name == "box.1"] == [
+        "port", "starboard", "starboard"]
+    assert (each.side, each.bins) == ("starboard", 50)
     assert annotations(record, frames(record), smallest=51)[0][0].name == "box.1"      # its shadow
     assert clipped(each, Tile(row=0, column=0, height=21, width=143), smallest=4) is None
     assert clipped(each, Tile(row=0, column=0, height=21, width=144), smallest=4).bins == 4
@@ -193,7 +222,7 @@ def test_pings_of_an_array_are_pictures_of_their_own(tmp_path):
     record = labelled()
     beams = record.rename(side="beam").drop_vars("beam").transpose("ping", "beam", ...).isel(ping=slice(20, 23))
     exr.write(beams, tmp_path / "fan.exr")
-    write(tmp_path / "fan.exr", tmp_path / "out", Labels(coco=True, tvg=None))
+    write(tmp_path / "fan.exr", tmp_path / "out", Labels(coco=True, tvg=None, smallest=1))
     told = json.loads((tmp_path / "out/annotations.json").read_text())
     assert [(image["file_name"], image["height"], image["width"]) for image in told["images"]] == [
         (f"fan_ping000{ping}.png", 2, 100) for ping in range(3)]

@@ -52,18 +52,19 @@ def sweep(folder, lines, images=("a", "b", "c", "d")):
         folder.joinpath(f"{name}.exr").parent.mkdir(parents=True, exist_ok=True)
         exr.write(labelled(12, 60, seabed="one" if name in "ab" else "two", rectangles=[],
                            parameters={"range": 30 + ord(name)}), folder / f"{name}.exr")
-    text = "\n".join(line if isinstance(line, str) else json.dumps(line) for line in lines)
+    text = "".join(line if isinstance(line, str) else json.dumps(line) + "\n" for line in lines)
     (folder / "manifest.jsonl").write_text(text, encoding="utf-8")
     return folder
 
 
 def done(name, status="ok"):
-    return {"output": f"{name}.exr", "status": status, "parameters": {}, "seed": 1}
+    return {"output": f"{name}.exr", "status": status, "parameters": {}, "seed": 1, "inputs": "", "versions": {},
+            "seconds": 1.0, "bytes": 1, "index": 0}
 
 
 def test_finished_images_of_a_sweep_are_taken(tmp_path):
     lines = [done("b"), done("a", "failed"), done("c"), done("a"), done("d", "failed")]
-    folder = sweep(tmp_path / "s", [{"about": "the sweep"}, *lines, '{"outp'])
+    folder = sweep(tmp_path / "s", ["{damaged\n", *lines, '{"outp'])
     assert [source.name for source in find_sources(folder)] == ["a", "b", "c"]
     assert [source.seabed for source in find_sources([folder])] == ["one", "one", "two"]
     # what a second sweep calls the same gets its folder's name
@@ -72,8 +73,6 @@ def test_finished_images_of_a_sweep_are_taken(tmp_path):
 
 
 @pytest.mark.parametrize("lines, words", [
-    ([done("a"), "{torn", done("b")], "line 2 of .* run the sweep again"),
-    ([done("a"), '["ok"]', done("b")], "line 2 of"), ([done("a"), {"status": "ok"}, done("b")], "line 2 of"),
     ([done("e")], "e.exr, which is not there"), ([done("../e")], "outside its folder"),
     ([done("a", "failed")], "no finished image"), ([], "no finished image")])
 def test_a_manifest_that_cannot_be_trusted_is_refused(tmp_path, lines, words):
