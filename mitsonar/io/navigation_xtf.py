@@ -1,9 +1,9 @@
 """Navigation from XTF files (eXtended Triton Format, rev. 40): where a survey's ship or towed body went.
 
 Positions come from the first of these that the file has: raw navigation packets (type 107), navigation packets (42),
-headers of sonar and bathymetry pings (the towed body's, else the ship's). Attitude comes from attitude packets (3), else
-from where the positions come from; heading also from gyro packets (23, 84). Roll is positive to starboard, pitch nose up
-and heave up, as here. The depth is that of the sensor in ping headers; without one the sonar's depth is not known.
+headers of sonar and bathymetry pings (the towed body's, else the ship's). Attitude comes from attitude packets (3),
+else from where the positions come from; heading also from gyro packets (23, 84). Roll is positive to starboard, pitch
+nose up and heave up, as here. The depth is that of the sensor in ping headers; without one it is not known.
 
 All is interpolated to the clock of positions or of attitude, whichever is finer, over the time both cover. Records that
 cannot be true are left out and counted: impossible dates and places, repeated times, jumps.

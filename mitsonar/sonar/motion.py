@@ -5,8 +5,8 @@ Each of the four is a sum of sinusoids
     a(t) = rms √(2/N) Σ_n cos(2π f_n t + φ_n),    f_n from a normal density about 1/period,  φ_n uniform
 
 which for large N is a Gaussian process with that spectrum (Rice, Mathematical Analysis of Random Noise, 1944,
-section 2.8); the f_n stand one in each N-th part of the density, so that the mean square over a long time is rms², whatever
-the seed.
+section 2.8). One f_n stands in each N-th part of the density; the mean square over a long time is rms², whatever the
+seed.
 
 With roll φ, pitch θ and heading ψ as in `track` the body turns, in north-east-down, with
 

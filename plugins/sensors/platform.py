@@ -4,8 +4,8 @@
 
 Where it goes, one of these:
 
-- ``track``: a recorded track (CSV or XTF, see `mitsonar.io.tracks`), resampled at the ping rate, at most ``pings`` of it
-  if that is written; a CSV file without times holds way points
+- ``track``: a recorded track (CSV or XTF, see `mitsonar.io.tracks`), resampled at the ping rate, at most ``pings`` of
+  it if that is written; a CSV file without times holds way points
 - ``waypoints``: "0 0, 50 0, 50 30" [m] or "37.75N 122.38W, 37.76N 122.38W", sailed to the end or for ``pings`` if that
   is written; ``turn_radius`` [m, 10] of the arcs between the legs, 0: corners, where the heading jumps
 - ``start`` (point, z up) and ``heading_deg``: a straight, level track
@@ -138,8 +138,9 @@ class Platform:
         elif record is not None and record.z is None and not self.altitude:
             raise attributes.error(f"the {'way points do' if sailed else 'track does'} not say how deep the sonar is; "
                                    "give depth [m] below the surface or altitude [m] above the seabed.")
-        if not sailed and attributes.given("turn_radius"):
-            raise attributes.error("turn_radius is given, but only a course through way points has turns; leave it out.")
+        if not sailed and self.turn_radius != TURN_RADIUS:
+            raise attributes.error("turn_radius is given, but only a course through way points has turns; leave it "
+                                   "out.")
         if sailed and not self.speed:
             raise attributes.error("speed_knots is 0, but there are way points to reach; give a speed above 0.")
         if record is not None and not sailed:

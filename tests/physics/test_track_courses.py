@@ -1,8 +1,8 @@
 """Courses through way points: legs, arcs that touch them, corners, and what does not fit.
 
 Closed forms: an arc of radius R between legs that differ by δ is R |δ| long, replaces 2 R tan(|δ|/2) of them and lies
-R (1/cos(δ/2) - 1) inside the way point. The heading is the direction of the way, so the chord over a step s differs from
-it by at most s / 2R. Tolerance 1e-9 m: roundings of sums over hundreds of metres.
+R (1/cos(δ/2) - 1) inside the way point. The heading is the direction of the way, so the chord over a step s differs
+from it by at most s / 2R. Tolerance 1e-9 m: roundings of sums over hundreds of metres.
 """
 import numpy as np
 import pytest
@@ -55,8 +55,8 @@ def test_corners_keep_the_way_points():
 
 
 def test_the_widest_turn_that_fits_is_the_one_the_refusal_names():
-    with pytest.raises(ValueError, match=r"turns of 50 m radius need 100\.0 m of the 80\.0 m between way points 2 and 3;"
-                                         r" take a turn radius of at most 40 m, or 0 for corners"):
+    with pytest.raises(ValueError, match=r"50 m radius need 100\.0 m of the 80\.0 m between way points 2 and 3; take a "
+                                         r"turn radius of at most 40 m, or 0 for corners"):
         Course(SQUARE, 50.0)
     course = Course(SQUARE, 40.0)
     assert course.length == pytest.approx(60 + 40 * np.pi + 60, abs=1e-9)

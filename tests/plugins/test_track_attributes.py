@@ -53,7 +53,7 @@ def voyage(sensor, where=(None, ""), **bed):
 # ---- way points
 
 def test_way_points_are_sailed_to_their_end(sensor):
-    laid = voyage(sensor(waypoints="0 -50, 0 50, 80 50", depth=12.0, speed_knots=4.0, ping_rate_hz=2.0, turn_radius=20.0))
+    laid = voyage(sensor(waypoints="0 -50, 0 50, 80 50", depth=12.0, ping_rate_hz=2.0, turn_radius=20.0))
     track, step = laid.track, 2 * KNOT
     length = 180 - 40 + 10 * np.pi
     assert track.pings == int(length / step) + 1 and np.diff(track.time) == pytest.approx(0.5)

@@ -151,8 +151,8 @@ def test_frames_that_hold_no_degrees(frame, words, tmp_path):
 
 CELL = st.one_of(st.integers(-100, 3).map(str), st.floats().map(repr),
                  st.sampled_from(["", "1e400", "0x1", "\u0661", "2012-08-21T10:00:00Z", '"', "-", "37N"]))
-HEADERS = [names.split() for names in ("time x y z", "time lat lon depth heading", "x y", "lat lon z", "time x y z heave",
-                                       "time x y z roll_deg pitch", "time x x z", "note lat")]
+HEADERS = [names.split() for names in ("time x y z", "time lat lon depth heading", "x y", "lat lon z",
+                                       "time x y z heave", "time x y z roll_deg pitch", "time x x z", "note lat")]
 
 
 @settings(derandomize=True, max_examples=150, deadline=None)
