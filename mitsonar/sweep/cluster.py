@@ -114,8 +114,8 @@ class Cluster:
             os.unlink(name)
         blind = sorted(address for address, found in seen.items() if found is not True)
         if blind:
-            raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see what "
-                             "is written there); give one by -o that all workers share")
+            raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see "
+                             "what is written there); give one by -o that all workers share")
 
 
 def _render(job, threads, place):

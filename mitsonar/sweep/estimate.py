@@ -86,7 +86,8 @@ def _try(plan, missing, threads, made_by):
     """Seconds and bytes of a few renders, over the plan; the first one warms up where the others are quick."""
     spread = dict.fromkeys(missing[k * (len(missing) - 1) // (TRIALS - 1)] for k in range(TRIALS))
     seconds, sizes, start = [], [], time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="mitsonar-") as scratch, Local(1, threads, os.path.dirname(plan.path)) as one:
+    place = os.path.dirname(plan.path)
+    with tempfile.TemporaryDirectory(prefix="mitsonar-") as scratch, Local(1, threads, place) as one:
         for index in spread:
             render = plan.render(index)
             answer = one.submit(job(plan, render, scratch, made_by)).result()

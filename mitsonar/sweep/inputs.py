@@ -56,7 +56,7 @@ class Inputs:
         """
         for name in names:
             if name not in self.known:
-                raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}; it has: "
+                raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}; it has "
                                  f"{', '.join(sorted(self.known)) or 'none'}")
 
     def check_files(self, columns):
@@ -82,8 +82,9 @@ class Inputs:
                     values = {**defaults, **({used[0]: scenes.text(used[0], item)} if used else {})}
                     name = scenes.filled(template, values)
                     if name and not NAME.search(name) and self._find(name) is None:
-                        raise FileNotFoundError(f"the scene {os.path.basename(self.scene)} reads the file {name}, which "
-                                                "is not there; it is looked for beside the scene, then beside the plan")
+                        raise FileNotFoundError(f"the scene {os.path.basename(self.scene)} reads the file {name}, "
+                                                "which is not there; it is looked for beside the scene, then beside "
+                                                "the plan")
 
     def digest(self, values):
         """Give a SHA-256 of all that a render reads, as hexadecimal digits.
@@ -120,7 +121,8 @@ class Inputs:
         """Names of parameters, defaults, and (attribute, text) of every string of an XML file."""
         if path not in self._trees:
             if os.path.getsize(path) > LARGEST_SCENE:
-                raise ValueError(f"the scene {path} has {os.path.getsize(path):,} bytes; give at most {LARGEST_SCENE:,}")
+                raise ValueError(f"the scene {path} has {os.path.getsize(path):,} bytes; give at most "
+                                 f"{LARGEST_SCENE:,}")
             names, defaults, templates = set(), {}, []
             for element in scenes.root(path).iter():
                 if element.tag == "default":

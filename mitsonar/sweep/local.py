@@ -27,7 +27,8 @@ def shares(processes, threads):
     if threads is None:
         threads = max(2, cores // processes)
     if not 2 <= threads <= MOST_THREADS:
-        raise ValueError(f"{threads} threads were asked for; give 2 to {MOST_THREADS} (Mitsuba needs two even on one core)")
+        raise ValueError(f"{threads} threads were asked for; give 2 to {MOST_THREADS} (Mitsuba needs two even on "
+                         "one core)")
     return processes, threads
 
 

@@ -90,7 +90,7 @@ class Manifest:
         return self
 
     def __exit__(self, *_):
-        with contextlib.suppress(OSError):             # a disk that cannot: the lines are written, if not to the platter
+        with contextlib.suppress(OSError):             # the lines are written; that is what counts here
             os.fsync(self._file)
         os.close(self._file)
         if self.fresh and not self._end:               # nothing came of it: as if nobody had been here

@@ -71,8 +71,8 @@ class Pattern:
                        for literal, field, spec, _ in self.parts)
         for part in name.split("/"):
             if part.startswith(".") or not part.strip() or len(os.fsencode(part)) > LONGEST:
-                raise ValueError(f"the output pattern {shortened(self.text)} makes the name {shortened(name)} of render "
-                                 f"{index}; give one that makes visible names of at most {LONGEST} bytes")
+                raise ValueError(f"the output pattern {shortened(self.text)} makes the name {shortened(name)} of "
+                                 f"render {index}; give one that makes visible names of at most {LONGEST} bytes")
         return name
 
 

@@ -277,8 +277,8 @@ def _table(path, known):
     spelt = {name.lower(): name for name in known}
     for line, row in zip(lines, rows, strict=True):
         if len(row) > len(names):
-            raise ValueError(f"{path}, line {line}: {len(row)} fields, but the header names {len(names)}; name the rest "
-                             "or remove it")
+            raise ValueError(f"{path}, line {line}: {len(row)} fields, but the header names {len(names)}; name the "
+                             "rest or remove it")
     return {spelt.get(name, name): tuple(_cell(row[k], f"{path}, line {line}: {name}")
                                          for line, row in zip(lines, rows, strict=True))
             for k, name in enumerate(names)}

@@ -8,4 +8,5 @@ __all__ = ["versions"]
 
 def versions():
     """Give the versions of mitsonar and of what computes for it, by name."""
-    return {"mitsonar": __version__, **{name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}}
+    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
+    return {"mitsonar": __version__, **others}

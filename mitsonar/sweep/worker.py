@@ -73,8 +73,8 @@ def _do(job, threads):
         raise ValueError(f"where it was to be rendered are other versions, {ours}, than where the sweep was started, "
                          f"{job['versions']}; install the same on both")
     if not os.path.isdir(job["folder"]):
-        raise ValueError(f"the folder {job['folder']} is not there where it was to be rendered; give one by -o that all "
-                         "workers see")
+        raise ValueError(f"the folder {job['folder']} is not there where it was to be rendered; give one by -o that "
+                         "all workers see")
     _set_up(threads)
     from .. import load_file, render
     from ..io import exr

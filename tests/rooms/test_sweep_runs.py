@@ -1,0 +1,260 @@
+"""A sweep runs to its end whatever happens on the way: tried with a pool that renders nothing, so that every moment at
+which it can be stopped, fail or be told that the disk is full is reached in a blink.
+
+The pool writes what a real one would: bytes that depend on parameters and seed alone. `test_sweep_command` starts real
+processes.
+"""
+import errno
+import hashlib
+import json
+import os
+import sys
+from concurrent.futures import Future
+from pathlib import Path
+
+import hypothesis
+import pytest
+from hypothesis import strategies
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
+
+from small_scene import TEXT  # noqa: E402
+
+from mitsonar.sweep import execute, load_plan, manifest, run  # noqa: E402
+
+FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
+PLAN = """
+scene = "scene.xml"
+samples = 4
+[grid]
+range = [30, 50, 60]
+[draw]
+rays = { integer = [1000, 3000] }
+"""
+
+
+class Pool:
+    """Answers at once; `trouble` {number of the job: what happens} makes it misbehave."""
+
+    capacity = 3
+
+    def __init__(self, trouble):
+        self.trouble, self.jobs = trouble, 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def check(self):
+        pass
+
+    def submit(self, job):
+        future, self.jobs = Future(), self.jobs + 1
+        trouble = None if job["output"] is None else self.trouble.get(self.jobs)
+        if trouble == "stop":
+            raise KeyboardInterrupt
+        if trouble in ("fails", "full", "raises"):
+            if trouble == "raises":
+                future.set_exception(RuntimeError("lost"))
+            else:
+                future.set_result({"error": "no good.", "full": trouble == "full", "seconds": 0.1, "warnings": []})
+            return future
+        answer = {"seconds": 0.1, "warnings": ["too coarse"] if job["seed"] % 2 else []}
+        if job["output"] is not None:
+            content = json.dumps([job["parameters"], job["seed"]]).encode()
+            Path(job["folder"], job["output"]).write_bytes(content)
+            answer |= {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        future.set_result(answer)
+        return future
+
+
+@pytest.fixture
+def sweep(tmp_path, monkeypatch):
+    """Run the plan in `folder` by a pool with that trouble, and give the outcome."""
+    (tmp_path / "scene.xml").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
+
+    def start(folder="out", trouble=None, text=PLAN, **options):
+        (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
+        monkeypatch.setattr(execute, "Local", lambda *_: start.pool)
+        start.pool = Pool(trouble or {})
+        return run(tmp_path / "plan.toml", tmp_path / folder, **options)
+    start.folder = tmp_path
+    return start
+
+
+def left(folder):
+    """What a folder holds: outputs, and the last line about each without what the clock says and how often."""
+    records = {}
+    for line in (folder / "manifest.jsonl").read_text(encoding="utf-8").splitlines():
+        record = json.loads(line)
+        records[record["output"]] = {key: item for key, item in record.items() if key not in ("seconds", "attempts")}
+    files = {path.name: path.read_bytes() for path in folder.iterdir() if path.name not in (".sweep.lock",
+                                                                                            "manifest.jsonl")}
+    return files, records
+
+
+def test_the_manifest_says_all_about_every_render(sweep):
+    outcome = sweep()
+    assert (outcome.total, outcome.kept, outcome.done, outcome.failed) == (12, 0, 12, 0)
+    files, records = left(sweep.folder / "out")
+    assert sorted(files) == sorted(records) == [f"{index:06}.exr" for index in range(12)]
+    plan = load_plan(sweep.folder / "plan.toml")
+    for index, (name, record) in enumerate(sorted(records.items())):
+        render = plan.render(index)
+        assert (record["index"], record["parameters"], record["seed"]) == (index, render.parameters, render.seed)
+        assert (record["status"], record["error"], record["bytes"]) == ("ok", None, len(files[name]))
+        assert record["sha256"] == hashlib.sha256(files[name]).hexdigest()
+        assert record.get("warnings", []) == (["too coarse"] if render.seed % 2 else [])
+        assert set(record["versions"]) == {"mitsonar", "mitsuba", "drjit", "numpy"} and len(record["inputs"]) == 64
+
+
+def test_a_finished_sweep_does_nothing(sweep):
+    sweep()
+    before = left(sweep.folder / "out")
+    outcome = sweep()
+    assert (outcome.kept, outcome.done, sweep.pool.jobs) == (12, 0, 0)
+    assert left(sweep.folder / "out") == before
+
+
+def test_only_what_is_missing_or_changed_is_made_anew(sweep):
+    sweep()
+    (sweep.folder / "out" / "000003.exr").unlink()
+    (sweep.folder / "out" / "000005.exr").write_bytes(b"half")
+    assert sweep().done == 2
+    said = []
+    assert sweep(text=PLAN.replace("60]", "61]"), say=said.append).done == 4
+    assert said == [f"4 renders in {sweep.folder / 'out'} were made of other parameters, files or versions and are made "
+                    "anew"]
+    (sweep.folder / "scene.xml").write_text(TEXT + "<!-- other -->", encoding="utf-8")
+    assert sweep(text=PLAN.replace("60]", "61]")).done == 12
+
+
+def test_other_versions_are_made_anew(sweep, monkeypatch):
+    sweep()
+    monkeypatch.setattr(execute, "versions", lambda: {"mitsonar": "99"})
+    assert sweep().done == 12
+
+
+def test_a_longer_sweep_keeps_what_is_there(sweep):
+    sweep()
+    outcome = sweep(text=PLAN.replace("samples = 4", "samples = 6"))
+    assert (outcome.kept, outcome.done) == (12, 6)
+
+
+def test_a_render_that_fails_once_is_done_and_twice_is_listed(sweep):
+    sweep("calm")
+    outcome = sweep(trouble={5: "fails", 9: "raises"})             # the two first jobs only load
+    assert (outcome.done, outcome.failed) == (12, 0)
+    assert left(sweep.folder / "out") == left(sweep.folder / "calm")
+    outcome = sweep("bad", trouble=dict.fromkeys(range(2, 200), "fails"))
+    assert (outcome.done, outcome.failed, outcome.failures[0]) == (0, 12, ("000000.exr", "no good."))
+    assert sweep.pool.jobs == 1 + 2 * 12
+    assert {record["status"] for record in left(sweep.folder / "bad")[1].values()} == {"failed"}
+    assert sweep("bad").done == 12
+    assert left(sweep.folder / "bad") == left(sweep.folder / "calm")
+
+
+@hypothesis.settings(max_examples=25, **FUZZ)
+@hypothesis.given(trouble=strategies.lists(strategies.tuples(
+    strategies.integers(1, 16), strategies.sampled_from(["stop", "full", "fails"]), strategies.integers(0, 400)),
+    max_size=5))
+def test_however_often_it_is_stopped_the_end_is_the_same(sweep, trouble):
+    """Every time it also loses the end of its manifest, as when the machine goes down."""
+    if not (sweep.folder / "calm").exists():
+        sweep("calm")
+    for path in (sweep.folder / "out").glob("*"):
+        path.unlink()
+    for number, kind, lost in trouble:
+        try:
+            sweep(trouble={number: kind})
+        except (KeyboardInterrupt, OSError):
+            pass
+        path = sweep.folder / "out" / "manifest.jsonl"
+        if path.exists():
+            os.truncate(path, max(0, path.stat().st_size - lost))
+        (sweep.folder / "out").mkdir(exist_ok=True)
+        (sweep.folder / "out" / ".000001.0123abcd.exr").write_bytes(b"unfinished")
+        path.touch()
+    sweep()
+    assert left(sweep.folder / "out") == left(sweep.folder / "calm")
+
+
+def test_a_full_disk_stops_it_in_a_sentence_and_loses_nothing(sweep, monkeypatch):
+    with pytest.raises(OSError, match="no good. The sweep stopped and keeps what is done"):
+        sweep(trouble={6: "full"})
+    assert len(left(sweep.folder / "out")[1]) >= 1
+    write, calls = os.pwrite, []
+
+    def fills_up(file, content, offset):
+        calls.append(content)
+        if len(calls) < 5:
+            return write(file, content, offset)
+        if len(calls) == 5:
+            return write(file, content[:7], offset)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(manifest.os, "pwrite", fills_up)
+    with pytest.raises(OSError, match="the disk is full; the sweep stopped and keeps what is done") as caught:
+        sweep()
+    assert caught.value.errno == errno.ENOSPC and len(calls) == 6
+    monkeypatch.undo()
+    kept = len(left(sweep.folder / "out")[1])                      # every line is whole
+    outcome = sweep()
+    assert (outcome.kept, outcome.done) == (kept, 12 - kept)
+    sweep("calm")
+    assert left(sweep.folder / "out") == left(sweep.folder / "calm")
+
+
+def test_a_second_runner_is_told_who_the_first_is(sweep):
+    os.mkdir(sweep.folder / "out")
+    with manifest.Manifest(str(sweep.folder / "out")):
+        with pytest.raises(ValueError, match=rf"is being run by process {os.getpid()} on .* since "):
+            sweep()
+    assert sweep().done == 12
+
+
+def test_files_that_no_sweep_made_are_left_alone(sweep):
+    os.mkdir(sweep.folder / "out")
+    (sweep.folder / "out" / "000007.exr").write_bytes(b"mine")
+    with pytest.raises(ValueError, match="holds 000007.exr, but no manifest that knows it"):
+        sweep()
+    assert [path.name for path in (sweep.folder / "out").iterdir()] == ["000007.exr"]
+
+
+def test_a_sweep_that_cannot_begin_leaves_no_folder(sweep):
+    with pytest.raises(KeyboardInterrupt):
+        sweep(trouble={3: "stop"})
+    with pytest.raises(ValueError, match="give 2 to 1024"):
+        sweep("new", threads=1)
+    with pytest.raises(ValueError, match="together; give one of them"):
+        sweep("new", processes=1, workers=2)
+    assert not (sweep.folder / "new").exists()
+
+
+@hypothesis.settings(max_examples=100, **FUZZ)
+@hypothesis.given(before=strategies.integers(0, 3), given=strategies.one_of(strategies.binary(), strategies.recursive(
+    strategies.one_of(strategies.none(), strategies.booleans(), strategies.integers(), strategies.text()),
+    lambda inner: strategies.dictionaries(strategies.sampled_from(
+        ["output", "status", "ok", "failed", "parameters", "seed", "inputs", "versions", "bytes", "seconds"]), inner)
+).map(lambda given: json.dumps(given).encode())), ended=strategies.booleans())
+def test_whatever_a_manifest_holds_its_lines_count_and_a_line_can_be_added(tmp_path, before, given, ended):
+    record = {"index": 0, "parameters": {}, "seed": 0, "inputs": "", "versions": {}, "status": "ok", "seconds": 1.0,
+              "bytes": 5}
+    lines = b"".join(json.dumps({**record, "output": f"{k}.exr"}).encode() + b"\n" for k in range(before))
+    (tmp_path / "manifest.jsonl").write_bytes(lines + given + (b"\n" if ended else b""))
+    (tmp_path / ".sweep.lock").unlink(missing_ok=True)
+    with manifest.Manifest(str(tmp_path)) as held:
+        assert {f"{k}.exr" for k in range(before)} <= set(held.entries)
+        held.append({**record, "output": "new.exr"})
+    entries, _, whole = manifest.read(str(tmp_path / "manifest.jsonl"))
+    assert entries["new.exr"].bytes == 5 and {f"{k}.exr" for k in range(before)} <= set(entries)
+    assert whole == os.path.getsize(tmp_path / "manifest.jsonl")
+
+
+def test_an_endless_line_is_read_in_pieces(tmp_path, monkeypatch):
+    monkeypatch.setattr(manifest, "LONGEST_LINE", 1000)
+    (tmp_path / "m").write_bytes(b"x" * 5500 + b"\n" + b"y" * 3000)
+    assert manifest.read(str(tmp_path / "m")) == ({}, 1, 5501)
