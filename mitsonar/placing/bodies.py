@@ -23,7 +23,7 @@ class Body:
     name : str
         Species.
     vertices : array (V, 3) [m]
-        z up, the front to the north (+y), the origin anywhere.
+        z up, the front to the north (+y), the origin anywhere. Those that no face uses are left out.
     faces : array (F, 3) of int
         Looking outwards.
 
@@ -41,13 +41,14 @@ class Body:
         from scipy.spatial import QhullError
 
         vertices, faces = np.asarray(self.vertices, float).reshape(-1, 3), np.asarray(self.faces).reshape(-1, 3)
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", faces)
         if len(faces) == 0:
             raise ValueError(f"the mesh {self.name} has no faces; give a closed body")
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise ValueError(f"the mesh {self.name} names vertex {faces.max()} of {len(vertices)}; export it again")
-        if not np.isfinite(vertices).all():
+        used, faces = np.unique(faces, return_inverse=True)            # a stray vertex would widen boxes and circles
+        object.__setattr__(self, "vertices", vertices[used])
+        object.__setattr__(self, "faces", faces.reshape(-1, 3))
+        if not np.isfinite(self.vertices).all():
             raise ValueError(f"the mesh {self.name} has vertices that are not finite numbers; export it again")
         try:
             self.hull
@@ -61,10 +62,10 @@ class Body:
 
     @cached_property
     def hull(self):
-        """The convex hull of the vertices that faces use, a ``scipy.spatial.ConvexHull``."""
+        """The convex hull, a ``scipy.spatial.ConvexHull``."""
         from scipy.spatial import ConvexHull
 
-        return ConvexHull(self.vertices[np.unique(self.faces)])
+        return ConvexHull(self.vertices)
 
     @cached_property
     def outline(self):

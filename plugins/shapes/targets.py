@@ -82,8 +82,8 @@ class Targets(mi.Mesh):
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
         count, faces = draw_count(low, high, stream), max(len(body.faces) for body in bodies)
         if count * faces > MOST_FACES:
-            raise attributes.error(f"{count} targets of up to {faces} triangles are more than {MOST_FACES} together; use "
-                                   "fewer, or coarser meshes.")
+            raise attributes.error(f"{count} targets of up to {faces} triangles are more than {MOST_FACES} together; "
+                                   "use fewer, or coarser meshes.")
         try:
             targets = place(bodies, bed, rules, count=count, seed=stream, taken=taken)
         except ValueError as error:

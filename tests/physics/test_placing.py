@@ -85,6 +85,10 @@ class TestBody:
         ends = [rotation @ (0, 0, 1) for rotation in rotations]        # where the normal of the base comes to point
         assert all(abs(end[2]) < 0.95 for end in ends)
 
+    def test_a_stray_vertex_is_no_part_of_it(self):
+        stray = Body(name="box", vertices=np.concatenate(([[900.0, 0, np.nan]], CORNERS)), faces=SIDES + 1)
+        assert np.array_equal(stray.vertices[stray.faces], CORNERS[SIDES]) and stray.size == 1
+
     @pytest.mark.parametrize("vertices, faces, said", [
         (CORNERS, np.zeros((0, 3), int), "has no faces"),
         (CORNERS, [[0, 1, 8]], "names vertex 8 of 8"),
