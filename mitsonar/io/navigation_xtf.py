@@ -28,6 +28,7 @@ _MOST_BYTES = 512_000_000          # of navigation kept
 _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
+_LARGEST_HEADING = 720.0           # [degrees]
 _VENDORS_PINGS = (65,)             # QINSy R2Sonic, a ping header before data that pyxtf does not know
 _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it a date is wrong
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
@@ -235,7 +236,8 @@ def _attitude(source, packets, time, dropped):
               for name, column in columns.items()}
     angles["heading"] = records["Heading"].astype(float) if "Heading" in names else np.zeros(clock.size)
     real = (np.isfinite(list(angles.values())).all(0) & (np.abs(angles["roll"]) <= 180)
-            & (np.abs(angles["pitch"]) <= 90) & (np.abs(angles["heave"]) < 100))
+            & (np.abs(angles["pitch"]) <= 90) & (np.abs(angles["heave"]) < 100)
+            & (np.abs(angles["heading"]) <= _LARGEST_HEADING))
     _count(dropped, "impossible attitudes", ~real)
     if real.sum() < 2:
         raise ValueError("less than two of its attitudes can be true: roll, pitch and heave are beyond a platform's.")
@@ -252,7 +254,7 @@ def _heading(source, angles, packets, dropped):
             continue
         clock, order = _times(records, "headings", dropped)
         heading = records[column][order].astype(float)
-        real = np.isfinite(heading) & (np.abs(heading) <= 720)
+        real = np.isfinite(heading) & (np.abs(heading) <= _LARGEST_HEADING)
         if real.sum() >= 2:
             return clock[real], heading[real]
     return None

@@ -31,7 +31,7 @@ DEGREES = {"lat": "latitude", "lon": "longitude"}
 LARGEST_DEG = {"roll": 180, "pitch": 90, "latitude": 90, "longitude": 360}
 INSTANT = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?\s*(Z|[+-]\d\d:?\d\d)?", re.IGNORECASE)
 POINT = re.compile(r"([\d.]+)\s*([NS])[\s]+([\d.]+)\s*([EW])(?:\s+(\S+))?", re.IGNORECASE)
-LARGEST_FILE = 1_000_000_000       # bytes of a CSV file
+LARGEST_FILE = 200_000_000         # bytes of a CSV file, which take sixteen times as much while they are read
 
 
 def read(path, *, frame=None, depth=0.0):
@@ -89,8 +89,8 @@ def load(path):
         if navigation_xtf.recognised(path):
             return navigation_xtf.read(path)
         if os.path.getsize(path) > LARGEST_FILE:
-            raise ValueError(f"cannot read the track {path}: it has {os.path.getsize(path) / 1e9:.1f} GB, more than "
-                             f"{LARGEST_FILE / 1e9:g}; thin it out or split it.")
+            raise ValueError(f"cannot read the track {path}: it has {os.path.getsize(path) / 1e6:.0f} MB, more than "
+                             f"{LARGEST_FILE / 1e6:g}; thin it out or split it.")
     elif os.path.exists(path):
         raise ValueError(f"cannot read the track {path}: it is not a text file, but a folder or a device; give a CSV "
                          "or XTF file.")

@@ -137,7 +137,7 @@ def test_bad_files_are_refused_in_one_sentence(text, words, tmp_path):
 
 def test_files_that_would_not_fit_into_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(tracks, "LARGEST_FILE", 20)
-    with pytest.raises(ValueError, match="GB, more than .*; thin it out or split it"):
+    with pytest.raises(ValueError, match="MB, more than .*; thin it out or split it"):
         tracks.load(written(tmp_path, BAY))
 
 
