@@ -42,8 +42,7 @@ class Cluster:
     def __init__(self, threads, place, folder, *, scheduler=None, workers=None):
         import distributed
 
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        self.place, self.folder, self._own, self._client = place, folder, None, None
+        self.place, self.folder, self._own, self._client, self._loud = place, folder, None, None, _hushed()
         try:
             if scheduler is None:
                 workers, self.threads = shares(workers, threads)
@@ -62,12 +61,16 @@ class Cluster:
         return self
 
     def __exit__(self, *_):
-        if self._client is not None:
-            if self._own is None and self._client.status == "running":
-                self._client.run(_release, wait=False)
-            self._client.close()
-        if self._own is not None:
-            self._own.close()
+        try:
+            if self._client is not None:
+                if self._own is None and self._client.status == "running":
+                    self._client.run(_release, on_error="ignore")
+                self._client.close()
+            if self._own is not None:
+                self._own.close()
+        finally:
+            for logger, level in self._loud:
+                logger.setLevel(level)
 
     @property
     def capacity(self):
@@ -116,6 +119,15 @@ class Cluster:
         if blind:
             raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see "
                              "what is written there); give one by -o that all workers share")
+
+
+def _hushed():
+    """Silence Dask's loggers, and give their levels."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    loud = [(logging.getLogger(name), logging.getLogger(name).level) for name in names]
+    for logger, _ in loud:
+        logger.setLevel(logging.CRITICAL)
+    return loud
 
 
 def _render(job, threads, place):

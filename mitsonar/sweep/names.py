@@ -44,9 +44,8 @@ class Pattern:
             if spec and not SPEC.fullmatch(spec):
                 raise ValueError(f"output has the field {field} with the format {shortened(spec)}; give one such as "
                                  "04, .1f or g")
-        plain = "".join(literal for literal, *_ in self.parts)
         names = text.split("/")
-        if not text.lower().endswith(".exr") or text.startswith("/") or not all(names) or plain.endswith("/.exr"):
+        if not text.lower().endswith(".exr") or text.startswith("/") or not all(names):
             raise ValueError(f"output is {shortened(text)}; give names that end in .exr, inside the sweep's folder")
         if any(name.startswith(".") for name in names):
             raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")

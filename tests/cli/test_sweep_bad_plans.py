@@ -1,0 +1,137 @@
+"""Whatever is wrong with a plan: one clear sentence, exit code 2, nothing made. `refusal` checks the form."""
+import os
+
+import pytest
+
+S = 'scene = "scene.xml"\n'
+PLANS = {
+    "nothing": ("", 'names no scene; write scene = "FILE.xml"'),
+    "no TOML": ("scene = [", "cannot read the plan"),
+    "cut short": (S + '[grid]\nrange = [30, "4', "cannot read the plan"),
+    "nested without end": (S + "[set]\nrange = " + "[" * 100_000, "cannot read the plan"),
+    "unknown key": (S + "sample = 3", "has the unknown key 'sample'; known: scene, output, seed"),
+    "scene that is not there": ('scene = "no.xml"', "scene no.xml does not exist; give the path of a Mitsuba XML file"),
+    "scene of the wrong type": ("scene = 3", "scene is 3; give the name of a file"),
+    "scene that is a plan": ('scene = "plan.toml"', "the XML is broken"),
+    "unknown parameter": (S + "[set]\nrnge = 3", "scene.xml has no parameter 'rnge'; it has pings, range, rays, speckle"),
+    "given twice": (S + "[set]\nrange = 3\n[grid]\nrange = [3, 4]", "the parameter range is given twice"),
+    "date": (S + "[set]\nrange = 2020-01-01", "set.range is datetime.date(2020, 1, 1); give a number, true or false"),
+    "not a number": (S + "[set]\nrange = nan", "set.range is nan; give a finite number"),
+    "huge number": (S + "[set]\nrange = 1" + "0" * 4000, "set.range is a number of 13288 bits; give a whole number of"),
+    "control characters": (S + '[set]\nrange = "a\\u0000b"', "set.range is a text of 3 characters"),
+    "empty list": (S + "[grid]\nrange = []", "grid.range is []; give a list of values"),
+    "number for a list": (S + "[grid]\nrange = 30", "grid.range is 30; give a list of values"),
+    "unequal lists": (S + "[list]\nrange = [1, 2]\npings = [1]", "run side by side, and have the lengths"),
+    "range without an end": (S + "[grid]\nrange = { from = 3 }", "give { from, to, count } or { from, to, step }"),
+    "step the wrong way": (S + "[grid]\nrange = { from = 3, to = 1, step = 1 }", "give a step that gets there"),
+    "step of nothing": (S + "[grid]\nrange = { from = 3, to = 4, step = 0 }", "give a step that gets there"),
+    "endless range": (S + "[grid]\nrange = { from = 0, to = 1e9, step = 1e-9 }", "in at most 1,000,000"),
+    "log of nothing": (S + "[grid]\nrange = { from = 0, to = 1, count = 3, scale = 'log' }", "give numbers above 0"),
+    "unknown distribution": (S + "[draw]\nrange = { gauss = [0, 1] }", "give one of uniform, log_uniform, normal, choice"),
+    "no spread": (S + "[draw]\nrange = { uniform = [3, 3] }", "is from 3 to 3; give the lowest and the highest number"),
+    "negative deviation": (S + "[draw]\nrange = { normal = [3, -1] }", "standard deviation -1; give one above 0"),
+    "weights": (S + "[draw]\nrange = { choice = [1, 2], weights = [1] }", "has 2 values and the weights [1]"),
+    "weights of nothing": (S + "[draw]\nrange = { choice = [1, 2], weights = [0, 0] }", "not all 0"),
+    "weights of numbers": (S + "[draw]\nrange = { uniform = [1, 2], weights = [1] }", "unknown key 'weights' beside"),
+    "half a pair": (S + "[draw]\nrange = { integer = [1] }", "draw.range: integer is [1]; give two numbers"),
+    "samples of nothing": (S + "samples = 3", "no parameter is drawn, so that all would be alike"),
+    "no samples": (S + "samples = 0", "samples is 0; give a whole number from 1 to 1000000"),
+    "same seeds": (S + "seeds = [1, 1]", "give different whole numbers"),
+    "seed too large": (S + "seed = 4294967296", "seed is 4294967296; give a whole number from 0 to 4294967295"),
+    "too many": (S + "seeds = 1000\n[grid]\nrange = { from = 1, to = 2, count = 10000 }", "makes 10,000,000 renders; "
+                 "make it at most 1,000,000"),
+    "far too many": (S + "[grid]\n" + "".join(f"{name} = {{ from = 1, to = 2, count = 100001 }}\n"
+                                              for name in ("range", "rays", "pings")), "makes over 1e15 renders"),
+    "same names": (S + 'output = "{range}.exr"\n[grid]\nrange = [3, 4]\npings = [1, 2]',
+                   "names both render 0 and render 1 '3.exr'; put {index} or all that varies into it"),
+    "names that differ by capitals": (S + 'output = "{range}.exr"\n[grid]\nrange = ["a", "A"]', "render 0 and render 1"),
+    "outside the folder": (S + 'output = "../{index}.exr"', "give names that do not begin with a dot"),
+    "anywhere": (S + 'output = "/etc/{index}.exr"', "inside the sweep's folder"),
+    "hidden": (S + 'output = ".{index}.exr"', "give names that do not begin with a dot"),
+    "hidden by a value": (S + 'output = "{range}.exr"\n[set]\nrange = "..x"', "give one that makes visible names"),
+    "other files": (S + 'output = "{index}.png"', "give names that end in .exr"),
+    "unknown field": (S + 'output = "{depth}.exr"', "output has the field 'depth'; known: index, seed"),
+    "field that looks inside": (S + 'output = "{index.__class__}.exr"', "output has the field 'index.__class__'"),
+    "field without end": (S + 'output = "{index.exr"', "output is"),
+    "wide field": (S + 'output = "{index:999999999}.exr"', "with the format '999999999'; give one such as 04"),
+    "format that does not fit": (S + 'output = "{range:d}.exr"\n[set]\nrange = "a"', "does not fit its value 'a'"),
+    "long name": (S + 'output = "{range}.exr"\n[set]\nrange = "' + "a" * 300 + '"', "at most 200 bytes"),
+    "previews": (S + "previews = 1", "previews is 1; give true or false"),
+    "section that is none": (S + "grid = 3", "grid is 3; write parameters under [grid]"),
+    "table that is not there": (S + 'table = "no.csv"', "no.csv does not exist; give the path of a CSV file"),
+    "table that never ends": (S + 'table = "/dev/zero"', "/dev/zero is no file; give the path of a CSV file"),
+    "table that is no text": (S + 'table = "b.csv"', "it is not a text file"),
+    "table without rows": (S + 'table = "h.csv"', "it has a header but no records"),
+    "table of other parameters": (S + 'table = "c.csv"', "has no parameter 'depth'"),
+    "table with a column twice": (S + 'table = "t.csv"', "give each a name of its own"),
+    "table with too many fields": (S + 'table = "w.csv"', "w.csv, line 3: 3 fields, but the header names 2"),
+}
+TABLES = {"b.csv": b"\xff\x00\xfe", "h.csv": b"range,pings\n", "c.csv": b"range,depth\n1,2\n",
+          "t.csv": b"range,range\n1,2\n", "w.csv": b"range,pings\n1,2\n1,2,3\n"}
+
+
+@pytest.mark.parametrize("text, says", PLANS.values(), ids=PLANS)
+def test_spoilt_plans(folder, refusal, text, says):
+    for name, content in TABLES.items():
+        (folder / name).write_bytes(content)
+    (folder / "plan.toml").write_text(text, encoding="utf-8")
+    assert says in refusal("sweep", "plan.toml")
+    assert says in refusal("sweep", "plan.toml", "--dry-run")
+
+
+@pytest.mark.parametrize("name, content, says", [
+    ("none.toml", None, "none.toml does not exist; give the path of a TOML file"),
+    ("b.toml", b"\xff\xfe\x00", "is not a text file; give a TOML file"),
+    ("d.toml", "a folder", "d.toml is no file"),
+])
+def test_files_that_are_no_plans(folder, refusal, name, content, says):
+    if isinstance(content, bytes):
+        (folder / name).write_bytes(content)
+    elif content:
+        (folder / name).mkdir()
+    assert says in refusal("sweep", name)
+
+
+def test_a_huge_plan_is_not_read(folder, refusal):
+    with open(folder / "plan.toml", "wb") as file:
+        file.truncate(1 << 40)                         # a hole: no disk is used
+    assert "has 1,099,511,627,776 bytes; give a TOML file of at most 10,000,000" in refusal("sweep", "plan.toml")
+
+
+@pytest.mark.parametrize("options, says", [
+    (["--threads", "1"], "1 threads were asked for; give 2 to 1024"),
+    (["--processes", "0"], "0 processes were asked for; give 1 to 1024"),
+    (["--workers", "2", "--processes", "2"], "were asked for together; give one of them"),
+    (["--scheduler", "nonsense://x"], "no Dask workers to be had at nonsense://x"),
+    (["-o", "scene.xml"], "scene.xml: it is a file; give a folder by -o"),
+    (["--processes", "two"], "'two' is not a whole number"),
+    (["--dry-run", "--scheduler", "tcp://x:1"], "estimates for this machine"),
+])
+def test_spoilt_options(folder, refusal, options, says):
+    (folder / "plan.toml").write_text(S, encoding="utf-8")
+    assert says in refusal("sweep", "plan.toml", *options)
+
+
+def test_a_scene_that_cannot_be_loaded_is_told_before_anything_starts(folder, refusal):
+    (folder / "plan.toml").write_text(S + '[grid]\npings = ["many", "few"]', encoding="utf-8")
+    assert 'no render of plan.toml was started: ' in (said := refusal("sweep", "plan.toml"))
+    assert '"many" is not an integer value' in said
+
+
+@pytest.mark.parametrize("text", ['[set]\ncast = "no.csv"', '[grid]\ncast = ["c.csv", "no.csv"]',
+                                  '[draw]\ncast = { choice = ["c.csv", "no.csv"] }'])
+def test_a_file_that_is_not_there_is_told_before_anything_starts(folder, refusal, text):
+    scene = (folder / "scene.xml").read_text(encoding="utf-8")
+    speed = '<float name="sound_speed" value="1500"/>'
+    assert speed in scene
+    (folder / "scene.xml").write_text(scene.replace(speed, '<string name="cast" value="$cast"/>'), encoding="utf-8")
+    (folder / "c.csv").write_text("depth,speed\n0,1500\n40,1490\n", encoding="utf-8")
+    (folder / "plan.toml").write_text(S + text, encoding="utf-8")
+    assert "scene.xml reads the file no.csv, which is not there" in refusal("sweep", "plan.toml")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_may_not_be_written_to(folder, refusal):
+    (folder / "plan.toml").write_text(S, encoding="utf-8")
+    (folder / "shut").mkdir(mode=0o500)
+    assert "no permission to write in" in refusal("sweep", "plan.toml", "-o", "shut")
