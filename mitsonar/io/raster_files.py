@@ -20,7 +20,8 @@ _stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 
 
 @contextlib.contextmanager
-def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, nodata=None):
+def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, nodata=None,
+           what="bathymetry grid"):
     """Open a survey as a raster, and say what GDAL objects to in a sentence.
 
     Parameters
@@ -36,6 +37,8 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
         Distance of the nodes on which scattered soundings are laid.
     nodata : float, optional
         Depth of soundings that stands for none.
+    what : str
+        What errors call the file.
 
     Yields
     ------
@@ -77,7 +80,7 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
             yield raster, source_crs(raster, crs)
         except rasterio.errors.RasterioError as error:
             reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
-            raise ValueError(f"this is not a bathymetry grid that GDAL can read ({reason}).") from None
+            raise ValueError(f"this is not a {what} that GDAL can read ({reason}).") from None
 
 
 @contextlib.contextmanager

@@ -1,6 +1,8 @@
 """Shape ``bathymetry``: the seabed of a survey file."""
+import numpy as np
+
 import mitsuba as mi
-from mitsonar.io import bathymetry
+from mitsonar.io import bathymetry, sediment_map
 from mitsonar.plugins.properties import Attributes
 from mitsonar.plugins.shapes.grid_mesh import fill, triangulate
 
@@ -34,10 +36,14 @@ class Bathymetry(mi.Mesh):
     ``relief_seed``  0           realisation of it
     ``relief_w2``                spectral strength [m^(4 - gamma)] and
     ``relief_gamma``             exponent of it, by default as measured on the file
+    ``sediment_map``             raster of sediment classes, in any coordinate system
+    ``sediment_classes``         what its codes are: "1: clay, 7: medium sand, nodata: sand", or a CSV file with
+                                 columns code and sediment; "nodata" is where the map has none
+    ``sediment_map_crs``         coordinate system of a map that names none, by default the survey's
     ``to_world``                 applied to the finished mesh
     ================ =========== ===========================================================================
 
-    Where relief is added, materials that know ``mesh_resolution`` should be given the ``resolution``. Triangles that
+    Where relief is added, give materials that know ``mesh_resolution`` the ``resolution``. Triangles that
     touch a node without depth are left out. Attributes of the object, all before ``to_world``:
     ``survey`` (the `mitsonar.io.bathymetry.Bathymetry` itself), ``local_origin`` [m], ``crs`` and
     ``bathymetry_bounds`` (west, south, east, north [m] in ``crs``).
@@ -46,6 +52,19 @@ class Bathymetry(mi.Mesh):
 
         "bed": {"type": "bathymetry", "filename": "survey.bag", "crop_size": "600, 400", "resolution": 1.0,
                 "bsdf": {"type": "lambert"}}
+
+    With a map, facets have the attribute ``face_sediment_class``, the place of their sediment in the attribute
+    ``sediments`` of the object: the classes in their order, those of one name once. Without a bsdf of its own the bed
+    has a `sediment` of these classes; one that is written reads them by its ``sediment_class``:
+
+    .. code-block:: xml
+
+        <bsdf type="sediment">
+            <string name="classes" value="clay, medium sand, sand"/>
+            <texture name="sediment_class" type="mesh_attribute">
+                <string name="name" value="face_sediment_class"/>
+            </texture>
+        </bsdf>
 
     The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that.
     """
@@ -72,6 +91,7 @@ class Bathymetry(mi.Mesh):
                    "relief": _relief(attributes)}
         if options["holes_max"] and options["holes"] == "cut":
             raise attributes.error('holes_max is written, but holes are cut; write holes "filled" too.')
+        table, map_path, map_crs = _sediment_map(attributes)
         to_world = attributes.matrix()
         attributes.finish()
         survey = bathymetry.read(path, **options)
@@ -81,8 +101,15 @@ class Bathymetry(mi.Mesh):
         grid = triangulate(survey.x, survey.y, survey.heights, to_world)
         if len(grid.faces) == 0:
             raise attributes.error(f"{path}: the part in use holds no two neighbouring nodes with depths.")
+        if table is not None:
+            numbers = sediment_map.read(map_path, survey, table, grid.cells, crs=map_crs)
+            if attributes.object(mi.BSDF, None) is None:
+                props["bsdf"] = _material(table)
         super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
         fill(self, grid)
+        if table is not None:
+            self.add_attribute("face_sediment_class", 1, mi.Float(numbers.astype(np.float32)))
+        self.sediments = [] if table is None else table.sediments
         self.survey = survey
         self.local_origin = survey.local_origin
         self.crs = survey.crs
@@ -108,6 +135,30 @@ def _relief(attributes):
         return bathymetry.Relief(**options) if asked else None
     except ValueError as error:
         raise attributes.error(str(error)) from None
+
+
+def _sediment_map(attributes):
+    """The class table, the map's path and its coordinate system; None where none is written."""
+    path = attributes.file("sediment_map", None)
+    classes = attributes.text("sediment_classes", None)
+    crs = attributes.text("sediment_map_crs", None)
+    if path is None or not classes:
+        given = attributes.given("sediment_map", "sediment_classes", "sediment_map_crs")
+        if path or classes or crs:
+            raise attributes.error(f"{given[0]} is written alone; a map needs sediment_map and sediment_classes.")
+        return None, None, None
+    if ":" not in classes:
+        classes = attributes.file("sediment_classes")
+    try:
+        return sediment_map.ClassTable.of(classes), path, crs
+    except ValueError as error:
+        raise attributes.error(str(error)) from None
+
+
+def _material(table):
+    """The bsdf of a bed that has none of its own."""
+    return mi.load_dict({"type": "sediment", "classes": ", ".join(table.sediments),
+                         "sediment_class": {"type": "mesh_attribute", "name": "face_sediment_class"}})
 
 
 mi.register_shape("bathymetry", Bathymetry)

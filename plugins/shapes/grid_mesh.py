@@ -8,11 +8,15 @@ import mitsuba as mi
 
 
 class GridMesh(NamedTuple):
-    """Hold a triangle mesh: vertices (V, 3) float32 [m], faces (F, 3) uint32, texcoords (V, 2) float32 in 0 to 1."""
+    """Hold a triangle mesh: vertices (V, 3) float32 [m], faces (F, 3) uint32, texcoords (V, 2) float32 in 0 to 1.
+
+    ``cells`` (F,) uint32 is the grid cell of each face, counted along the rows; None of a mesh that is no grid.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
     texcoords: np.ndarray
+    cells: np.ndarray | None = None
 
 
 def triangulate(x, y, heights, to_world):
@@ -37,9 +41,11 @@ def triangulate(x, y, heights, to_world):
     index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
     here, east, north, across = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     faces = np.stack((here, east, north, east, across, north), axis=-1).reshape(-1, 3)
+    cells = np.repeat(np.arange((rows - 1) * (columns - 1), dtype=np.uint32), 2)
     valid = np.isfinite(heights).ravel()
     if not valid.all():
-        faces = faces[valid[faces].all(axis=1)]
+        whole = valid[faces].all(axis=1)
+        faces, cells = faces[whole], cells[whole]
         used = np.zeros(valid.size, bool)
         used[faces] = True
         faces = (np.cumsum(used, dtype=np.uint32) - np.uint32(1))[faces]
@@ -54,7 +60,7 @@ def triangulate(x, y, heights, to_world):
     vertices = (place @ to_world[:3, :3].T + to_world[:3, 3]).astype(np.float32)
     if np.linalg.det(to_world[:3, :3]) < 0:
         faces = faces[:, ::-1]  # a mirrored mesh keeps its outside outside
-    return GridMesh(vertices, faces, texcoords)
+    return GridMesh(vertices, faces, texcoords, cells)
 
 
 def fill(mesh, grid):

@@ -1,0 +1,161 @@
+"""Maps of sediment classes laid on a survey: a raster of codes, and a table of what each code is.
+
+    1: clay, 7: medium sand, nodata: sandy silt
+
+Cells of the survey take the class of the map's cell that their middle falls into, whatever system the map is in.
+"""
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scattering.roughness import sediment_key
+from . import raster_files, tables
+
+_SHOWN = 10                   # codes that an error lists
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassTable:
+    """Say what the codes of a map stand for.
+
+    Parameters
+    ----------
+    classes : dict of int to str
+        Code -> sediment of TR 9407.
+    elsewhere : str, optional
+        Sediment where the map has no code; without it the map must have one everywhere.
+    """
+
+    classes: dict
+    elsewhere: str | None = None
+
+    @classmethod
+    def of(cls, text):
+        """Make a table of a text such as "1: clay, 7: medium sand, nodata: sand", or of a CSV file's path.
+
+        The file has columns ``code`` and ``sediment``; "nodata" is a code in both.
+
+        Raises
+        ------
+        ValueError
+            If a code is no whole number or is there twice, or a sediment is unknown.
+        """
+        if os.path.isfile(text):
+            names, _, rows = tables.records(text, "class table")
+            if not {"code", "sediment"} <= set(names):
+                raise ValueError(f"{text}: the columns are {', '.join(names)}; a class table has code and sediment.")
+            pairs = [(row[names.index("code")], row[names.index("sediment")]) for row in rows]
+        else:
+            pairs = [entry.partition(":")[::2] for entry in text.split(",") if entry.strip()]
+        classes = {}
+        for code, sediment in pairs:
+            code = code.strip().lower()
+            if code != "nodata":
+                try:
+                    code = int(code)
+                except ValueError:
+                    raise ValueError(f'the class table has the code "{code}", which is no whole number; write it as '
+                                     '"1: clay, 7: sand, nodata: silt", or name a CSV file.') from None
+            if code in classes:
+                raise ValueError(f"the class table has the code {code} twice.")
+            classes[code] = sediment_key(sediment.strip())
+        elsewhere = classes.pop("nodata", None)
+        if not classes:
+            raise ValueError('the class table has no codes; write it as "1: clay, 7: sand, nodata: silt", or name a '
+                             "CSV file.")
+        return cls(classes=classes, elsewhere=elsewhere)
+
+    @property
+    def sediments(self):
+        """Give the sediments, each once, in the order of the numbers that `numbers` gives."""
+        named = [*self.classes.values(), *([self.elsewhere] if self.elsewhere else [])]
+        return list(dict.fromkeys(named))
+
+    def numbers(self, codes):
+        """Give the places (N,) in ``sediments`` of codes (N,); NaN is where the map has none.
+
+        Raises
+        ------
+        ValueError
+            If a code is not in the table, or there is none where the table does not say what then.
+        """
+        found, inverse = np.unique(codes, return_inverse=True)
+        place = np.zeros(found.size, np.uint32)
+        unknown = [code for code in found if np.isfinite(code) and code not in self.classes]
+        if unknown:
+            listed = ", ".join(f"{code:g}" for code in unknown[:_SHOWN])
+            share = np.isin(codes, unknown).mean()
+            known = ", ".join(map(str, self.classes))
+            raise ValueError(f"the map has the code{'s' * (len(unknown) > 1)} {listed} on {share:.1%} of the seabed, "
+                             f"and the class table knows {known}; add what is missing.")
+        for index, code in enumerate(found):
+            sediment = self.classes[int(code)] if np.isfinite(code) else self.elsewhere
+            if sediment is None:
+                raise ValueError(f"the map has no class on {np.isnan(codes).mean():.1%} of the seabed; say what lies "
+                                 'there by the code nodata in the class table: "nodata: medium sand".')
+            place[index] = self.sediments.index(sediment)
+        return place[inverse.ravel()]
+
+
+def read(path, survey, table, cells=None, *, crs=None):
+    """Read the classes of a map on the cells between the nodes of a survey.
+
+    Parameters
+    ----------
+    path : path
+        A raster as `bathymetry.read` takes them, of one band of whole numbers.
+    survey : bathymetry.Bathymetry
+    table : ClassTable
+    cells : integer array (N,), optional
+        Which cells, counted along the rows from the south-west; by default all.
+    crs : str, optional
+        Coordinate system of a map that names none; by default it is the survey's.
+
+    Returns
+    -------
+    uint32 array (N,)
+        Places in ``table.sediments``.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such raster, it lies elsewhere, or it holds what the table does not say.
+    """
+    try:
+        with raster_files.opened(path, crs=crs, what="map of classes") as (raster, source):
+            codes = _codes(raster, source, survey).ravel()
+        return table.numbers(codes if cells is None else codes[cells])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _codes(raster, source, survey):
+    """Give the codes (Y - 1, X - 1) of the cells, rows from the south; NaN where the map has none."""
+    from rasterio.crs import CRS
+    from rasterio.enums import Resampling
+    from rasterio.transform import from_origin
+    from rasterio.vrt import WarpedVRT
+
+    if raster.count != 1:
+        raise ValueError(f"the file has {raster.count} bands; a map of classes has one, not colours.")
+    if raster.transform.is_identity:
+        raise ValueError("the file has no georeference; add one (gdal_translate -a_ullr).")
+    if source is not None and not survey.crs:
+        raise ValueError("the map has a coordinate system and the survey none; give the survey's by crs.")
+    west, south, east, north = survey.bounds
+    rows, columns = (length - 1 for length in survey.heights.shape)
+    step = survey.spacing
+    system = CRS.from_user_input(survey.crs) if survey.crs else CRS()
+    with WarpedVRT(raster, crs=system, src_crs=source or system, transform=from_origin(west, north, *step),
+                   width=columns, height=rows, resampling=Resampling.nearest, dtype="float64", nodata=np.nan,
+                   src_nodata=np.nan if raster.nodata is None else raster.nodata) as view:
+        codes = view.read(1)[::-1]
+    if np.isnan(codes).all():
+        raise ValueError(f"the map has no class anywhere on the survey, which covers {west:.12g}, {south:.12g}, "
+                         f"{east:.12g}, {north:.12g} (west, south, east, north{', ' * bool(survey.crs)}{survey.crs}); "
+                         f"the map covers {', '.join(f'{value:.12g}' for value in raster.bounds)}.")
+    odd = codes[np.isfinite(codes) & (codes != np.rint(codes))]
+    if odd.size:
+        raise ValueError(f"the map holds {odd[0]:g}, which is no code; classes are whole numbers.")
+    return codes
