@@ -18,6 +18,7 @@ __all__ = ["ObjectBins", "check_labelled", "object_bins"]
 
 NEEDED = ("level", "share", "object_shadow")
 FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
+SPECK_SHARE = 0.05                 # of the largest piece
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +68,9 @@ def object_bins(dataset, *, threshold=0.5, above_noise_db=0.0, smallest=1):
     above_noise_db : float [dB]
         How far the mean echo of a highlight's bins must be above the noise, where the record has noise.
     smallest : int
-        Bins that every piece of a highlight or shadow must have; smaller ones are dropped. Pieces hang together along
-        rows and columns of the picture.
+        Bins that every piece of a highlight or shadow must have, and a twentieth of those of its largest; smaller ones
+        are dropped, for they would stretch boxes. Pieces hang together along rows and columns of the picture. 1: all
+        are kept.
 
     Yields
     ------
@@ -128,7 +130,8 @@ def _without_specks(mask, dims, smallest):
     kept = np.zeros_like(mask)
     where, = ndimage.find_objects(mask.view(np.uint8))
     pieces, count = ndimage.label(mask[where], neighbours)
-    kept[where] = mask[where] & (np.bincount(pieces.ravel(), minlength=count + 1) >= smallest)[pieces]
+    sizes = np.bincount(pieces.ravel(), minlength=count + 1)
+    kept[where] = mask[where] & (sizes >= max(smallest, SPECK_SHARE * sizes[1:].max()))[pieces]
     return kept
 
 

@@ -80,7 +80,7 @@ def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
     smallest : int
-        Bins that every piece of an annotation must have; smaller ones are dropped.
+        Bins that every piece of an annotation must have; see there.
 
     Returns
     -------

@@ -19,7 +19,7 @@ class Labels:
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
     smallest : int
-        Bins that every piece of an annotation must have; smaller ones are dropped.
+        Bins that every piece of an annotation must have; see there.
     tile : (int, int) or None
         Pings and columns of a tile; None: whole pictures.
     overlap : float

@@ -16,6 +16,8 @@ __all__ = ["SHADOW_COLOUR", "TRUTH", "class_colours"]
 
 SHADOW_COLOUR = "#5aa9e6"
 SPECK = 8  # bins: smaller pieces are not outlined
+BRIGHT = ("#ff9f1c", "#4cd137", "#ff5252", "#b98cff", "#ffe14d", "#ff7ad9", "#1ee3b0", "#d19a5b", "#c2f04a", "#ffb199",
+          "#f0f0f0", "#e056fd")  # to be told apart on grey, and from shadows
 LEGEND = 24  # classes named at most
 
 
@@ -32,8 +34,7 @@ def class_colours(classes):
         In alphabetical order.
     """
     names = sorted(set(classes))
-    bright = [to_rgb(colormaps["tab20"](number)) for number in (2, 4, 6, 8, 10, 12, 16, 18, 3, 5, 7, 9, 11, 13, 17, 19)]
-    return {name: bright[k] if k < len(bright) else to_rgb(colormaps["hsv"](0.618034 * k % 1))
+    return {name: to_rgb(BRIGHT[k] if k < len(BRIGHT) else colormaps["hsv"](0.618034 * k % 1))
             for k, name in enumerate(names)}
 
 
@@ -52,7 +53,7 @@ def _objects(dataset, grid, *, tvg):
                 # around it, so that the object itself stays to be seen
                 picture[ndimage.binary_dilation(mask, iterations=2) & ~mask] = colour
     figure, axes = canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid))
-    keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})") for name, count in sorted(counts.items())]
+    keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})") for name, count in sorted(counts.items()) if count]
     _legend(axes, [*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])
     return figure
 

@@ -218,6 +218,14 @@ def test_too_small_a_piece_is_left_out():
     assert clipped(each, Tile(row=0, column=0, height=21, width=144), smallest=4).bins == 4
 
 
+def test_a_stray_piece_does_not_stretch_a_box():
+    for bins, kept in ((8, False), (10, True)):                                # the largest has 200
+        strays = [("shadow", "box.1", 1, 20, 40, 50, 60), ("shadow", "box.1", 1, 2, 3, 80, 80 + bins)]
+        record = labelled(rectangles=strays)
+        assert next(object_bins(record, smallest=8)).shadow[2].any() == kept
+        assert next(object_bins(record)).shadow[2].any()
+
+
 def test_pings_of_an_array_are_pictures_of_their_own(tmp_path):
     record = labelled()
     beams = record.rename(side="beam").drop_vars("beam").transpose("ping", "beam", ...).isel(ping=slice(20, 23))
