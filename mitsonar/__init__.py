@@ -37,6 +37,7 @@ _PUBLIC = {
     "scattering": "mitsonar.scattering",
     "signal": "mitsonar.signal",
     "sonar": "mitsonar.sonar",
+    "sweep": "mitsonar.sweep",
     "trace": "mitsonar.trace",
     "units": "mitsonar.units",
     "water": "mitsonar.water",

@@ -38,7 +38,7 @@ def _sweep(arguments):
     parts = [f"{outcome.done} rendered in {took}" if outcome.done or outcome.failed else "nothing to do",
              *([f"{outcome.kept} were there"] if outcome.kept else []),
              *([f"{outcome.failed} failed"] if outcome.failed else [])]
-    announce(f"{outcome.total} renders: {', '.join(parts)}")
+    announce(f"{_count(outcome.total, 'render')}: {', '.join(parts)}")
     for output, error in outcome.failures[:SHOWN]:
         warn(f"{output} failed: {error}")
     if outcome.failed > SHOWN:
@@ -55,15 +55,19 @@ def _tell(plan, arguments):
     found = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
                      threads=arguments.threads)
     there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
-    announce(f"{found.total} renders into {found.folder}, {there}"
+    announce(f"{_count(found.total, 'render')} into {found.folder}, {there}"
              + (f", {found.changed} to be made anew" if found.changed else ""))
     if found.missing:
         how = f"tried {found.trials}" if found.trials else "as those there took"
         length = datetime.timedelta(seconds=round(found.seconds * found.missing / found.processes))
-        announce(f"time: about {length}, {found.seconds:.2g} s each ({how}), by {found.processes} processes of "
-                 f"{found.threads} threads")
+        announce(f"time: about {length}, {found.seconds:.2g} s each ({how}), by "
+                 f"{_count(found.processes, 'process')} of {found.threads} threads")
         announce(f"disk: about {_size(found.bytes * found.missing)}, and {_size(found.free)} are free")
     return 0
+
+
+def _count(number, what):
+    return f"{number} {what}" if number == 1 else f"{number} {what}{'es' if what.endswith('s') else 's'}"
 
 
 def _size(count):

@@ -37,7 +37,8 @@ range = [40, 50]
 [draw]
 rays = {{ integer = [1000, 3000] }}
 """
-WAYS = {"one process": ["--processes", "1"], "two processes": ["--processes", "2"], "Dask, two workers": ["--workers", "2"]}
+WAYS = {"one process": ["--processes", "1"], "two processes": ["--processes", "2"],
+        "Dask, two workers": ["--workers", "2"]}
 
 
 def start(folder, *options):
@@ -104,7 +105,8 @@ def compare_ways(folder, renders):
         rows.append([way, f"{seconds[2]:.1f}", f"{base / seconds[2]:.2f}", f"{seconds[2] - added * len(records):.1f}",
                      f"{1e3 * own:.0f}", f"{1e3 * (added * processes - own):.0f}",
                      "yes" if found == first and len(records) == len(found) else "NO"])
-    table([f"{len(records)} renders by", "s", "speed-up", "start [s]", "a render [ms]", "overhead [ms]", "same bytes"], rows)
+    table([f"{len(records)} renders by", "s", "speed-up", "start [s]", "a render [ms]", "overhead [ms]",
+           "same bytes"], rows)
 
 
 def compare_kills(folder, kills, seed):

@@ -70,7 +70,8 @@ def test_same_bytes_on_a_dask_cluster(plan, capfd):
 def test_a_running_cluster_is_used_and_left_running(plan, capfd):
     import distributed
 
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False,
+                                  dashboard_address=None) as cluster:
         assert cli.main(["sweep", "plan.toml", "--scheduler", cluster.scheduler_address]) == 0
         assert capfd.readouterr().err == ""
         with distributed.Client(cluster) as client:
@@ -87,7 +88,7 @@ def test_previews_and_folders_of_their_own(plan, capfd):
     (plan / "plan" / "2" / "40.png").unlink()
     assert cli.main(["sweep", "plan.toml", "--dry-run"]) == 0
     lines = capfd.readouterr().out.splitlines()
-    assert lines[-3] == f"1 renders into {plan}/plan, none of them there yet"
+    assert lines[-3] == f"1 render into {plan}/plan, none of them there yet"
     assert "s each (tried 1), by " in lines[-2] and " are free" in lines[-1]
 
 
@@ -122,7 +123,7 @@ def wait_for(happens, seconds=60):
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs Linux's /proc to find the processes")
 def test_kills_and_interruptions_leave_nothing_unfinished_and_lose_nothing(plan):
-    (plan / "plan.toml").write_text("seeds = 5\n" + PLAN, encoding="utf-8")
+    (plan / "plan.toml").write_text("seeds = 3\n" + PLAN, encoding="utf-8")
     assert cli.main(["sweep", "plan.toml", "-o", "calm", "--processes", "1"]) == 0
     lines = plan / "plan" / "manifest.jsonl"
 

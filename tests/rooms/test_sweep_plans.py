@@ -1,5 +1,6 @@
-"""Plans of sweeps: which renders they make, in which order, what is drawn, and that whatever is wrong is one sentence."""
+"""Plans of sweeps: which renders they make, in which order, what is drawn; whatever is wrong is one sentence."""
 import itertools
+import re
 import string
 import sys
 from pathlib import Path
@@ -8,7 +9,8 @@ import hypothesis
 import pytest
 from hypothesis import strategies
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "cli"))
 
 from small_scene import TEXT  # noqa: E402
 
@@ -127,6 +129,15 @@ def test_values_make_safe_names(plan):
     (only,) = renders(plan('output = "a/{range}_{pings}.exr"\n[set]\nrange = "x/../y z"\npings = [1, 2]'))
     assert only.output == "a/x_.._y_z_1,2.exr"
     assert only.parameters == {"range": "x/../y z", "pings": (1, 2)}
+
+
+def test_plans_that_come_with_mitsonar_and_the_one_of_the_readme(tmp_path):
+    for path in ROOT.glob("scenes/*.toml"):
+        assert len(load_plan(path)) > 1
+    text = re.search(r"^```toml\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
+    (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "minefield.xml").symlink_to(ROOT / "scenes" / "minefield.xml")
+    assert len(load_plan(tmp_path / "plan.toml")) == 720
 
 
 WORDS = ["scene", "output", "seed", "seeds", "samples", "previews", "table", "set", "list", "grid", "draw", "range",

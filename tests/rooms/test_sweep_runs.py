@@ -126,8 +126,8 @@ def test_only_what_is_missing_or_changed_is_made_anew(sweep):
     assert sweep().done == 2
     said = []
     assert sweep(text=PLAN.replace("60]", "61]"), say=said.append).done == 4
-    assert said == [f"4 renders in {sweep.folder / 'out'} were made of other parameters, files or versions and are made "
-                    "anew"]
+    assert said == [f"4 renders in {sweep.folder / 'out'} were made of other parameters, files or versions and are "
+                    "made anew"]
     (sweep.folder / "scene.xml").write_text(TEXT + "<!-- other -->", encoding="utf-8")
     assert sweep(text=PLAN.replace("60]", "61]")).done == 12
 
