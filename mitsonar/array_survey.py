@@ -19,6 +19,7 @@ import numpy as np
 
 from .array_station import GUARD, Station, omni, pressure
 from .ensonification import Ensonification
+from .fan_truth import FanTruth
 from .paths import Paths
 from .propagation.device import arrays_of
 from .scatterers import Scatterers
@@ -171,9 +172,18 @@ class ArraySurvey:
         """At the array [m/s]."""
         return float(self.profile.at(-self.track.position[ping, 2]))
 
+    @property
+    def labels(self):
+        """Number → name of what may bring echoes."""
+        return self.geometry.labels
+
     @cached_property
     def _run(self):
         return _Run(self)
+
+    def fan_truth(self, angle, direction, seed=0):
+        """Ground truth of the fan of beams (B,) [rad] towards (B, 3): a `FanTruth`, to be called for pings."""
+        return FanTruth(self, self._run.light, self._run.light.pattern, angle, direction, seed)
 
     def responses(self, ping, *, kernel="band_limited", return_path="vector", seed=0, paths=None, progress=None):
         """Responses of all pairs of elements to one ping, by all or some paths: complex64 (tx, rx, sample)."""

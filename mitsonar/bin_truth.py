@@ -1,10 +1,9 @@
-"""Ground truth of a sidescan's bins, from the rays that make its picture: see `imaging.truth` and `signal.origins`."""
+"""Ground truth of bins, from rays: see `imaging.truth` and `signal.origins`."""
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from .imaging import truth
-from .imaging.sidescan import pulse_shares
 from .propagation.device import arrays_of, upload
 from .signal.origins import OriginSums, sector
 from .trace import SEABED
@@ -17,28 +16,34 @@ class BinTruth:
 
     Parameters
     ----------
-    survey : survey.Survey
+    geometry : trace.Geometry
+    labels, bins : int
+        Numbers of instances and bins.
+    depth_below : (P,) [m]
+        Seabed below the sonar at every ping.
+    farthest : float [m]
+        Slant range where the record ends.
+    shown : callable
+        What the picture makes of intensities (rows, ..., bins).
     """
 
-    def __init__(self, survey):
-        self.lib, self.hides = arrays_of(mi.Float), survey.hides
-        self.labels, self.bins = len(survey.labels), survey.bins
-        geometry = survey.geometry
+    def __init__(self, geometry, *, labels, bins, depth_below, farthest, shown):
+        self.lib, self.hides = arrays_of(mi.Float), geometry.named.hides
+        self.labels, self.bins, self.shown = labels, bins, shown
         (x0, y0), (x1, y1) = geometry.horizontal_bounds
         top, bottom = geometry.depth_range
         self.lower, self.upper = np.array([x0, y0, top]), np.array([x1, y1, max(bottom, top + 1e-6)])
         self.corner = [dr.opaque(mi.Float64, v) for v in self.lower]
         self.per_metre = [dr.opaque(mi.Float64, v) for v in 1 / (self.upper - self.lower)]
         self.kinds = upload(mi.UInt32, geometry.named.label_kinds())
-        self.gate = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
-        self.depth_below = np.asarray(survey.depth_below, np.float32)
-        self.farthest = dr.opaque(mi.Float, 0.5 * survey.sonar.sound_speed * survey.window[1])
+        self.depth_below = np.asarray(depth_below, np.float32)
+        self.farthest = dr.opaque(mi.Float, farthest)
         dr.eval(self.kinds)
 
-    def sums(self, ping):
-        """Empty sums for pings of these numbers."""
+    def sums(self, ping, rows):
+        """Empty sums of so many rows for pings of these numbers."""
         self._below = upload(mi.Float, self.depth_below[ping])
-        return OriginSums(self.lib, 2 * len(ping), self.labels, self.bins, self.hides)
+        return OriginSums(self.lib, rows, self.labels, self.bins, self.hides)
 
     def add(self, sums, ray, hits, *, bin, units, in_beam, active):
         """Add rays that arrive from where they hit."""
@@ -64,16 +69,16 @@ class BinTruth:
         -------
         dict of (rows, ...) arrays
             ``label`` uint32, the instance that brings most of the echoes that arrive in the bin, 0 where none does;
-            ``share`` (labels, bins), of what the pulse makes of them, ``hidden``, ``object_shadow``, ``layover`` (bins),
+            ``share`` (labels, bins), as the picture shows them, ``hidden``, ``object_shadow``, ``layover`` (bins),
             ``seabed_place`` (bins, 3).
         """
         known = sums.read(unit, self.lower, self.upper)
         seabed, intensity = known.pop("seabed_intensity"), record.pop("label_intensity")
         coherent = record.pop("coherent_power", None), record.get("coherent_intensity")
-        arriving = truth.shares(intensity, np.ones(1), *coherent)
+        arriving = truth.shares(intensity, np.asarray, *coherent)
         known["label"] = np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32)
-        known["share"] = truth.shares(intensity, self.gate, *coherent)
+        known["share"] = truth.shares(intensity, self.shown, *coherent)
         known["hidden"], known["object_shadow"] = (
-            truth.shadows(known.pop("hidden_intensity"), seabed, record["intensity"], self.gate) if self.hides else
+            truth.shadows(known.pop("hidden_intensity"), seabed, record["intensity"], self.shown) if self.hides else
             (np.zeros(seabed.shape, np.float32), np.zeros(seabed.shape, np.uint32)))
         return known

@@ -175,17 +175,28 @@ class Ensonification:
         if path == "b":
             yield from self.ghosts.of_cells(sources, origin, hits, way, cells, area)
 
+    def points(self, sources, origin):
+        """Yield the labels (R,) uint32 and the echoes of the point targets that are seen."""
+        for number, label in enumerate(label for *_, label in self.scatterers.targets):
+            for echoes in self._of_points(sources, origin, self.scatterers.targets[number:number + 1])[0]:
+                yield np.array([label], np.uint32), echoes
+
     def _targets(self, sources, origin):
         """Echoes of the point targets."""
-        point, strength_db, _ = zip(*self.scatterers.targets)
+        kept, *of = self._of_points(sources, origin, self.scatterers.targets)
+        yield from kept
+        yield from self.ghosts.of_targets(sources, origin, *of)
+
+    def _of_points(self, sources, origin, targets):
+        """Echoes of point targets, the points, the ways there, and their amplitudes."""
+        point, strength_db, _ = zip(*targets)
         point = self.lib.Array3f64(*(upload(mi.Float64, column) for column in np.array(point).T))
         # on no surface: what is drawn in its place must not shade it
         way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)
         pressure = upload(mi.Float, (10 ** (np.array(strength_db) / 20)).astype(np.float32))
         energy = dr.square(pressure) * self._way_back(sources, point, way) / way.spreading_area
         nothing = dr.zeros(mi.Float, dr.width(energy))
-        yield from self._kept(origin, point, way, energy, (dr.sqrt(energy), nothing), way.free)
-        yield from self.ghosts.of_targets(sources, origin, point, way, pressure)
+        return self._kept(origin, point, way, energy, (dr.sqrt(energy), nothing), way.free), point, way, pressure
 
     def _way_back(self, sources, point, way):
         """What energy at the scatterer is worth back at the source: (c_h / c_0)² 10^(-2 ᾱ L / 10) / A."""

@@ -23,10 +23,11 @@ def described(geometry):
     boxes, placed, beds = {}, {}, []
     for _, shape, first, count in geometry.meshes:
         labels = named.of_faces(shape, count)
-        if int(labels[0]) in named.seabed:
+        if hasattr(shape, "placed"):
+            placed.update(shape.placed)                    # none placed is a grain under the seabed, labelled as that
+        elif int(labels[0]) in named.seabed:
             beds.append(geometry.mesh(first, count))
             continue
-        placed.update(getattr(shape, "placed", {}))
         if (labels == labels[0]).all():
             _widen(boxes, int(labels[0]), shape.bbox())
             continue

@@ -51,6 +51,11 @@ class ShapeLabels:
     def __len__(self):
         return len(self.names)
 
+    @property
+    def hides(self):
+        """Whether there are objects that may hide a seabed."""
+        return bool(self.objects) and bool(self.seabed)
+
     def of(self, shape):
         """Number of a shape, of its first part where it has parts."""
         return self._number[_names(shape)[0]]

@@ -12,7 +12,7 @@ numbers are hashed from (seed, ping, side, ray): neither blocks nor threads chan
 during a ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
 """
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import drjit as dr
 import mitsuba as mi
@@ -23,6 +23,7 @@ from .bounces import Bounces
 from .coherent_echoes import CoherentEchoes
 from .connection import Connector
 from .free_rays import FreeRays
+from .imaging.sidescan import mean_intensity, pulse_shares
 from .materials import scattering_strength
 from .paths import Paths
 from .propagation.device import arrays_of, upload
@@ -94,7 +95,7 @@ class Survey:
 
     def pings_per_block(self):
         """How many pings a block holds: bounded by rays and by the memory of sums and fans."""
-        sums = 2 * self.bins * (len(self.labels) * (2 if self.hides else 1) + len(self.paths) - 1 + WORDS)
+        sums = 2 * self.bins * (len(self.labels) * (2 if self.geometry.named.hides else 1) + len(self.paths) - 1 + WORDS)
         if sums >= MOST_SUMS:
             raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "
                              f"{MOST_SUMS}; take fewer bins or let shapes share an id")
@@ -109,11 +110,6 @@ class Survey:
         """Number → what it stands for: the scene's shapes and, where it scatters, the water."""
         labels = self.geometry.labels
         return labels if self.volume is None else {**labels, 1 + max(labels): "water"}
-
-    @property
-    def hides(self):
-        """Whether there are objects that may hide the seabed."""
-        return bool(self.geometry.named.objects) and bool(self.geometry.named.seabed)
 
     @cached_property
     def paths(self):
@@ -189,7 +185,10 @@ class _Block:
         dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
         self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
-        self.truth = BinTruth(survey)
+        self.truth = BinTruth(
+            geometry, labels=len(survey.labels), bins=survey.bins, depth_below=survey.depth_below,
+            farthest=0.5 * sonar.sound_speed * survey.window[1],
+            shown=partial(mean_intensity, shares=pulse_shares(survey.bin_length, sonar.pulse_length)))
         self.connector = Connector(self.tracer)
         self.coherent = CoherentEchoes(survey, self.connector, self.absorption)
         self.bounces = self._bounces(deepest) if survey.max_depth > 1 else None
@@ -210,10 +209,10 @@ class _Block:
         if self.first_grid:
             quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
         sums = EchoSums(self.lib, rows, len(survey.labels), survey.bins, len(survey.paths))
-        origins = self.truth.sums(ping)
+        origins = self.truth.sums(ping, rows)
         ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
         in_beam = ray.along_intensity > BEAM_EDGE
-        hits, hidden = self._trace(place, ray, hidden=survey.hides)
+        hits, hidden = self._trace(place, ray, hidden=self.truth.hides)
         units, bin, in_window = self._echo(place, ray, hits)
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=in_beam,
                  height=self._height(mi.Float(-hits.point.z)), active=in_window,

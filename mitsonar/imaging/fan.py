@@ -14,6 +14,7 @@ import xarray
 from ..signal.beamforming import delay_and_sum
 from ..signal.matched_filter import matched_filter
 from ..signal.reception import delayed
+from . import truth
 
 __all__ = ["fan_directions", "image"]
 
@@ -54,7 +55,7 @@ def fan_directions(array, beams, width):
     return angle, np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * axis
 
 
-def image(signals, pulse, angle, direction, *, depth_below):
+def image(signals, pulse, angle, direction, *, depth_below, known, labels, class_of):
     """Make the picture of pings.
 
     Parameters
@@ -66,11 +67,17 @@ def image(signals, pulse, angle, direction, *, depth_below):
         Of `fan_directions`.
     depth_below : (P,) [m]
         Seabed below the sonar.
+    known : dict of (ping, beam, ...) arrays
+        Ground truth, as `FanTruth` gives it.
+    labels : dict[int, str]
+        Names of the instances.
+    class_of : dict[int, int]
+        Number of an instance → number of its class.
 
     Returns
     -------
     xarray.Dataset
-        ``level`` (ping, beam, range) [dB re 1 µPa].
+        ``level`` (ping, beam, range) [dB re 1 µPa], and ground truth over the same bins.
     """
     rate = signals.attrs["sampling_rate"]
     values = signals.values
@@ -86,11 +93,16 @@ def image(signals, pulse, angle, direction, *, depth_below):
         "beam": ("beam", angle, {"units": "rad", "long_name": "angle from the middle of the fan"}),
         "range": ("range", 0.5 * speed * beams["time"].values, {"units": "m", "long_name": "slant range"}),
         "time": ("range", beams["time"].values, {"units": "s", "long_name": "two-way travel time"}),
+        "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
         "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
         **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
     kept = ("seed", "frequency", "sound_speed", "sampling_rate", "source_level_db")
+    dims = ("ping", "beam", "range")
     return xarray.Dataset(
-        {"level": (("ping", "beam", "range"), level.astype(np.float32),
-                   {"units": "dB re 1 µPa", "long_name": "echo level"})},
+        {"level": (dims, level.astype(np.float32), {"units": "dB re 1 µPa", "long_name": "echo level"}),
+         **truth.variables(known, known["label"], class_of, dims),
+         "shadow": (dims, known["shadow"], {"units": "1", "long_name": "no ray arrives, after the first return"}),
+         "rays": (dims, known["rays"], {"units": "1", "long_name": "rays of the ground truth"})},
         coords, {"sonar": "array_sonar", **{name: signals.attrs[name] for name in kept},
-                 "bin_width": float(0.5 * speed / rate)})
+                 "bin_width": float(0.5 * speed / rate),
+                 "labels": {str(number): name for number, name in labels.items()}})

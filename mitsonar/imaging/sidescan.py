@@ -14,6 +14,8 @@ import xarray
 
 from mitsonar.units import db_from_power, power_from_db
 
+from . import truth
+
 __all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation"]
 
 NOTHING_DB = -200.0                # level where no sound arrives at all
@@ -152,17 +154,9 @@ def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_
     dataset = xarray.Dataset(
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
-         "label": entry(label, "1", "shape that brings most of the echo"),
-         "class": entry(np.array([0, *class_of.values()], np.uint32)[label], "1", "class of that shape"),
-         "share": entry(np.moveaxis(echoes["share"], 2, 0), "1", "share of each shape in the echo", ("shape", *dims)),
+         **truth.variables(echoes, label, class_of, dims),
          "depth": entry(depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
-         "hidden": entry(echoes["hidden"], "1", "share of the seabed's echo that objects hide"),
-         "object_shadow": entry(echoes["object_shadow"], "1", "object in whose shadow the bin lies; 0: none"),
-         "layover": entry(echoes["layover"], "1", "separate places that share the bin"),
-         **{f"seabed_{name}": entry(np.ascontiguousarray(echoes["seabed_place"][..., k]), "m",
-                                    f"mean {words} of the seabed seen")
-            for k, (name, words) in enumerate((("x", "place east"), ("y", "place north"), ("depth", "depth")))},
          "rays": entry(echoes["rays"], "1", "rays that arrive")},
         coords={
             "ping": entry(np.arange(pings), "1", "ping number", along),

@@ -3,28 +3,27 @@
     share_l = k_j E_jl + C_j P_jl / Σ_l P_jl,   over their sum                           of each instance l
     hidden = Σ_l k_j H_jl / (Σ_l k_j H_jl + k_j B_j)                                     of the seabed's echo
 
-E_jl echo intensity of instance l in bin j and k_j the pulse's gate, as in `imaging.sidescan`; C coherent intensity, which
+E_jl echo intensity of instance l in bin j and k_j what the picture makes of it: the pulse's gate of a sidescan, the beams
+and the resolution of an array (``shown``); C coherent intensity, which
 is shared out as the powers P of the instances' own sums, for what they interfere belongs to none; B what the seabed
 sends directly, H what it would send from where instance l stands in front of it.
 """
 import numpy as np
 
-from .sidescan import mean_intensity
-
-__all__ = ["shadows", "shares"]
+__all__ = ["shadows", "shares", "variables"]
 
 HALF = 0.5
 
 
-def shares(intensity, gate, coherent_power=None, coherent_intensity=None):
+def shares(intensity, shown, coherent_power=None, coherent_intensity=None):
     """Share of every instance in the bins' energy.
 
     Parameters
     ----------
     intensity : (..., L, bins) [µPa²]
         E.
-    gate : array
-        As `sidescan.pulse_shares` gives it.
+    shown : callable
+        What the picture makes of intensities.
     coherent_power : (..., L, bins) or None
         P, in any unit.
     coherent_intensity : (..., bins) [µPa²] or None
@@ -35,16 +34,16 @@ def shares(intensity, gate, coherent_power=None, coherent_intensity=None):
     (..., L, bins) float32
         Adds to 1 over L, or is 0 where nothing is heard.
     """
-    total = mean_intensity(np.asarray(intensity, float), gate)
+    total = shown(np.asarray(intensity, float))
     if coherent_power is not None:
-        power = mean_intensity(np.asarray(coherent_power, float), gate)
+        power = shown(np.asarray(coherent_power, float))
         whole = power.sum(-2, keepdims=True)
         total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * coherent_intensity[..., None, :]
     whole = total.sum(-2, keepdims=True)
     return np.where(whole > 0, total / np.where(whole > 0, whole, 1), 0).astype(np.float32)
 
 
-def shadows(hidden_intensity, seabed_intensity, intensity, gate):
+def shadows(hidden_intensity, seabed_intensity, intensity, shown):
     """Share of the seabed's echo that objects hide, and whose shadow a bin lies in.
 
     Parameters
@@ -55,8 +54,8 @@ def shadows(hidden_intensity, seabed_intensity, intensity, gate):
         B.
     intensity : (..., bins) [µPa²]
         Of all echoes, but for those with a phase.
-    gate : array
-        As `sidescan.pulse_shares` gives it.
+    shown : callable
+        What the picture makes of intensities.
 
     Returns
     -------
@@ -64,9 +63,42 @@ def shadows(hidden_intensity, seabed_intensity, intensity, gate):
     object_shadow : (..., bins) uint32
         Number of the instance, from 1, that hides most, where its shadow is; else 0.
     """
-    by_object = mean_intensity(np.asarray(hidden_intensity, float), gate)
+    by_object = shown(np.asarray(hidden_intensity, float))
     lost = by_object.sum(-2)
-    total = lost + mean_intensity(np.asarray(seabed_intensity, float), gate)
+    total = lost + shown(np.asarray(seabed_intensity, float))
     hidden = np.where(total > 0, lost / np.where(total > 0, total, 1), 0).astype(np.float32)
-    dark = (hidden > HALF) & (mean_intensity(np.asarray(intensity, float), gate) < HALF * total)
+    dark = (hidden > HALF) & (shown(np.asarray(intensity, float)) < HALF * total)
     return hidden, np.where(dark, by_object.argmax(-2) + 1, 0).astype(np.uint32)
+
+
+def variables(known, label, class_of, dims):
+    """Give what is known of the bins as variables of a dataset.
+
+    Parameters
+    ----------
+    known : dict of arrays
+        As `BinTruth.read` gives it, the instances' axis of ``share`` before the last.
+    label : (...) uint32
+        Number of the instance that brings most; 0 where nothing is heard.
+    class_of : dict[int, int]
+        Number of an instance → number of its class.
+    dims : tuple of str
+        Of a bin.
+
+    Returns
+    -------
+    dict of (dims, values, attributes)
+    """
+    def entry(values, units, long_name, dims=dims):
+        return dims, values, {"units": units, "long_name": long_name}
+
+    return {
+        "label": entry(label, "1", "shape that brings most of the echo"),
+        "class": entry(np.array([0, *class_of.values()], np.uint32)[label], "1", "class of that shape"),
+        "share": entry(np.moveaxis(known["share"], -2, 0), "1", "share of each shape in the echo", ("shape", *dims)),
+        "hidden": entry(known["hidden"], "1", "share of the seabed's echo that objects hide"),
+        "object_shadow": entry(known["object_shadow"], "1", "object in whose shadow the bin lies; 0: none"),
+        "layover": entry(known["layover"], "1", "separate places that share the bin"),
+        **{f"seabed_{name}": entry(np.ascontiguousarray(known["seabed_place"][..., k]), "m",
+                                   f"mean {words} of the seabed seen")
+           for k, (name, words) in enumerate((("x", "place east"), ("y", "place north"), ("depth", "depth")))}}

@@ -129,8 +129,24 @@ class OriginSums:
 
 
 def runs(masks):
-    """Count the runs of ones in masks (..., words) of 64 bits, the lowest first: uint8 (...)."""
-    before = masks << np.uint64(1)
-    before[..., 1:] |= masks[..., :-1] >> np.uint64(63)
-    first = np.ascontiguousarray(masks & ~before)
+    """Count the runs of ones in masks (..., words) of 64 bits, the lowest first: uint8 (...).
+
+    A single zero between ones is taken for a sector that no ray happened to come from.
+    """
+    masks = masks | _raised(masks) & _lowered(masks)
+    first = np.ascontiguousarray(masks & ~_raised(masks))
     return np.unpackbits(first.view(np.uint8), axis=-1).sum(-1, dtype=np.uint8)
+
+
+def _raised(masks):
+    """Every bit one place up."""
+    out = masks << np.uint64(1)
+    out[..., 1:] |= masks[..., :-1] >> np.uint64(63)
+    return out
+
+
+def _lowered(masks):
+    """Every bit one place down."""
+    out = masks >> np.uint64(1)
+    out[..., :-1] |= masks[..., 1:] << np.uint64(63)
+    return out

@@ -130,11 +130,7 @@ class SonarPath(mi.SamplingIntegrator):
     def dataset(self, scene, sensor, seed=0, progress=None):
         """Render the sensor's record as an `xarray.Dataset`; see `mitsonar.render`."""
         if hasattr(sensor, "fan_width"):
-            survey = self.array_survey(scene, sensor, LEAD)
-            signals = received_signals(survey, range(survey.track.pings), kernel="band_limited", return_path="vector",
-                                       seed=seed, progress=progress)
-            return fan.image(signals, survey.pulse, *fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width),
-                             depth_below=survey.depth_below)
+            return self._fan(scene, sensor, seed, progress)
         survey = self.survey(scene, sensor)
         echoes = survey.echoes(seed, progress)
         sonar, track = survey.sonar, survey.track
@@ -146,9 +142,21 @@ class SonarPath(mi.SamplingIntegrator):
         image = sidescan.image(echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window,
                                labels=survey.labels, class_of=class_of, paths=survey.paths.names, noise_db=noise_db,
                                speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
-        return image.assign_attrs(classes={str(number): name for number, name in classes.items()},
-                                  label_class={str(label): number for label, number in class_of.items()},
-                                  **scene_objects.described(survey.geometry))
+        return image.assign_attrs(**_described(classes, class_of, survey.geometry))
+
+    def _fan(self, scene, sensor, seed, progress):
+        """The picture that an array's beams make, with the truth of its bins."""
+        survey = self.array_survey(scene, sensor, LEAD)
+        pings = range(survey.track.pings)
+        signals = received_signals(survey, pings, kernel="band_limited", return_path="vector", seed=seed,
+                                   progress=progress)
+        beams = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
+        truth = survey.fan_truth(*beams, seed)
+        known = [truth(ping) for ping in pings]
+        classes, class_of = classes_of(survey.labels)
+        image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
+                          class_of=class_of, known={name: np.stack([one[name] for one in known]) for name in known[0]})
+        return image.assign_attrs(**_described(classes, class_of, survey.geometry))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
@@ -167,6 +175,13 @@ class SonarPath(mi.SamplingIntegrator):
 
     def to_string(self):
         return f"SonarPath[{self.rays} rays]"
+
+
+def _described(classes, class_of, geometry):
+    """What an image says of its scene."""
+    return {"classes": {str(number): name for number, name in classes.items()},
+            "label_class": {str(label): number for label, number in class_of.items()},
+            **scene_objects.described(geometry)}
 
 
 def _cell_size(plan):

@@ -25,7 +25,7 @@ FLOORS = """
     smooth_parts
     smooth_targets
     coherent_echoes bin_truth
-    ensonification array_station array_survey array_signals
+    ensonification fan_truth array_station array_survey array_signals
     survey
     plugins
     scene rendering elements

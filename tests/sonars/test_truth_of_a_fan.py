@@ -1,0 +1,105 @@
+"""Truth of a fan of beams against geometry: a box ahead on a level bed, uniform water, a line of elements across the bow.
+
+The sonar is H above the bed; the box is h high, its face at y0 ahead, its back at y1, from -w to w athwart. In the beam
+straight ahead, at slant range R
+
+    highlight    hypot(y0, H - h) .. hypot(y1, H - h)
+    shadow       hypot(y1, H - h) .. hypot(y1 H / (H - h), H)
+
+Across, the face reaches to arcsin(w / R) on either side. Edges are those of the picture: off by two samples for the pulse,
+which is 1.3 samples wide; a shadow begins a sample later still, when the top, 12 dB brighter than the bed, has died away,
+and across the box names bins as far as its beams are not 12 dB down: about a width of the unshaded beam.
+"""
+import numpy as np
+import pytest
+from array_scene import array_scene, bed, target
+
+import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
+import mitsuba as mi
+
+H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
+BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
+SONAR = {"receive": "line", "receive_elements": 48, "receive_normal": "forward", "frequency_khz": 200.0, "beams": 91, "receive_baffle": "hard",
+         "receive_shading": "chebwin 50",
+         "fan_deg": 90.0, "pulse_ms": 1.0, "bandwidth_khz": 20.0, "start": [0.0, 0.0, -20.0 + H]}
+
+
+@pytest.fixture(scope="module")
+def image():
+    mitsonar.scene.prepare()
+    to_world = mi.ScalarTransform4f().translate([0, 0.5 * (NEAR + FAR), -20 + HEIGHT / 2])
+    box = {"type": "cube", "id": "box.1", "bsdf": {"type": "lambert", "mu_db": -15.0},
+           "to_world": to_world.scale([HALF, 0.5 * (FAR - NEAR), HEIGHT / 2])}
+    made = array_scene({"seabed": bed(20, size=120), "box": box}, sensor=SONAR, film={"range": 28.0},
+                       integrator={"cell": 0.15})
+    return mitsonar.render(made)
+
+
+def _span(image, flags):
+    """Slant ranges from where to where `flags` (bins,) hold, without gaps."""
+    found = np.flatnonzero(flags)
+    assert len(found) == found[-1] - found[0] + 1, "there are gaps"
+    return image["range"].values[[found[0], found[-1]]]
+
+
+def test_highlight_and_shadow_lie_where_geometry_puts_them(image):
+    ahead = image.isel(ping=0, beam=45)
+    edges = 2 * image.attrs["bin_width"]
+    box, top = 1, (np.hypot(NEAR, H - HEIGHT), np.hypot(FAR, H - HEIGHT))
+    end = np.hypot(FAR * H / (H - HEIGHT), H)
+    assert image.attrs["labels"][str(box)] == "box.1"
+    np.testing.assert_allclose(_span(image, ahead["label"] == box), top, atol=edges)
+    np.testing.assert_allclose(_span(image, ahead["object_shadow"] == box), (top[1], end), atol=1.5 * edges)
+    assert not ahead["shadow"].values[ahead["range"].values < top[0]].any()
+    bins = np.flatnonzero((ahead["range"] > np.hypot(NEAR, H - HEIGHT) + edges) & (ahead["range"] < np.hypot(NEAR, H)
+                                                                                   - 2 * edges))
+    assert (ahead["layover"].values[bins] >= 2).all()
+    assert (image["layover"].values[0, :, ahead["range"].values < top[0] - edges] <= 1).mean() > 0.999
+
+
+def test_the_box_is_as_wide_as_it_is(image):
+    """The beams that its face fills, about straight ahead: to arcsin(w / R), give or take a beam."""
+    bin = int(np.argmin(np.abs(image["range"].values - 0.5 * (np.hypot(NEAR, H) + np.hypot(FAR, H - HEIGHT)))))
+    seen = np.flatnonzero(image["label"].values[0, :, bin] == 1)
+    reach = np.arcsin(HALF / image["range"].values[bin])
+    angle = image["beam"].values[[seen[0], seen[-1]]]
+    np.testing.assert_allclose(angle, [-reach, reach], atol=BEAM)
+
+
+def test_bright_in_the_picture_is_labelled_and_dark_is_shadow(image):
+    """The picture itself: the box's bins are brighter than the bed around, its shadow's at least 10 dB darker."""
+    level = image["level"].values
+    median = {name: np.median(level[flags]) for name, flags in
+              (("box", image["share"].sel(shape="box.1").values > 0.9), ("shadow", image["object_shadow"].values == 1),
+               ("bed", (image["share"].sel(shape="seabed").values > 0.99) & (image["range"].values > NEAR)))}
+    assert median["box"] > median["bed"] + 6
+    assert median["shadow"] < median["bed"] - 10
+
+
+def test_the_seabed_of_a_bin_is_where_beam_and_range_meet_it(image):
+    """x = R sin ψ, y = √(R² - H² - x²), within the beam's spacing and the sample."""
+    angle, slant = np.meshgrid(image["beam"].values, image["range"].values, indexing="ij")
+    x = slant * np.sin(angle)
+    y = np.sqrt(np.maximum(slant**2 - H**2 - x**2, 0))
+    seen = np.isfinite(image["seabed_x"].values[0]) & (y > 2)
+    assert seen.mean() > 0.6
+    step = np.deg2rad(1.0)
+    assert np.abs(image["seabed_x"].values[0] - x)[seen].max() < 0.5 * step * slant.max() + 0.05
+    assert np.median(np.abs(image["seabed_y"].values[0] - y)[seen]) < 0.05
+    np.testing.assert_allclose(image["seabed_depth"].values[0][seen], 20, atol=1e-3)
+
+
+def test_shares_add_to_one(image):
+    total = image["share"].sum("shape").values
+    assert np.abs(total[total > 0] - 1).max() < 1e-5
+
+
+def test_a_point_target_has_the_share_of_its_bin():
+    """-5 dB re 1 m² over a bed of a few hundredths of a square metre a bin at -27 dB and less."""
+    made = array_scene({"seabed": bed(20), "point": target([0.0, 12.0, -17.0], -5.0)}, sensor=SONAR,
+                       film={"range": 20.0}, integrator={"cell": 0.3})
+    image = mitsonar.render(made)
+    bin = int(np.argmin(np.abs(image["range"].values - np.hypot(12.0, 3.0))))
+    share = image["share"].sel(shape="point").values[0]
+    assert share[45, bin] > 0.9
+    assert share[10].max() < 0.1
