@@ -7,12 +7,14 @@ import logging
 import os
 import queue
 import secrets
+import time
 
 from .local import THREADS, shares
 
 __all__ = ["Cluster"]
 
 PATIENCE = 60                      # seconds to wait for a scheduler, and for its first worker
+COUNT_SECONDS = 5.0                # how often to ask how many workers there are
 AHEAD = 2                          # jobs on their way for every one that runs
 _FREE = queue.SimpleQueue()        # of a Dask worker: renderers that wait for a job
 
@@ -43,6 +45,7 @@ class Cluster:
         import distributed
 
         self.place, self.folder, self._own, self._client, self._loud = place, folder, None, None, _hushed()
+        self._threads, self._counted = 0, -COUNT_SECONDS
         try:
             if scheduler is None:
                 workers, self.threads = shares(workers, threads)
@@ -74,8 +77,10 @@ class Cluster:
 
     @property
     def capacity(self):
-        """Jobs to have on their way."""
-        return AHEAD * max(1, sum(self._client.nthreads().values()))
+        """Jobs to have on their way; workers may come and go."""
+        if time.monotonic() - self._counted > COUNT_SECONDS:
+            self._threads, self._counted = sum(self._client.nthreads().values()), time.monotonic()
+        return AHEAD * max(1, self._threads)
 
     def submit(self, job):
         """Send a job, and give the future of its answer."""

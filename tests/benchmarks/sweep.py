@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -92,20 +93,24 @@ def compare_ways(folder, renders):
     """Time every way, and compare what it wrote."""
     rows, first, base = [], None, None
     for way, options in WAYS.items():
-        seconds, took = [], []
+        seconds, took, cpu = [], [], []
         for samples in (renders // 8, renders // 8, renders // 2):         # the first compiles kernels and reads files
             (folder / "plan.toml").write_text(PLAN.format(samples=samples), encoding="utf-8")
             shutil.rmtree(folder / "out", ignore_errors=True)
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
             seconds.append(finish(folder, "-o", "out", *options))
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            cpu.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
             records = lines(folder / "out")
             took.append(sum(record["seconds"] for record in records))
         found, processes, more = outputs(folder / "out"), int(options[1]), len(records) - 2 * (renders // 8)
         added, own = (seconds[2] - seconds[1]) / more, (took[2] - took[1]) / more
         first, base = first or found, base or seconds[2]
         rows.append([way, f"{seconds[2]:.1f}", f"{base / seconds[2]:.2f}", f"{seconds[2] - added * len(records):.1f}",
-                     f"{1e3 * own:.0f}", f"{1e3 * (added * processes - own):.0f}",
+                     f"{1e3 * (cpu[2] - cpu[1]) / more:.0f}", f"{1e3 * own:.0f}",
+                     f"{1e3 * (added * processes - own):.0f}",
                      "yes" if found == first and len(records) == len(found) else "NO"])
-    table([f"{len(records)} renders by", "s", "speed-up", "start [s]", "a render [ms]", "overhead [ms]",
+    table([f"{len(records)} renders by", "s", "speed-up", "start [s]", "CPU [ms]", "a render [ms]", "overhead [ms]",
            "same bytes"], rows)
 
 

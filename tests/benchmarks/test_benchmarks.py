@@ -20,6 +20,7 @@ RUNS = {
     "lighting": (["elements.py", "--lighting", "--cell", "2", "--rays", "2000", "--rounds", "1"], "2,000 rays"),
     "scattering": (["scattering.py", *SMALL, "--rays", "4000", "--hits", "4096", "--pings", "1", "--rounds", "1"],
                    "law alone, two directions"),
+    "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
 
