@@ -7,6 +7,7 @@ import logging
 import os
 import queue
 import secrets
+import signal
 import time
 
 from .local import THREADS, shares
@@ -45,12 +46,13 @@ class Cluster:
         import distributed
 
         self.place, self.folder, self._own, self._client, self._loud = place, folder, None, None, _hushed()
-        self._threads, self._counted = 0, -COUNT_SECONDS
+        self._threads, self._counted, self._seen = 0, -COUNT_SECONDS, time.monotonic()
         try:
             if scheduler is None:
                 workers, self.threads = shares(workers, threads)
                 self._own = distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
-                                                     dashboard_address=None, silence_logs=logging.CRITICAL)
+                                                     dashboard_address=None, silence_logs=logging.CRITICAL,
+                                                     preload=[__name__])
                 self._client = distributed.Client(self._own)
             else:
                 self.threads = shares(1, threads or THREADS)[1]
@@ -80,6 +82,7 @@ class Cluster:
         """Jobs to have on their way; workers may come and go."""
         if time.monotonic() - self._counted > COUNT_SECONDS:
             self._threads, self._counted = sum(self._client.nthreads().values()), time.monotonic()
+            self._seen = self._counted if self._threads else self._seen
         return AHEAD * max(1, self._threads)
 
     def submit(self, job):
@@ -92,10 +95,13 @@ class Cluster:
         Raises
         ------
         ValueError
-            If the scheduler does not answer.
+            If the scheduler does not answer, or has had no workers for long.
         """
         if self._client.status != "running":
             raise ValueError("the Dask scheduler went away; what is done is kept: run the sweep again when it is back")
+        if time.monotonic() - self._seen > PATIENCE and not self._threads:
+            raise ValueError(f"the Dask cluster has had no workers for {PATIENCE} seconds; what is done is kept: run the "
+                             "sweep again when it has")
 
     def _connect(self, distributed, scheduler):
         try:
@@ -124,6 +130,11 @@ class Cluster:
         if blind:
             raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see "
                              "what is written there); give one by -o that all workers share")
+
+
+def dask_setup(worker):
+    """Called by Dask in every worker that was started here: Ctrl-C is the runner's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _hushed():
