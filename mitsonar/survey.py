@@ -95,7 +95,8 @@ class Survey:
 
     def pings_per_block(self):
         """How many pings a block holds: bounded by rays and by the memory of sums and fans."""
-        sums = 2 * self.bins * (len(self.labels) * (2 if self.geometry.named.hides else 1) + len(self.paths) - 1 + WORDS)
+        by_label = len(self.labels) * (2 if self.geometry.named.hides else 1)
+        sums = 2 * self.bins * (by_label + len(self.paths) - 1 + WORDS)
         if sums >= MOST_SUMS:
             raise ValueError(f"{self.bins} bins and {len(self.geometry.labels)} shapes make {sums} sums a ping, over "
                              f"{MOST_SUMS}; take fewer bins or let shapes share an id")

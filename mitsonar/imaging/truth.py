@@ -3,9 +3,9 @@
     share_l = k_j E_jl + C_j P_jl / Σ_l P_jl,   over their sum                           of each instance l
     hidden = Σ_l k_j H_jl / (Σ_l k_j H_jl + k_j B_j)                                     of the seabed's echo
 
-E_jl echo intensity of instance l in bin j and k_j what the picture makes of it: the pulse's gate of a sidescan, the beams
-and the resolution of an array (``shown``); C coherent intensity, which
-is shared out as the powers P of the instances' own sums, for what they interfere belongs to none; B what the seabed
+E_jl echo intensity of instance l in bin j and k_j what the picture makes of it: the pulse's gate of a sidescan, the
+beams and the resolution of an array (``shown``); C coherent intensity, which is shared out as the powers P of the
+instances' own sums, for what they interfere belongs to none; B what the seabed
 sends directly, H what it would send from where instance l stands in front of it.
 """
 import numpy as np

@@ -110,9 +110,9 @@ class OriginSums:
         Returns
         -------
         dict of (rows, bins) arrays
-            ``seabed_place`` (rows, bins, 3) [m], NaN where hardly any seabed is seen; ``seabed_intensity`` [µPa²]; ``layover``
-            uint8, the number of separate runs of sectors; ``hidden_intensity`` (rows, labels, bins) [µPa²] where
-            anything can hide the seabed.
+            ``seabed_place`` (rows, bins, 3) [m], NaN where hardly any seabed is seen;
+            ``seabed_intensity`` [µPa²]; ``layover`` uint8, the number of separate runs of sectors;
+            ``hidden_intensity`` (rows, labels, bins) [µPa²] where anything can hide the seabed.
         """
         def values(sums, *shape):
             return sums.numpy()[:int(np.prod(shape))].reshape(shape)

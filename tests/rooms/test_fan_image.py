@@ -46,7 +46,8 @@ def test_an_echo_lands_in_its_beam_at_its_range(steered):
         "ping": [0], "time": ("sample", time), "rx_delay": ("rx", delay),
         **{f"rx_{axis}": ("rx", column) for axis, column in zip("xyz", array.position.T)}},
         attrs={"frequency": 75e3, "sampling_rate": rate, "sound_speed": speed, "seed": 0, "source_level_db": 0.0})
-    bins = {name: np.zeros((1, 121, 2000), np.uint32) for name in ("label", "object_shadow", "layover", "rays", "shadow")}
+    names = "label", "object_shadow", "layover", "rays", "shadow"
+    bins = {name: np.zeros((1, 121, 2000), np.uint32) for name in names}
     known = {**bins, "share": np.zeros((1, 121, 1, 2000)), "hidden": np.zeros((1, 121, 2000)),
              "seabed_place": np.zeros((1, 121, 2000, 3))}
     image = fan.image(signals, pulse, *fan.fan_directions(array, 121, np.pi), depth_below=np.array([10.0]), known=known,

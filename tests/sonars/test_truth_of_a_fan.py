@@ -1,4 +1,4 @@
-"""Truth of a fan of beams against geometry: a box ahead on a level bed, uniform water, a line of elements across the bow.
+"""Truth of a fan of beams against geometry: a box ahead on a level bed, uniform water, a line of elements at the bow.
 
 The sonar is H above the bed; the box is h high, its face at y0 ahead, its back at y1, from -w to w athwart. In the beam
 straight ahead, at slant range R
@@ -6,9 +6,9 @@ straight ahead, at slant range R
     highlight    hypot(y0, H - h) .. hypot(y1, H - h)
     shadow       hypot(y1, H - h) .. hypot(y1 H / (H - h), H)
 
-Across, the face reaches to arcsin(w / R) on either side. Edges are those of the picture: off by two samples for the pulse,
-which is 1.3 samples wide; a shadow begins a sample later still, when the top, 12 dB brighter than the bed, has died away,
-and across the box names bins as far as its beams are not 12 dB down: about a width of the unshaded beam.
+Across, the face reaches to arcsin(w / R) on either side. Edges are those of the picture: off by two samples for the
+pulse, which is 1.3 samples wide; a shadow begins a sample later still, when the top, 12 dB brighter than the bed, has
+died away, and across the box names bins as far as its beams are not 12 dB down: about a width of the unshaded beam.
 """
 import numpy as np
 import pytest
@@ -19,9 +19,8 @@ import mitsuba as mi
 
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
 BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
-SONAR = {"receive": "line", "receive_elements": 48, "receive_normal": "forward", "frequency_khz": 200.0, "beams": 91, "receive_baffle": "hard",
-         "receive_shading": "chebwin 50",
-         "fan_deg": 90.0, "pulse_ms": 1.0, "bandwidth_khz": 20.0, "start": [0.0, 0.0, -20.0 + H]}
+SONAR = {"receive": "line", "receive_elements": 48, "receive_normal": "forward", "receive_baffle": "hard",
+         "receive_shading": "chebwin 50", "frequency_khz": 200.0, "beams": 91, "fan_deg": 90.0, "pulse_ms": 1.0, "bandwidth_khz": 20.0, "start": [0.0, 0.0, -20.0 + H]}
 
 
 @pytest.fixture(scope="module")
