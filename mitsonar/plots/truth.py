@@ -12,7 +12,7 @@ from . import canvas
 from .levels import shown_levels
 from .titles import subtitle, title
 
-__all__ = ["SHADOW_COLOUR", "TRUTH", "class_colours"]
+__all__ = ["BRIGHT", "SHADOW_COLOUR", "TRUTH", "class_colours"]
 
 SHADOW_COLOUR = "#5aa9e6"
 SPECK = 8  # bins: smaller pieces are not outlined
