@@ -20,7 +20,8 @@ import mitsuba as mi
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
 BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
 SONAR = {"receive": "line", "receive_elements": 48, "receive_normal": "forward", "receive_baffle": "hard",
-         "receive_shading": "chebwin 50", "frequency_khz": 200.0, "beams": 91, "fan_deg": 90.0, "pulse_ms": 1.0, "bandwidth_khz": 20.0, "start": [0.0, 0.0, -20.0 + H]}
+         "receive_shading": "chebwin 50", "frequency_khz": 200.0, "beams": 91, "fan_deg": 90.0,
+         "pulse_ms": 1.0, "bandwidth_khz": 20.0, "start": [0.0, 0.0, -20.0 + H]}
 
 
 @pytest.fixture(scope="module")
