@@ -5,9 +5,9 @@
     shadow      the object hides most of the seabed's echo (``object_shadow``), or no ray arrives (``shadow``) between
                 such bins of a ping; and the bin is no object's highlight
 
-``share``, ``object_shadow``, ``shadow``, ``hidden`` and ``mean_level`` are variables of the record, made by the same rays
-as its levels. Within a shadow an object's dark side is often all that is heard; and what lies in the lee of a ripple has
-no echo that an object could hide. Neither is what a picture shows.
+``share``, ``object_shadow``, ``shadow``, ``hidden`` and ``mean_level`` are variables of the record, made by the same
+rays as its levels. Within a shadow an object's dark side is often all that is heard; and what lies in the lee of a
+ripple has no echo that an object could hide. Neither is what a picture shows.
 """
 from dataclasses import dataclass
 

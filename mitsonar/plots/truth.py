@@ -53,7 +53,8 @@ def _objects(dataset, grid, *, tvg):
                 # around it, so that the object itself stays to be seen
                 picture[ndimage.binary_dilation(mask, iterations=2) & ~mask] = colour
     figure, axes = canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid))
-    keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})") for name, count in sorted(counts.items()) if count]
+    keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})")
+            for name, count in sorted(counts.items()) if count]
     _legend(axes, [*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])
     return figure
 
