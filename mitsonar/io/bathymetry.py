@@ -164,6 +164,8 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
         raise ValueError(f'{path}: vertical is "{vertical}"; it must be "auto", "elevation" or "depth".')
     if holes not in ("cut", "filled"):
         raise ValueError(f'{path}: holes is "{holes}"; it must be "cut" or "filled".')
+    if holes_max is not None and holes == "cut":
+        raise ValueError(f'{path}: holes_max is {holes_max:g} m, but holes are cut; write holes "filled" too.')
     if resolution is not None and not resolution > 0:
         raise ValueError(f"{path}: resolution is {resolution} m; it must be above 0.")
     try:
@@ -172,7 +174,8 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
                                  resolution=None if relief else resolution) as (raster, source):
             rasters.check(raster, band)
             native = raster.crs or source
-            with rasters.in_metres(raster, native, None if relief else resolution, nodata) as grid:
+            with rasters.in_metres(raster, native, None if relief else resolution, nodata,
+                                   smooth=relief is not None) as grid:
                 def depths(window):
                     return _values(grid, raster, band, window, nodata)
                 if relief:

@@ -81,6 +81,8 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
         except rasterio.errors.RasterioError as error:
             reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
             raise ValueError(f"this is not a {what} that GDAL can read ({reason}).") from None
+        except OSError as error:
+            raise ValueError(f"the file cannot be read ({error.strerror or error}).") from None
 
 
 @contextlib.contextmanager
@@ -115,19 +117,18 @@ def _by_gdal(path, variable):
         return rasterio.open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
     if raster.driver != "netCDF":
         return raster
-    parts = {name.rpartition(":")[2]: name for name in raster.subdatasets}
+    # Of one grid alone the driver makes no parts.
+    parts = [name.rpartition(":")[2] for name in raster.subdatasets] or \
+        [raster.tags(band).get("NETCDF_VARNAME") for band in raster.indexes[:1]]
+    raster.close()
     if variable is None and len(parts) > 1:
         likely = [part for part in parts if part.lower() in _HEIGHTS]
         if len(likely) != 1:
             raise ValueError(f"the file holds the grids {', '.join(parts)}; name the one of heights by variable.")
         variable = likely[0]
-    if variable is not None and parts and variable not in parts:
-        raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(parts)}.')
-    raster.close()
-    if not parts:                                       # of one grid alone the driver gives no name
-        name = f'netcdf:"{path}":{variable}' if variable else path
-    else:
-        name = parts[variable]
+    if variable is not None and variable not in parts:
+        raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(map(str, parts)) or "none"}.')
+    name = f'netcdf:"{path}":{variable}' if variable else path
     # Axes called other than the conventions have it, or without their attributes, are axes all the same.
     return rasterio.open(name, IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
 

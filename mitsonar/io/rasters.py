@@ -23,8 +23,11 @@ def check(raster, band):
 
 
 @contextlib.contextmanager
-def in_metres(raster, source, resolution, nodata):
-    """Give the raster itself, or a view of it in metres, upright and at the resolution asked for."""
+def in_metres(raster, source, resolution, nodata, smooth=False):
+    """Give the raster itself, or a view of it in metres, upright and at the resolution asked for.
+
+    Views interpolate linearly, or if ``smooth`` by cubics, which keep more of the short waves.
+    """
     from rasterio.crs import CRS
     from rasterio.enums import Resampling
     from rasterio.transform import from_origin
@@ -38,7 +41,7 @@ def in_metres(raster, source, resolution, nodata):
     target = source if metric else utm(*raster.xy(raster.height / 2, raster.width / 2, offset="ul"), source)
     view = {"crs": target or CRS(), "src_crs": source or CRS(), "dtype": "float32", "nodata": np.nan,
             "src_nodata": nodata if nodata is not None else np.nan if raster.nodata is None else raster.nodata,
-            "resampling": Resampling.bilinear}
+            "resampling": Resampling.cubic if smooth else Resampling.bilinear}
     bounds, native = raster.bounds, max(raster.res)
     if not (metric and is_upright):
         with WarpedVRT(raster, **view) as natural:

@@ -89,8 +89,6 @@ class Bathymetry(mi.Mesh):
                    "holes": attributes.text("holes", "cut", choices=("cut", "filled")),
                    "holes_max": attributes.number("holes_max", None, unit="m", above=0),
                    "relief": _relief(attributes)}
-        if options["holes_max"] and options["holes"] == "cut":
-            raise attributes.error('holes_max is written, but holes are cut; write holes "filled" too.')
         table, map_path, map_crs = _sediment_map(attributes)
         to_world = attributes.matrix()
         attributes.finish()

@@ -118,7 +118,7 @@ def test_holes_and_relief_through_xml(survey):
     ('<boolean name="relief" value="true"/>', "relief needs a resolution finer than the survey's 2 m"),
     ('<float name="relief_gamma" value="3"/>', "relief_gamma is written without relief; write relief true"),
     ('<boolean name="relief" value="true"/><float name="relief_w2" value="1"/>', "relief_w2 is given without"),
-    ('<float name="holes_max" value="3"/>', 'holes_max is written, but holes are cut; write holes "filled" too'),
+    ('<float name="holes_max" value="3"/>', 'holes_max is 3 m, but holes are cut; write holes "filled" too'),
     ('<string name="holes" value="bridged"/>', 'expected one of "cut", "filled"'),
     ('<string name="variable" value="z"/>', "only netCDF files hold variables"),
 ])

@@ -154,6 +154,9 @@ def test_netcdf_with_several_grids(tmp_path):
     assert error(bathymetry.read(path)) < 1e-5
     assert error(bathymetry.read(path, variable="z")) < 1e-5
     assert bathymetry.read(path, variable="mask").heights[0, 0] == -1          # positive numbers are depths
+    (tmp_path / "a folder: this").mkdir()
+    assert error(bathymetry.read(netcdf(tmp_path / "a folder: this" / "b.nc", extra=["mask"]))) < 1e-5
+    assert error(bathymetry.read(netcdf(tmp_path / "c.nc"), variable="z")) < 1e-5
     netcdf(path, name="mean", extra=["least"])
     with pytest.raises(ValueError, match="holds the grids mean, least; name the one of heights by variable"):
         bathymetry.read(path)
@@ -238,6 +241,19 @@ def test_scattered_soundings_are_laid_on_a_grid(tmp_path, resolution):
     # Linear interpolation keeps a plane, and so do means over a cell about the mean of its places.
     assert error(grid) < 1e-3
     assert np.allclose((grid.x + grid.local_origin[0]) / resolution % 1, 0)     # the same nodes for every survey
+
+
+def test_soundings_are_interpolated_as_scipy_does(tmp_path):
+    from scipy.interpolate import LinearNDInterpolator
+    rng = np.random.default_rng(5)
+    east, north = (v.ravel() for v in np.meshgrid(WEST + 3.0 * np.arange(30), SOUTH + 3.0 * np.arange(20)))
+    east, north = (v + rng.uniform(-1.2, 1.2, v.size) for v in (east, north))
+    z = rng.normal(-30, 1, east.size)
+    path = write(tmp_path / "a.xyz", east, north, z, form="{:.6f}")
+    grid = bathymetry.read(path, resolution=0.5)                     # no two in one cell: nothing is averaged
+    x, y = np.meshgrid(grid.x + grid.local_origin[0] - WEST, grid.y + grid.local_origin[1] - SOUTH)
+    wanted = LinearNDInterpolator(np.column_stack((east - WEST, north - SOUTH)), z)(x, y)
+    assert np.array_equal(grid.valid, np.isfinite(wanted)) and np.nanmax(np.abs(grid.heights - wanted)) < 1e-4
 
 
 def test_resolution_of_soundings_follows_from_their_density_and_is_said(tmp_path, caplog):
@@ -361,6 +377,7 @@ HEADER = "ncols {}\nnrows {}\nxllcorner 0\nyllcorner 0\ncellsize 100\n"
     (text(".asc", HEADER.format(3, 2) + "1 2 3\n4 5 6 7\n"), {}, "more numbers than the 2 x 3"),
     (text(".asc", HEADER.format(3, -2) + "1 2 3\n"), {}, "GDAL can read"),
     (text(".asc", HEADER.format(3, "two") + "1 2 3\n"), {}, "GDAL can read"),
+    (lambda folder: (folder / "bed.xyz").mkdir() or folder / "bed.xyz", {}, "GDAL can read"),
     (text(".xyz", ""), {}, "holds no soundings"),
     (text(".xyz", "# only\n# comments\n"), {}, "holds no soundings"),
     (text(".xyz", "500000 5000000\n500002 5000000\n"), {}, 'line 1, "500000 5000000", does not hold x, y and z'),
@@ -379,7 +396,7 @@ HEADER = "ncols {}\nnrows {}\nxllcorner 0\nyllcorner 0\ncellsize 100\n"
     (binary(".xyz", b"1 2 3\n\0\1\2" * 50), {}, "this is no text"),
     (binary(".txt", np.random.default_rng(0).bytes(5000).replace(b"\0", b"a")), {}, "does not hold|no soundings"),
     (text(".xyz", "1000 2000 -3\n" + "garbage " * 9 + "\n" * 10**6), {}, 'line 2, "garbage'),
-    (lambda folder: netcdf(folder / "bed.tif"), {"variable": "depth"}, 'no grid "depth"|variable is'),
+    (lambda folder: netcdf(folder / "bed.nc"), {"variable": "depth"}, 'holds no grid "depth"; it has z'),
     (lambda folder: ascii_grid(folder / "bed.asc"), {"variable": "z"}, 'variable is "z", but only netCDF'),
     (lambda folder: write(folder / "bed.xyz", *scattered(50)), {"spacing": 2.0}, "the file has its own spacing"),
     (lambda folder: write(folder / "bed.xyz", *scattered(50)), {"crs": "somewhere"}, "is no coordinate system"),

@@ -107,6 +107,17 @@ def test_relief_continues_the_file_s_spectrum(path):
     assert np.std(other.heights - grid.heights) > 0.5 * added.std()
 
 
+def test_relief_of_a_survey_in_degrees(tmp_path):
+    # Warped to metres by cubics; linear interpolation would take 2 dB of its shortest waves, and give 3.8.
+    metres = 111200.0
+    bed = Fractal(spectrum=LAW, seed=4).on_grid(np.arange(400) * 2.0, np.arange(400) * 2.0) - 40
+    with rasterio.open(tmp_path / "bed.tif", "w", driver="GTiff", height=400, width=400, count=1, dtype="float32",
+                       crs="EPSG:4326", transform=from_origin(3, 0.5, 2 / metres, 2 / metres)) as raster:
+        raster.write(bed.astype(np.float32), 1)
+    grid = bathymetry.read(tmp_path / "bed.tif", relief=Relief(), resolution=0.5, size=(50, 50))
+    assert grid.crs == "EPSG:32631" and grid.roughness.gamma == pytest.approx(3.25, abs=0.3)
+
+
 def test_relief_of_a_spectrum_that_is_given(path):
     part = {"size": (60, 60), "centre": (500100, 5000100), "resolution": 0.5}
     smooth = bathymetry.read(path, relief=Relief(w2=0.0, gamma=3.0), **part)
@@ -128,6 +139,7 @@ def test_holes_stay_holes_under_relief(path):
     ({"relief": Relief()}, "relief needs a resolution finer than the survey's 2 m; none is given"),
     ({"relief": Relief(), "resolution": 2.0}, "finer than the survey's 2 m; it is 2 m"),
     ({"relief": Relief(), "resolution": 0.001}, "nodes are more than 2e"),
+    ({"holes_max": 9.0}, 'holes_max is 9 m, but holes are cut; write holes "filled" too'),
     ({"holes": "bridged"}, 'holes is "bridged"; it must be "cut" or "filled"'),
     ({"relief": Relief(), "resolution": 0.5, "crop": (500245, 5000265, 500250, 5000270)}, "only holes|no depth"),
 ])
