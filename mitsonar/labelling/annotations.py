@@ -93,13 +93,14 @@ def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=
         As `object_bins`.
     """
     found = [[] for _ in frames]
-    near_is_cut = float(dataset["range"].values[0]) > float(dataset.attrs.get("bin_width", np.inf))
+    bins = dataset["range"].values
+    near_is_cut = bins.size > 1 and bins[0] > bins[1] - bins[0]
     for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db, smallest=smallest):
-        for kind, bins in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
-            if not bins.any():
+        for kind, shown in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
+            if not shown.any():
                 continue
             for frame, own in zip(frames, found, strict=True):
-                laid = frame.lay(bins)
+                laid = frame.lay(shown)
                 for part in frame.parts:
                     piece = _cut_out(laid[:, part.start:part.stop], smallest)
                     if piece is None:
