@@ -1,4 +1,5 @@
 """Plans of sweeps: which renders they make, in which order, what is drawn; whatever is wrong is one sentence."""
+import copy
 import itertools
 import re
 import string
@@ -147,11 +148,28 @@ LEAVES = strategies.one_of(strategies.booleans(), strategies.integers(), strateg
                            strategies.sampled_from(WORDS), strategies.integers(0, 20), strategies.dates())
 VALUES = strategies.recursive(LEAVES, lambda inner: strategies.one_of(
     strategies.lists(inner, max_size=4), strategies.dictionaries(strategies.sampled_from(WORDS), inner, max_size=3)))
-PARAMETERS = strategies.dictionaries(strategies.sampled_from(["range", "pings", "rays", "no"]), VALUES, max_size=3)
-PLANS = strategies.fixed_dictionaries({"scene": strategies.just("scene.xml")}, optional={
-    **{key: PARAMETERS for key in ("set", "list", "grid", "draw")}, "seeds": VALUES, "samples": VALUES,
-    "output": strategies.one_of(VALUES, strategies.text(alphabet=string.printable + "{}").map("{}.exr".format)),
-    "table": VALUES, "seed": VALUES})
+SOUND = {"scene": "scene.xml", "output": "{index:03}_{range}.exr", "seed": 3, "seeds": 2, "samples": 2,
+         "previews": False, "set": {"pings": 2}, "list": {"speckle": [True, False]},
+         "grid": {"range": {"from": 30, "to": 50, "count": 3}}, "draw": {"rays": {"integer": [1000, 2000]}}}
+
+
+@strategies.composite
+def plans(pick):
+    """A sound plan with one or two things in it replaced, added or left out."""
+    plan = copy.deepcopy(SOUND)
+    for _ in range(pick(strategies.integers(1, 2))):
+        inside = plan
+        while isinstance(inside, dict) and inside:
+            key = pick(strategies.sampled_from(sorted(inside)))
+            if not isinstance(inside[key], dict) or not inside[key] or pick(strategies.booleans()):
+                break
+            inside = inside[key]
+        change = pick(strategies.sampled_from(["replace", "add", "leave out"]))
+        if change == "leave out":
+            inside.pop(key)
+        else:
+            inside[key if change == "replace" else pick(strategies.sampled_from(WORDS))] = pick(VALUES)
+    return plan
 
 
 def as_toml(value):
@@ -182,8 +200,8 @@ def loads_or_says_why(path):
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 
 
-@hypothesis.settings(max_examples=80, **FUZZ)
-@hypothesis.given(given=PLANS)
+@hypothesis.settings(max_examples=150, **FUZZ)
+@hypothesis.given(given=plans())
 def test_any_plan_loads_or_is_refused_in_a_sentence(place, given):
     text = "\n".join(f"{as_toml(key)} = {as_toml(value)}" for key, value in given.items())
     (place / "fuzz.toml").write_text(text, encoding="utf-8")
