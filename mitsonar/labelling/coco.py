@@ -23,7 +23,15 @@ def categories(classes):
     -------
     dict of str, int
         From 1: the classes in order, then their shadows.
+
+    Raises
+    ------
+    ValueError
+        If a class has the name of a shadow.
     """
+    odd = [name for name in classes if name.endswith(f" {SHADOW}")]
+    if odd:
+        raise ValueError(f"the class {odd[0]!r} would be taken for a shadow; give its shapes another id.")
     names = [category(name, kind) for kind in (HIGHLIGHT, SHADOW) for name in sorted(classes)]
     return {name: number for number, name in enumerate(names, 1)}
 

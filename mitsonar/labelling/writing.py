@@ -14,7 +14,7 @@ import numpy as np
 
 from ..imaging.objects import check_labelled
 from ..io import exr
-from ..io.files import full_disk_said, check_writable
+from ..io.files import check_writable, full_disk_said
 from . import coco, yolo
 from .annotations import HIGHLIGHT, SHADOW, annotations, clipped
 from .frames import frames, tiles
@@ -61,12 +61,19 @@ def write(places, folder, labels, progress=None):
     else:
         check_writable(str(folder).rstrip(os.sep))
     sources = find_sources(places)
-    subsets = ["train"] * len(sources)
+    groups = groups_of(sources, labels.split_by) if labels.split else []
+    homes = ["train"] * len(sources)
     if labels.split:
-        subsets = deal(groups_of(sources, labels.split_by), labels.split, labels.split_seed,
-                       labels.split_by or "seabed")
+        homes = deal(groups, labels.split, labels.split_seed, labels.split_by or "seabed")
+    numbers = coco.categories(sorted({name for source in sources for name in source.object_classes}))
     with _whole(Path(os.path.realpath(folder))) as made:
-        _Writer(made, labels, sources, subsets)(progress)
+        writer = _Writer(made, labels, numbers)
+        for done, (source, home) in enumerate(zip(sources, homes, strict=True), 1):
+            writer.image(source, home)
+            if progress is not None:
+                progress(done, len(sources))
+        writer.summary({name: sorted({group for group, home in zip(groups, homes, strict=True) if home == name})
+                        for name in labels.split or ()})
 
 
 def groups_of(sources, by=None):
@@ -98,23 +105,17 @@ def groups_of(sources, by=None):
 
 
 class _Writer:
-    def __init__(self, folder, labels, sources, subsets):
-        self.folder, self.labels, self.sources, self.subset_of = folder, labels, sources, subsets
-        self.numbers = coco.categories(sorted({name for source in sources for name in source.object_classes}))
+    def __init__(self, folder, labels, numbers):
+        self.folder, self.labels, self.numbers = folder, labels, numbers
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
         self.names, self.annotated = {}, 0
-
-    def __call__(self, progress):
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
                      *[f"masks/{kind}" for kind in ("instance", "class", "shadow")] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
-        for done, (source, subset) in enumerate(zip(self.sources, self.subset_of, strict=True), 1):
-            self._image(source, self.subsets[subset])
-            if progress is not None:
-                progress(done, len(self.sources))
-        self._summary()
 
-    def _image(self, source, subset):
+    def image(self, source, home):
+        """Write the pictures of an image for the subset of that name."""
+        subset = self.subsets[home]
         dataset = exr.read(source.path)
         check_labelled(dataset, source.path)
         shown, window, words = grey(dataset, tvg=self.labels.tvg, window=self.labels.window)
@@ -166,7 +167,8 @@ class _Writer:
         for kind, mask in masks.items():
             write_png(mask, self.folder / "masks" / kind / f"{name}.png")
 
-    def _summary(self):
+    def summary(self, groups):
+        """Write what is said of all images; `groups` are those of each subset."""
         split, files = self.labels.split, {}
         for name, subset in self.subsets.items():
             if self.labels.coco:
@@ -178,9 +180,7 @@ class _Writer:
                 "shares": split, "seed": self.labels.split_seed, "by": self.labels.split_by or "seabed",
                 "images": {name: [image["file_name"] for image in subset.images]
                            for name, subset in self.subsets.items()},
-                "groups": {name: sorted(set(group for group, home in zip(groups_of(self.sources, self.labels.split_by),
-                                                                          self.subset_of, strict=True) if home == name))
-                           for name in self.subsets}}
+                "groups": groups}
         if self.labels.masks:
             files["masks/classes.json"] = {str(number): name for name, number in self.numbers.items()
                                            if not name.endswith(f" {SHADOW}")}

@@ -86,6 +86,7 @@ def test_the_same_images_give_the_same_bytes(images):
     (["other.exr", "--coco"], "has no attribute mitsonar:config"),
     (["old.exr", "--coco"], "old.exr has no share, no object_shadow, no attribute objects"),
     (["odd.exr", "--coco"], "has levels over ping, elevation, range"),
+    (["shady.exr", "--coco"], "the class 'box shadow' would be taken for a shadow"),
     (["empty", "--coco"], "holds no manifest.jsonl, so it is no sweep"),
     (["torn", "--coco"], "no finished image yet"),
 ])
@@ -95,6 +96,7 @@ def test_what_is_wrong_is_said_in_one_sentence(images, refusal, arguments, words
     (images / "torn/manifest.jsonl").write_text('{"output": "a.exr", "sta', encoding="utf-8")
     unlabelled(images / "old.exr")
     exr.write(labelled().rename(side="elevation").drop_vars("elevation"), images / "odd.exr")
+    exr.write(labelled(objects={"seabed": "seabed", "box shadow": "box shadow"}, rectangles=[]), images / "shady.exr")
     header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
     OpenEXR.File(header, {"Y": np.zeros((4, 4), np.float32)}).write(str(images / "other.exr"))
     assert words in refusal("labels", *arguments)
