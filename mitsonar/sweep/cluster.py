@@ -100,8 +100,8 @@ class Cluster:
         if self._client.status != "running":
             raise ValueError("the Dask scheduler went away; what is done is kept: run the sweep again when it is back")
         if time.monotonic() - self._seen > PATIENCE and not self._threads:
-            raise ValueError(f"the Dask cluster has had no workers for {PATIENCE} seconds; what is done is kept: run the "
-                             "sweep again when it has")
+            raise ValueError(f"the Dask cluster has had no workers for {PATIENCE} seconds; what is done is kept: run "
+                             "the sweep again when it has")
 
     def _connect(self, distributed, scheduler):
         try:

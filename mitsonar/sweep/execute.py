@@ -258,19 +258,22 @@ def _folders(plan, folder):
 
 @contextlib.contextmanager
 def _made(folder):
-    """A folder to write into; one made for this goes again if nothing came into it."""
-    there = os.path.exists(folder)
+    """A folder to write into; what was made for it goes again if nothing came into it."""
+    new, above = [], folder
+    while not os.path.exists(above):
+        new.append(above)
+        above = os.path.dirname(above)
     try:
         os.makedirs(folder, exist_ok=True)
-    except FileExistsError:
-        raise ValueError(f"cannot write into {folder}: it is a file; give a folder by -o") from None
+    except (FileExistsError, NotADirectoryError):
+        raise ValueError(f"cannot write into {folder}: it is a file, or in one; give a folder by -o") from None
     try:
         files.check_writable(os.path.join(folder, MANIFEST))
         yield
     finally:
-        if not there:
-            with contextlib.suppress(OSError):
-                os.rmdir(folder)
+        with contextlib.suppress(OSError):             # something is in it
+            for made in new:
+                os.rmdir(made)
 
 
 def _check_foreign(plan, folder):

@@ -103,7 +103,9 @@ def test_a_huge_plan_is_not_read(folder, refusal):
     (["--processes", "0"], "0 processes were asked for; give 1 to 1024"),
     (["--workers", "2", "--processes", "2"], "were asked for together; give one of them"),
     (["--scheduler", "nonsense://x"], "no Dask workers to be had at nonsense://x"),
-    (["-o", "scene.xml"], "scene.xml: it is a file; give a folder by -o"),
+    (["-o", "new/newer", "--scheduler", "nonsense://x"], "no Dask workers to be had at"),
+    (["-o", "scene.xml/in"], "scene.xml/in: it is a file, or in one; give a folder by -o"),
+    (["-o", "scene.xml"], "scene.xml: it is a file, or in one; give a folder by -o"),
     (["--processes", "two"], "'two' is not a whole number"),
     (["--dry-run", "--scheduler", "tcp://x:1"], "estimates for this machine"),
 ])
