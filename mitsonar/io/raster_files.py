@@ -7,6 +7,7 @@ lack, and of text grids it takes words, and what is missing, for 0.
 import contextlib
 import os
 import threading
+import tokenize
 import warnings
 
 import numpy as np
@@ -52,6 +53,7 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
         If there is no such file, or none of its kind can be read.
     """
     import rasterio
+    from rasterio._err import CPLE_BaseError
 
     if not os.path.exists(path):
         raise ValueError("there is no such file.")
@@ -78,7 +80,7 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
             if variable is not None and raster.driver != "netCDF":
                 raise ValueError(f'variable is "{variable}", but only netCDF files hold variables; leave it out.')
             yield raster, source_crs(raster, crs)
-        except rasterio.errors.RasterioError as error:
+        except (rasterio.errors.RasterioError, CPLE_BaseError) as error:    # of rasterio's own, and GDAL's as they are
             reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
             raise ValueError(f"this is not a {what} that GDAL can read ({reason}).") from None
         except OSError as error:
@@ -117,6 +119,7 @@ def _by_gdal(path, variable):
         return rasterio.open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
     if raster.driver != "netCDF":
         return raster
+    _refuse_cut_classic(path)
     # Of one grid alone the driver makes no parts.
     parts = [name.rpartition(":")[2] for name in raster.subdatasets] or \
         [raster.tags(band).get("NETCDF_VARNAME") for band in raster.indexes[:1]]
@@ -133,12 +136,27 @@ def _by_gdal(path, variable):
     return rasterio.open(name, IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
 
 
+def _refuse_cut_classic(path):
+    """Refuse a netCDF file of the classic format that is cut off: the driver reads zeros for what is missing."""
+    from scipy.io import netcdf_file
+
+    with open(path, "rb") as file:
+        if file.read(4) not in (b"CDF\1", b"CDF\2"):
+            return
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)         # views of the map that are still about
+            netcdf_file(path, mmap=True).close()                    # lays every variable on the file, reads none
+    except Exception as error:                                      # of many kinds, by where the file ends
+        raise ValueError(f"the netCDF file is cut off or broken ({' '.join(str(error).split())}).") from None
+
+
 def _array_as_raster(path, spacing):
     from rasterio.transform import Affine
 
     try:
         heights = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+    except (ValueError, EOFError, OSError, SyntaxError, tokenize.TokenError) as error:
         raise ValueError(f"this is not a NumPy array ({' '.join(str(error).split())}).") from None
     if heights.ndim != 2 or heights.dtype.kind not in "fiu":
         raise ValueError(f"the array is {heights.dtype} of shape {heights.shape}; expected numbers (Y, X).")

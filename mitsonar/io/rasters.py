@@ -20,6 +20,8 @@ def check(raster, band):
         raise ValueError(f"heights are in {raster.units[band - 1]}; convert them to metres.")
     if raster.crs is None and raster.transform.is_identity:
         raise ValueError("the file has no georeference; add one (gdal_translate -a_ullr), or save .npy.")
+    if not np.isfinite(raster.transform).all() or raster.transform.determinant == 0:
+        raise ValueError("the file's georeference puts all nodes on a line or nowhere; repair it.")
 
 
 @contextlib.contextmanager

@@ -127,7 +127,7 @@ def _relief(attributes):
                "w2": attributes.number("relief_w2", None, minimum=0),
                "gamma": attributes.number("relief_gamma", None, above=2, below=4)}
     given = attributes.given("relief_seed", "relief_w2", "relief_gamma")
-    if given and not asked:
+    if given and not attributes.given("relief"):
         raise attributes.error(f"{given[0]} is written without relief; write relief true.")
     try:
         return bathymetry.Relief(**options) if asked else None

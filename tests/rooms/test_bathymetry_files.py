@@ -243,8 +243,8 @@ def test_scattered_soundings_are_laid_on_a_grid(tmp_path, resolution):
     assert np.allclose((grid.x + grid.local_origin[0]) / resolution % 1, 0)     # the same nodes for every survey
 
 
-def test_soundings_are_interpolated_as_scipy_does(tmp_path):
-    from scipy.interpolate import LinearNDInterpolator
+def test_soundings_are_interpolated_on_their_triangles(tmp_path):
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
     rng = np.random.default_rng(5)
     east, north = (v.ravel() for v in np.meshgrid(WEST + 3.0 * np.arange(30), SOUTH + 3.0 * np.arange(20)))
     east, north = (v + rng.uniform(-1.2, 1.2, v.size) for v in (east, north))
@@ -252,7 +252,7 @@ def test_soundings_are_interpolated_as_scipy_does(tmp_path):
     path = write(tmp_path / "a.xyz", east, north, z, form="{:.6f}")
     grid = bathymetry.read(path, resolution=0.5)                     # no two in one cell: nothing is averaged
     x, y = np.meshgrid(grid.x + grid.local_origin[0] - WEST, grid.y + grid.local_origin[1] - SOUTH)
-    wanted = LinearNDInterpolator(np.column_stack((east - WEST, north - SOUTH)), z)(x, y)
+    wanted = LinearTriInterpolator(Triangulation(east - WEST, north - SOUTH), z)(x, y).filled(np.nan)
     assert np.array_equal(grid.valid, np.isfinite(wanted)) and np.nanmax(np.abs(grid.heights - wanted)) < 1e-4
 
 
@@ -325,6 +325,16 @@ def cut_bag(folder):
     return path
 
 
+def cut_classic_netcdf(folder):
+    path = netcdf(folder / "bed.nc", engine="scipy")
+    path.write_bytes(path.read_bytes()[:-104])        # three numbers of an axis are missing, zeros to the driver
+    return path
+
+
+def placed_nowhere(folder):
+    return netcdf(folder / "bed.nc", x=np.full(20, WEST), y=np.full(15, SOUTH))
+
+
 def huge_tif(folder):
     path = folder / "bed.tif"
     with rasterio.open(path, "w", driver="GTiff", height=10**6, width=10**6, count=1, dtype="float32", sparse_ok=True,
@@ -364,6 +374,8 @@ HEADER = "ncols {}\nnrows {}\nxllcorner 0\nyllcorner 0\ncellsize 100\n"
     (cut_tif, {}, "GDAL can read"),
     (cut_bag, {}, "GDAL can read"),
     (cut_netcdf, {}, "GDAL can read"),
+    (cut_classic_netcdf, {}, "the netCDF file is cut off or broken"),
+    (placed_nowhere, {"resolution": 1.0}, "on a line or nowhere|no georeference"),
     (huge_tif, {}, "1000000 x 1000000 nodes are more than 2e"),
     (huge_array, {"spacing": 1.0}, "not a NumPy array"),
     (without_axes, {}, "no georeference"),
