@@ -263,6 +263,13 @@ def test_resolution_of_soundings_follows_from_their_density_and_is_said(tmp_path
     assert "4000 scattered soundings" in caplog.text and "are laid on a grid of 2.2 m" in caplog.text
 
 
+def test_soundings_rounded_to_metres_are_scattered(tmp_path):
+    east, north, _ = scattered()
+    east, north = np.rint(east), np.rint(north)
+    grid = bathymetry.read(write(tmp_path / "a.xyz", east, north, plane(east, north)))
+    assert grid.spacing == pytest.approx((2.2, 2.2), rel=0.05) and grid.valid.mean() > 0.85 and error(grid) < 1e-3
+
+
 def test_no_bed_where_nothing_was_sounded(tmp_path):
     east, north, z = scattered(8000)
     kept = np.hypot(east - WEST - 100, north - SOUTH - 50) > 30
