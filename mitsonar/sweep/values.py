@@ -98,7 +98,7 @@ def draw(given, where):
 
 def fraction(bits):
     """Give a number above 0 and below 1 for 256 random bits."""
-    return ((bits >> 203) + 0.5) / (1 << 53)
+    return ((bits >> 204) + 0.5) / (1 << 52)           # with one bit more the largest would round to 1
 
 
 def random_bits(*parts):

@@ -102,6 +102,6 @@ def _set_up(threads):
     import drjit as dr
     import mitsuba as mi
 
+    mi.set_log_level(mi.LogLevel.Error)
     if dr.thread_count() != threads:
-        mi.set_log_level(mi.LogLevel.Error)
         dr.set_thread_count(threads)

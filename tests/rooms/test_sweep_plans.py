@@ -15,7 +15,7 @@ sys.path.insert(0, str(ROOT / "tests" / "cli"))
 
 from small_scene import TEXT  # noqa: E402
 
-from mitsonar.sweep import load_plan  # noqa: E402
+from mitsonar.sweep import load_plan, values  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +117,19 @@ def test_a_longer_sweep_begins_with_the_same_renders(plan):
     again = renders(plan("seed = 1\nsamples = 3" + DRAWS))
     assert all(one.seed != two.seed and one.parameters["range"] != two.parameters["range"]
                for one, two in zip(again, short, strict=True))
+
+
+def test_draws_are_those_of_earlier_versions(plan):
+    render = plan("seed = 7\nsamples = 5\n" + DRAWS).render(3)
+    assert render.parameters == {"range": 12.4493390942, "rays": 6, "pings": 4, "speckle": False}
+    assert render.seed == 819277884
+
+
+@pytest.mark.parametrize("bits", [0, (1 << 256) - 1])
+def test_the_ends_of_the_random_numbers_can_be_drawn(bits):
+    for given in ({"uniform": [1, 2]}, {"log_uniform": [1, 2]}, {"normal": [1, 2]}, {"integer": [1, 2]},
+                  {"choice": [1, 2], "weights": [0.1, 0.2]}, {"choice": [1, 2], "weights": [1, 0]}):
+        assert -20 < values.draw(given, "it").at(bits) < 20
 
 
 def test_seeds_of_every_combination(plan):
