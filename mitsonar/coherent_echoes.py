@@ -79,9 +79,9 @@ class CoherentEchoes:
         -------
         dict of (2 B, bins, ...) arrays
             ``coherent`` complex64 (cell) [µPa], means of z over each stretch; ``coherent_intensity`` [µPa²], mean of
-            |z|²; ``coherent_power`` (labels, bins), of every instance by itself; ``coherent_depth`` [m], of the strongest;
-            ``coherent_in_beam`` uint32, 1 where one comes through the main lobe; and where there is more than one path
-            ``coherent_path_intensity`` (2 B, paths, bins) [µPa²].
+            |z|²; ``coherent_power`` (labels, bins), of every instance by itself; ``coherent_depth`` [m], of the
+            strongest; ``coherent_in_beam`` uint32, 1 where one comes through the main lobe; and where there is more
+            than one path ``coherent_path_intensity`` (2 B, paths, bins) [µPa²].
         """
         survey, rows = self.survey, 2 * len(ping)
         cells, paths = pulse_cells(survey.bin_length, survey.sonar.pulse_length), len(survey.paths)
@@ -220,7 +220,7 @@ class CoherentEchoes:
         return (sums * (parts * self.step / survey.bin_length)).reshape(len(samples), survey.bins, parts)
 
     def _name(self, heard, slot, rows, out):
-        """Powers of the instances in every bin, and depth of the strongest, of those whose echoes' middles lie there."""
+        """Powers of the instances in every bin, and depth of the strongest, of those with their middles there."""
         survey = self.survey
         bins, labels = survey.bins, int(heard["label"].max()) + 1
         bin = np.floor((heard["delay"] - survey.window[0]) / survey.bin_length).astype(np.int64)

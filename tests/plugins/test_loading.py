@@ -207,7 +207,7 @@ def test_scene_of_another_variant(scene_file, variant):
 def test_interrupt_within_a_plugin_stays_one(scene_file, monkeypatch):
     from mitsonar.io import casts
 
-    def interrupted(path):
+    def interrupted(path, **options):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(casts, "read", interrupted)
