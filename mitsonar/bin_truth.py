@@ -79,6 +79,7 @@ class BinTruth:
         known["label"] = np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32)
         known["share"] = truth.shares(intensity, self.shown, *coherent)
         known["hidden"], known["object_shadow"] = (
-            truth.shadows(known.pop("hidden_intensity"), seabed, record["intensity"], self.shown) if self.hides else
+            truth.shadows(known.pop("hidden_intensity"), seabed, record["intensity"], self.shown,
+                          record.get("coherent_intensity", 0.0)) if self.hides else
             (np.zeros(seabed.shape, np.float32), np.zeros(seabed.shape, np.uint32)))
         return known

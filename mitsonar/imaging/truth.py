@@ -25,7 +25,7 @@ def shares(intensity, shown, coherent_power=None, coherent_intensity=None):
     shown : callable
         What the picture makes of intensities.
     coherent_power : (..., L, bins) or None
-        P, in any unit.
+        P [µPa²], of the echoes whose middles lie in the bin.
     coherent_intensity : (..., bins) [µPa²] or None
         C.
 
@@ -36,14 +36,24 @@ def shares(intensity, shown, coherent_power=None, coherent_intensity=None):
     """
     total = shown(np.asarray(intensity, float))
     if coherent_power is not None:
-        power = shown(np.asarray(coherent_power, float))
+        power, heard = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
+        # an echo near the edge of its bin lasts into the next, where its power is not counted
+        power = power + np.where(power.sum(-2, keepdims=True) < HALF * heard, _beside(power), 0)
         whole = power.sum(-2, keepdims=True)
-        total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * coherent_intensity[..., None, :]
+        total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * heard
     whole = total.sum(-2, keepdims=True)
     return np.where(whole > 0, total / np.where(whole > 0, whole, 1), 0).astype(np.float32)
 
 
-def shadows(hidden_intensity, seabed_intensity, intensity, shown):
+def _beside(values):
+    """Sums of both neighbours along the last axis."""
+    out = np.zeros_like(values)
+    out[..., 1:] = values[..., :-1]
+    out[..., :-1] += values[..., 1:]
+    return out
+
+
+def shadows(hidden_intensity, seabed_intensity, intensity, shown, coherent_intensity=0.0):
     """Share of the seabed's echo that objects hide, and whose shadow a bin lies in.
 
     Parameters
@@ -56,6 +66,8 @@ def shadows(hidden_intensity, seabed_intensity, intensity, shown):
         Of all echoes, but for those with a phase.
     shown : callable
         What the picture makes of intensities.
+    coherent_intensity : (..., bins) [µPa²]
+        C.
 
     Returns
     -------
@@ -67,7 +79,7 @@ def shadows(hidden_intensity, seabed_intensity, intensity, shown):
     lost = by_object.sum(-2)
     total = lost + shown(np.asarray(seabed_intensity, float))
     hidden = np.where(total > 0, lost / np.where(total > 0, total, 1), 0).astype(np.float32)
-    dark = (hidden > HALF) & (shown(np.asarray(intensity, float)) < HALF * total)
+    dark = (hidden > HALF) & (shown(np.asarray(intensity, float)) + coherent_intensity < HALF * total)
     return hidden, np.where(dark, by_object.argmax(-2) + 1, 0).astype(np.uint32)
 
 

@@ -1,9 +1,9 @@
 """Where the echoes of a time bin come from: integer sums beside those of `signal.echoes`, of the same rays.
 
-For every bin the sums hold the mean place of the seabed that is seen there, weighted by echo energy; what the seabed
-behind objects would send if the objects were not there, by object; and from which sectors rays of the main lobe arrive,
-as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`): where a slope
-faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
+For every bin the sums hold the mean place of the seabed that the main lobe sees there, weighted by echo energy; what the
+seabed behind objects would send if the objects were not there, by object; and from which sectors rays of the main lobe
+arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`): where
+a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
 """
 import drjit as dr
 import numpy as np
@@ -13,9 +13,10 @@ from .echoes import LARGEST, sum_size
 __all__ = ["SECTORS", "WORDS", "OriginSums", "sector"]
 
 SECTORS = 256
-PLACE, MASK = 4, SECTORS // 64     # words of a bin: weight, x, y, depth; sectors
+PLACE, MASK = 5, SECTORS // 64     # words of a bin: energy of seabed, that of the main lobe, by x, y, depth; sectors
 WORDS = PLACE + MASK
-FAINTEST = 2.0 ** 24               # of the weights that give a place: the rounding of sums to 1 moves it by 1e-7 then
+FINER = 16                         # than a unit: places far off still count, and a bin 30 dB above a perfect reflector fits
+ROUNDING = 0.02                    # [m] that the rounding of an echo's share in a place to 1 may move it
 
 
 def sector(sine, depth_below, farthest):
@@ -79,10 +80,12 @@ class OriginSums:
         """
         U = self.lib.UInt64
         index = row * dr.opaque(self.lib.UInt32, self.bins) + bin
-        # a quarter: sums of shares of it stay below those of the energies
-        units = 0.25 * dr.minimum(units, LARGEST)
-        for word, share in enumerate((1.0, *place)):
-            dr.scatter_add(self.place, U(units * self.lib.Float64(share) + 0.5), PLACE * index + word, active & seabed)
+        units = dr.minimum(units, LARGEST)
+        whole = U(FINER * units + 0.5)
+        dr.scatter_add(self.place, whole, PLACE * index, active & seabed)
+        for word, share in enumerate((1.0, *place), 1):
+            part = U(self.lib.Float64(whole) * self.lib.Float64(share) + 0.5)
+            dr.scatter_add(self.place, part, PLACE * index + word, active & seabed & in_beam)
         dr.scatter_reduce(dr.ReduceOp.Or, self.sectors, U(1) << U(sector & 63), MASK * index + (sector >> 6),
                           active & in_beam)
 
@@ -110,7 +113,7 @@ class OriginSums:
         Returns
         -------
         dict of (rows, bins) arrays
-            ``seabed_place`` (rows, bins, 3) [m], NaN where hardly any seabed is seen;
+            ``seabed_place`` (rows, bins, 3) [m], of what the main lobe sees, NaN where that is hardly any;
             ``seabed_intensity`` [µPa²]; ``layover`` uint8, the number of separate runs of sectors;
             ``hidden_intensity`` (rows, labels, bins) [µPa²] where anything can hide the seabed.
         """
@@ -118,10 +121,11 @@ class OriginSums:
             return sums.numpy()[:int(np.prod(shape))].reshape(shape)
 
         place = values(self.place, self.rows, self.bins, PLACE).astype(float)
-        weight = place[..., :1]
+        seabed, weight = place[..., 0], place[..., 1:2]
         lower, upper = np.asarray(lower, float), np.asarray(upper, float)
-        place = np.where(weight > FAINTEST, lower + place[..., 1:] / np.maximum(weight, 1) * (upper - lower), np.nan)
-        out = {"seabed_place": place.astype(np.float32), "seabed_intensity": 4 * weight[..., 0] * unit,
+        there = weight > (upper - lower).max() / ROUNDING
+        place = np.where(there, lower + place[..., 2:] / np.maximum(weight, 1) * (upper - lower), np.nan)
+        out = {"seabed_place": place.astype(np.float32), "seabed_intensity": seabed / FINER * unit,
                "layover": runs(values(self.sectors, self.rows, self.bins, MASK))}
         if self.hidden is not None:
             out["hidden_intensity"] = 4 * values(self.hidden, self.rows, self.labels, self.bins) * unit

@@ -42,6 +42,14 @@ def test_what_has_a_phase_is_shared_out_by_power():
     np.testing.assert_array_equal(share[:, 1], [1, 0, 0])
 
 
+def test_what_has_a_phase_and_lasts_into_the_next_bin_is_still_its_own():
+    """A body's echo in bin 2 whose pulse reaches bin 3, where its power is not counted; bin 1 hears the bed alone."""
+    intensity, power = np.zeros((1, 2, 5)), np.zeros((1, 2, 5))
+    intensity[0, 0], power[0, 1, 2] = 1, 50
+    share = truth.shares(intensity, np.asarray, power, np.array([[0, 0, 40.0, 9.0, 0]]))[0, 1]
+    np.testing.assert_allclose(share, [0, 0, 40 / 41, 0.9, 0], rtol=1e-6)
+
+
 def test_a_shadow_is_where_an_object_hides_more_than_half_and_nothing_takes_its_place():
     hidden = np.zeros((1, 3, 5))
     hidden[0, 1] = 0, 4, 6, 6, 0
@@ -53,6 +61,8 @@ def test_a_shadow_is_where_an_object_hides_more_than_half_and_nothing_takes_its_
     np.testing.assert_array_equal(shadow[0], [0, 0, 2, 3, 0])
     bright = truth.shadows(hidden, bed, arriving + 3, np.asarray)[1]      # bins that something else brightens are none
     np.testing.assert_array_equal(bright[0], [0, 0, 0, 3, 0])
+    glint = truth.shadows(hidden, bed, arriving, np.asarray, np.array([[0, 0, 0, 9.0, 0]]))[1]       # nor what glints
+    np.testing.assert_array_equal(glint[0], [0, 0, 2, 0, 0])
 
 
 def test_runs_of_bits_are_counted_across_words():

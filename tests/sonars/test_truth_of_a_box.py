@@ -65,6 +65,19 @@ def test_the_seabed_of_a_bin_is_where_its_slant_range_meets_it(image):
     assert np.isnan(abeam["seabed_x"].values[abeam["object_shadow"].values > 0][2:-2]).all()
 
 
+def test_the_place_of_a_faint_seabed_far_off_is_known():
+    """Mud at a grazing angle of 1.2 degrees in bins of 5 cm, a hundredth of a millionth of a full echo."""
+    scene = sidescan({"seabed": plane(20, mu_db=-35, half=1000)}, sensor={"start": [0, 0, -14]},
+                     film={"range": 300.0, "bins": 6000})
+    image = render(scene)[0].isel(side=1)
+    seen = image["label"].values > 0
+    x = image["seabed_x"].values
+    assert np.isnan(x[seen]).mean() < 0.01
+    far = seen & np.isfinite(x) & (image["range"].values > 100)
+    ground = np.broadcast_to(np.sqrt(np.maximum(image["range"].values ** 2 - 6 ** 2, 0)), x.shape)
+    np.testing.assert_allclose(x[far], ground[far], atol=0.08)
+
+
 def test_names_classes_and_boxes_are_said(image):
     assert image.attrs["labels"] == {"1": "box.1", "2": "seabed"}
     assert image.attrs["classes"] == {"1": "box", "2": "seabed"}
@@ -78,6 +91,18 @@ def test_shares_add_to_one(image):
     total = image["share"].sum("shape").values
     assert np.abs(total[total > 0] - 1).max() < 1e-6
     np.testing.assert_array_equal(total > 0, image["mean_level"].values > -200)
+
+
+def test_a_point_target_that_lasts_into_the_next_bin_has_its_share_there():
+    """A pulse of 7.5 cm whose middle is a tenth of the way into a bin of 10 cm."""
+    slant = 16.41
+    point = {"type": "point_target", "position": [np.sqrt(slant**2 - 6**2), 0, -16], "target_strength_db": -5.0}
+    scene = sidescan({"seabed": plane(20, mu_db=-35), "point": point}, sensor={"start": [0, 0, -10]},
+                     film={"range": 40.0, "bins": 400})
+    abeam = render(scene)[0].isel(ping=0, side=1)
+    level = abeam["mean_level"].values
+    assert level[163] > level[162] + 40
+    np.testing.assert_allclose(abeam["share"].sel(shape="point").values[162:166], [0, 1, 1, 0], atol=1e-3)
 
 
 def test_shares_of_smooth_bodies_and_points_add_to_one():
