@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
 
 from small_scene import TEXT  # noqa: E402
 
-from mitsonar.sweep import execute, load_plan, manifest, run  # noqa: E402
+from mitsonar.sweep import estimate, execute, load_plan, manifest, run  # noqa: E402
 
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 PLAN = """
@@ -206,6 +206,21 @@ def test_a_full_disk_stops_it_in_a_sentence_and_loses_nothing(sweep, monkeypatch
     assert (outcome.kept, outcome.done) == (kept, 12 - kept)
     sweep("calm")
     assert left(sweep.folder / "out") == left(sweep.folder / "calm")
+
+
+def test_an_estimate_tries_a_few_and_writes_nothing(sweep, monkeypatch):
+    sweep("other")
+    monkeypatch.setattr(estimate, "Local", lambda *_: Pool({}))
+    found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out", processes=4)
+    assert (found.total, found.missing, found.trials, found.processes) == (12, 12, 3, 4)
+    assert (found.seconds, 40 < found.bytes < 100) == (0.1, True)
+    assert not (sweep.folder / "out").exists()
+    monkeypatch.setattr(estimate, "Local", lambda *_: Pool({2: "fails"}))
+    with pytest.raises(ValueError, match=r"render 5 \(000005.exr\) fails: no good"):
+        estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
+    sweep()
+    found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
+    assert (found.missing, found.seconds) == (0, None)
 
 
 def test_a_second_runner_is_told_who_the_first_is(sweep):
