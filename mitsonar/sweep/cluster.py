@@ -119,7 +119,7 @@ class Cluster:
 
     def _look(self):
         """Have every worker look for a file that was just written."""
-        name = os.path.join(self.folder, f".{secrets.token_hex(8)}")
+        name = os.path.join(self.folder, f".workers.{secrets.token_hex(4)}.exr")      # swept up as other leftovers
         with open(name, "w", encoding="utf-8"):
             pass
         try:
