@@ -24,7 +24,7 @@ from .signal.echoes import UNIT_BITS, EchoSums
 __all__ = ["FanTruth"]
 
 RAYS_PER_BIN = 12
-FEWEST_RAYS, MOST_RAYS = 200_000, 3_000_000
+FEWEST_RAYS, MOST_RAYS, MOST_PASSES = 200_000, 3_000_000, 16        # rays of a pass
 MOST_SUMS = 1 << 27                # of beams x shapes x bins: 1 GB
 PARTS = 8                          # directions in a beam that its pattern is averaged over
 FLAT = 0.1                         # wavelengths that elements of a line may stand off it
@@ -77,9 +77,10 @@ class FanTruth:
         self.unit = BEAM * 2.0 ** -UNIT_BITS / np.maximum(slant_range, nearest) ** 2
         self.truth = BinTruth(geometry, labels=self.labels, bins=self.bins, depth_below=survey.depth_below,
                               farthest=slant_range[-1], shown=self._shown)
-        wanted = int(np.clip(RAYS_PER_BIN * self.beams * self.bins, FEWEST_RAYS, MOST_RAYS))
+        wanted = max(RAYS_PER_BIN * self.beams * self.bins, FEWEST_RAYS)
+        self.passes = min(-(-wanted // MOST_RAYS), MOST_PASSES)
         window = tuple(end * slack for end, slack in zip(light.window, SLACK))
-        self.rays = DrawnRays(survey.profile, window=window, rays=wanted, pattern=pattern,
+        self.rays = DrawnRays(survey.profile, window=window, rays=min(wanted, MOST_RAYS), pattern=pattern,
                               surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
         self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
 
@@ -95,28 +96,10 @@ class FanTruth:
         origin, rotation = survey.track.position[ping], survey.track.rotation()[ping]
         sources = light.tracer.sources([-origin[2]])
         start = lib.Array3f64(*(dr.opaque(lib.Float64, float(v)) for v in origin))
-        key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + 0x3C6EF372
-        direction, solid_angle, _ = self.rays(start, rotation, float(survey.depth_below[ping]), key)
-        row, weight = self._beam(direction, rotation)
-        ray = _Rays(row=row, ping=mi.UInt32(0), direction=direction)
-        solid_angle *= weight
-        source = mi.UInt32(0)
-        if self.truth.hides:
-            hits, hidden = light.tracer.with_hidden(sources, start, source, direction)
-        else:
-            hits, hidden = light.tracer(sources, start, source, direction), None
-        sums = EchoSums(lib, self.beams, self.labels, self.bins)
-        origins = self.truth.sums([ping], self.beams)
-        units, bin, inside = self._echo(sources, hits, solid_angle)
-        if survey.geometry.surface_mirrors:
-            inside &= hits.label != self.surface
-        sums.add(row=row, label=hits.label, bin=bin, units=units, height=mi.Float(0), in_beam=mi.Bool(True),
-                 active=inside)
-        self.truth.add(origins, ray, hits, bin=bin, units=units, in_beam=mi.Bool(True), active=inside)
-        if hidden is not None:
-            units, bin, inside = self._echo(sources, hidden, solid_angle)
-            origins.add_hidden(row=row, label=hits.label, bin=bin, units=units, active=inside)
-        dr.eval(sums.energy, sums.count, sums.depth, origins.sums())
+        sums, origins = EchoSums(lib, self.beams, self.labels, self.bins), self.truth.sums([ping], self.beams)
+        for number in range(self.passes):
+            key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + number * 0xC2B2AE35 + 0x3C6EF372
+            self._pass(sources, start, rotation, float(survey.depth_below[ping]), key, sums, origins)
         record = sums.read(self.unit, survey.geometry.depth_range)
         coherent = self._coherent(sources, start, origin, rotation)
         record["label_intensity"] += coherent
@@ -130,23 +113,45 @@ class FanTruth:
         return known | {"label": known["label"].astype(np.uint32), "rays": rays.astype(np.uint32),
                         "shadow": (empty & below).astype(np.uint8)}
 
+    def _pass(self, sources, start, rotation, below, key, sums, origins):
+        """Add the rays of a pass to the sums."""
+        light, source = self.light, mi.UInt32(0)
+        direction, solid_angle, _ = self.rays(start, rotation, below, key)
+        row, weight = self._beam(direction, rotation)
+        ray = _Rays(row=row, ping=mi.UInt32(0), direction=direction)
+        solid_angle *= weight / dr.opaque(mi.Float, self.passes)
+        if self.truth.hides:
+            hits, hidden = light.tracer.with_hidden(sources, start, source, direction)
+        else:
+            hits, hidden = light.tracer(sources, start, source, direction), None
+        units, bin, inside = self._echo(sources, hits, solid_angle)
+        if self.survey.geometry.surface_mirrors:
+            inside &= hits.label != self.surface
+        sums.add(row=row, label=hits.label, bin=bin, units=units, height=mi.Float(0), in_beam=mi.Bool(True),
+                 active=inside)
+        self.truth.add(origins, ray, hits, bin=bin, units=units, in_beam=mi.Bool(True), active=inside)
+        if hidden is not None:
+            units, bin, inside = self._echo(sources, hidden, solid_angle)
+            origins.add_hidden(row=row, label=hits.label, bin=bin, units=units, active=inside)
+        dr.eval(sums.energy, sums.count, sums.depth, origins.sums())
+
     def _beam(self, direction, rotation):
         """Number of the beam that directions belong to, and what the arrays make of them."""
         body = mi.Vector3f(*(dr.dot(_opaque(rotation[:, i]), direction) for i in range(3)))
         row, weight = dr.zeros(mi.UInt32, dr.width(direction)), mi.Float(1)
+        axis, normal = _opaque(self.axis), _opaque(self.normal)
+        u = dr.clip(dr.dot(body, axis), -1, 1)
         if self.beams > 1:
-            axis, normal = _opaque(self.axis), _opaque(self.normal)
-            u = dr.clip(dr.dot(body, axis), -1, 1)
             step = dr.opaque(mi.Float, (self.angle[-1] - self.angle[0]) / (self.beams - 1))
             place = dr.round((dr.asin(u) - dr.opaque(mi.Float, self.angle[0])) / step)
             inside = (place >= 0) & (place <= self.beams - 1)
             row = mi.UInt32(dr.clip(place, 0, self.beams - 1))
             weight = dr.select(inside, weight, 0)
-            receive = self.survey.receive
-            off = receive.position - np.outer(receive.position @ self.axis, self.axis)
-            if np.abs(off - off.mean(0)).max() > FLAT * self.wavelength:
-                in_plane = dr.sqrt(1 - u * u) * normal + u * axis
-                weight *= self._array_factor(receive, body - in_plane, steered=False)
+        receive = self.survey.receive
+        off = receive.position - np.outer(receive.position @ self.axis, self.axis)
+        if np.abs(off - off.mean(0)).max() > FLAT * self.wavelength:
+            in_plane = dr.sqrt(1 - u * u) * normal + u * axis
+            weight *= self._array_factor(receive, body - in_plane, steered=False)
         if np.count_nonzero(self.survey.transmit.weight) > 1:
             weight *= self._array_factor(self.survey.transmit, body, steered=True)
         if self.pattern is not None:
@@ -229,7 +234,7 @@ def _opaque(vector):
 
 
 def _axes(angle, direction):
-    """Axis and normal of a fan, unit vectors: û = n cos ψ + a sin ψ."""
+    """Axis and normal of a fan, unit vectors: û = n cos ψ + a sin ψ. A single beam needs no axis, which is 0."""
     if len(angle) == 1:
         return np.zeros(3), direction[0]
     normal, axis = np.linalg.lstsq(np.stack([np.cos(angle), np.sin(angle)], 1), direction, rcond=None)[0]

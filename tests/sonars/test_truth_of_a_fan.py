@@ -103,3 +103,24 @@ def test_a_point_target_has_the_share_of_its_bin():
     share = image["share"].sel(shape="point").values[0]
     assert share[45, bin] > 0.9
     assert share[10].max() < 0.1
+
+
+def test_a_single_beam_hears_what_it_looks_at():
+    """One beam of 48 elements straight ahead, a box 30 degrees off it."""
+    to_world = mi.ScalarTransform4f().translate([9, 15.6, -19.4]).scale([1, 1, 0.6])
+    box = {"type": "cube", "id": "box.1", "bsdf": {"type": "lambert", "mu_db": -15.0}, "to_world": to_world}
+    image = mitsonar.render(array_scene({"seabed": bed(20, size=120), "box": box}, sensor={**SONAR, "beams": 1},
+                                        film={"range": 24.0}, integrator={"cell": 0.3}))
+    assert image["share"].sel(shape="box.1").values.max() < 0.02
+    assert not (image["label"] == 1).any()
+
+
+def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
+    """Rays go out in passes of what fits into memory, as many as the bins need."""
+    monkeypatch.setattr("mitsonar.fan_truth.MOST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.fan_truth.FEWEST_RAYS", 100_000)
+    image = mitsonar.render(array_scene({"seabed": bed(20, size=120)}, sensor=SONAR, film={"range": 28.0},
+                                        integrator={"cell": 0.5}))
+    lit = image["range"].values > H + 1
+    assert not image["shadow"].values.any()
+    assert (image["label"].values[..., lit] == 1).mean() > 0.99
