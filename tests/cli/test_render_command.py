@@ -42,7 +42,7 @@ def test_parameters_and_seed_reach_the_file(folder, accepted):
 
     accepted("render", "scene.xml", "-o", "o.exr", "-D", "pings=3", "-D", "speckle=FALSE", "--seed", "7")
     dataset = exr.read("o.exr")
-    assert dataset.sizes == {"ping": 3, "side": 2, "range": 50}
+    assert dataset["level"].sizes == {"ping": 3, "side": 2, "range": 50}
     assert dataset.attrs["seed"] == 7 and dataset.attrs["speckle"] is False
     assert dataset.attrs["parameters"] == {"pings": "3", "speckle": "FALSE"} and dataset.attrs["file"] == "scene.xml"
 
