@@ -109,7 +109,7 @@ class FreeRays:
             8 * TOLERANCE, self.tracer.max_range, geometry.depth_range[1] + 1.0)]
         valid, pi, chord, time, arc = _followed(geometry.scene, table, lib, lifted, heading, z, sine, p, limits,
                                                 mi.Bool(active))
-        point, facet_normal, uv, label = self.tracer.rebuilt(pi, chord, lifted, heading, valid)
+        point, facet_normal, uv, label, shape = self.tracer.rebuilt(pi, chord, lifted, heading, valid)
         # the rest of the way, from the chord's start to the hit, on the arc through both
         r0, z0, r1, z1 = chord
         dx, dy = point.x - lib.Float64(lifted.x), point.y - lib.Float64(lifted.y)
@@ -124,7 +124,7 @@ class FreeRays:
         sine = down * dr.sqrt(dr.maximum(1 - cosine * cosine, 0))
         arrival = mi.Vector3f(heading.x * cosine, heading.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
-        return FreeHits(valid=valid, point=point, normal=normal, label=label, shape=pi.shape, primitive=pi.prim_index,
+        return FreeHits(valid=valid, point=point, normal=normal, label=label, shape=shape, primitive=pi.prim_index,
                         uv=uv, travel_time=time, arc_length=lib.Float(arc), ray_parameter=p, arrival_direction=arrival,
                         sound_speed=c2)
 

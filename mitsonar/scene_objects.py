@@ -1,4 +1,5 @@
 """What an image says about the things in its scene: the boxes of objects, and which seabed they lie on."""
+import mitsuba as mi
 import numpy as np
 
 from .shape_labels import class_name, fingerprint
@@ -38,13 +39,21 @@ def described(geometry):
     for _, shape in geometry.others:
         label = named.of(shape)
         if label in named.seabed:
-            beds.append((np.array([shape.bbox().min, shape.bbox().max], np.float32), np.zeros(0)))
+            beds.append(_whole(shape))
         _widen(boxes, label, shape.bbox())
     objects = {str(label): {"class": class_name(named.names[label]),
                             "lower": [round(float(v), 4) for v in low], "upper": [round(float(v), 4) for v in high],
                             **placed.get(named.names[label], {})}
                for label, (low, high) in sorted(boxes.items()) if label in named.objects}
     return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
+
+
+def _whole(shape):
+    """Numbers that tell a shape without facets from others, and those of its kind's name."""
+    known = mi.traverse(shape)
+    numbers = [np.ravel(known[name].matrix.numpy()) for name in ("to_world",) if name in known]
+    box = np.ravel(shape.bbox().min), np.ravel(shape.bbox().max)
+    return np.concatenate([*box, *numbers]), np.frombuffer(shape.class_name().encode(), np.uint8)
 
 
 def _widen(boxes, label, low, high=None):

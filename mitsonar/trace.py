@@ -253,7 +253,7 @@ class Tracer:
     def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
         """Complete the hits that were found on chords by their eigenrays."""
         lib = self.lib
-        point, facet_normal, uv, label = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
+        point, facet_normal, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
@@ -268,12 +268,12 @@ class Tracer:
         launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
-        return Hits(valid=valid, point=point, normal=normal, shape=pi.shape, primitive=pi.prim_index, uv=uv,
+        return Hits(valid=valid, point=point, normal=normal, shape=shape, primitive=pi.prim_index, uv=uv,
                     label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, arrival_direction=arrival)
 
     def rebuilt(self, pi, chord, origin, heading, valid):
-        """Hit point in float64, facet normal, texture coordinates and label of intersections with chords."""
+        """Hit point in float64, facet normal, texture coordinates, label and shape of intersections with chords."""
         geometry, wide = self.geometry, self.lib.Array3f64
         row = dr.reinterpret_array(mi.UInt32, _solid(pi))
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
@@ -302,8 +302,9 @@ class Tracer:
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
             label = dr.select(mesh, face[3], dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
-            return point, normal, uv, label
-        return point, normal, uv, face[3]
+            # of an instance, the shape within its group: until then nobody knows it
+            return point, normal, uv, label, dr.select(valid & ~mesh, si.shape, pi.shape)
+        return point, normal, uv, face[3], pi.shape
 
 
 def _solid(pi):

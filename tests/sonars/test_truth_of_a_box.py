@@ -87,6 +87,26 @@ def test_names_classes_and_boxes_are_said(image):
     assert (image["class"].values == image["label"].values).all()          # one instance of each class
 
 
+def test_an_instance_of_a_group_is_heard_as_the_shape_itself():
+    T, crate = mi.ScalarTransform4f, {"type": "cube", "bsdf": lambert(-20)}
+    place = T().translate([20, 0, -20]).scale([1, 2, 1])
+    group = {"group": {"type": "shapegroup", "inner": crate},
+             "crate": {"type": "instance", "of": {"type": "ref", "id": "group"}, "to_world": place}}
+    made = [render(sidescan({"seabed": plane(20), **shapes}, sensor={"start": [0, 0, -H]}, rays=20_000))[0]
+            for shapes in ({"crate": {**crate, "to_world": place}}, group)]
+    assert (made[0]["label"] == 1).any()
+    for name in ("label", "object_shadow", "layover"):
+        assert (made[0][name].values == made[1][name].values).mean() > 0.999
+    np.testing.assert_allclose(made[1]["mean_level"], made[0]["mean_level"], atol=0.5)
+
+
+def test_a_seabed_of_one_rectangle_is_known_by_its_tilt():
+    """Two planes whose boxes are the same."""
+    tilts = [render(sidescan({"seabed": plane(20, tilt=tilt, half=100)}, rays=1000, film={"bins": 50},
+                             sensor={"start": [0, 0, -H]}))[0] for tilt in (0.05, -0.05, 0.05)]
+    assert tilts[0].attrs["seabed"] == tilts[2].attrs["seabed"] != tilts[1].attrs["seabed"]
+
+
 def test_shares_add_to_one(image):
     total = image["share"].sum("shape").values
     assert np.abs(total[total > 0] - 1).max() < 1e-6
