@@ -1,6 +1,7 @@
 """The command that makes training data of images: labels."""
 import argparse
 import os
+import sys
 
 from .arguments import whole
 from .progress import Progress
@@ -50,7 +51,10 @@ def _labels(arguments):
         split=None if arguments.split is None else read_shares(arguments.split), split_seed=arguments.split_seed,
         split_by=arguments.split_by)
     with Progress("images", "labelling") as progress:
-        write(arguments.images, output, rules, progress)
+        counts = write(arguments.images, output, rules, progress)
+    black = counts.pop("in the black")
+    print(", ".join(f"{count} {kind[:-1] if count == 1 else kind}" for kind, count in counts.items())
+          + f"; {black} more where the picture is black all around" * bool(black), file=sys.stderr)
     announce(output)
 
 

@@ -6,12 +6,15 @@ track, is two, for a box around both would hold the water column.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from ..imaging.objects import object_bins
 
-__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped"]
+__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped", "in_the_black"]
 
 HIGHLIGHT, SHADOW = "highlight", "shadow"
+AROUND = 2                         # bins
+LIT_SHARE = 0.1                    # of a piece, or of the bins around it, that are not black: it can be seen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +143,31 @@ def clipped(annotation, tile, smallest=1):
     visible = int(piece[2].sum()) / annotation.bins
     return replace(annotation, row=max(0, row) + piece[0], column=max(0, column) + piece[1], mask=piece[2],
                    visible=visible, truncated=annotation.truncated or visible < 1)
+
+
+def in_the_black(annotation, picture):
+    """Tell whether a picture is black where an annotation lies and around it, so that there is nothing to see.
+
+    So it is under the track, where the beam sends too little for the picture's black: an object there is in the record,
+    but a box on it would teach that black is an object.
+
+    Parameters
+    ----------
+    annotation : Annotation
+    picture : uint8 array (H, W)
+
+    Returns
+    -------
+    bool
+    """
+    height, width = annotation.mask.shape
+    top, left = max(0, annotation.row - AROUND), max(0, annotation.column - AROUND)
+    lit = picture[top:annotation.row + height + AROUND, left:annotation.column + width + AROUND] > 0
+    mask = np.zeros(lit.shape, bool)
+    mask[annotation.row - top:, annotation.column - left:][:height, :width] = annotation.mask
+    around = ndimage.binary_dilation(mask, iterations=AROUND) & ~mask
+    return all(np.count_nonzero(lit & part) < LIT_SHARE * np.count_nonzero(part) for part in (mask, around)
+               if part.any())
 
 
 def _cut_out(mask, smallest):

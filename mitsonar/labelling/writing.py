@@ -16,7 +16,7 @@ from ..imaging.objects import check_labelled
 from ..io import exr
 from ..io.files import check_writable, full_disk_said
 from . import coco, yolo
-from .annotations import HIGHLIGHT, SHADOW, annotations, clipped
+from .annotations import HIGHLIGHT, SHADOW, annotations, clipped, in_the_black
 from .frames import frames, tiles
 from .pictures import grey, write_png
 from .sources import find_sources
@@ -46,6 +46,11 @@ def write(places, folder, labels, progress=None):
     progress : callable(done, total) or None
         Told the number of images done.
 
+    Returns
+    -------
+    dict of str, int
+        How many ``pictures``, ``highlights`` and ``shadows`` were written, and annotations left ``in the black``.
+
     Raises
     ------
     FileNotFoundError, ValueError, PermissionError
@@ -74,6 +79,7 @@ def write(places, folder, labels, progress=None):
                 progress(done, len(sources))
         writer.summary({name: sorted({group for group, home in zip(groups, homes, strict=True) if home == name})
                         for name in labels.split or ()})
+    return {"pictures": len(writer.names), **writer.counts}
 
 
 def groups_of(sources, by=None):
@@ -109,6 +115,7 @@ class _Writer:
         self.folder, self.labels, self.numbers = folder, labels, numbers
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
         self.names, self.annotated = {}, 0
+        self.counts = {"highlights": 0, "shadows": 0, "in the black": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
                      *[f"masks/{kind}" for kind in ("instance", "class", "shadow")] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
@@ -127,10 +134,12 @@ class _Writer:
                  "grey": f"{words} [dB re 1 µPa]"}
         for frame, own in zip(pictures, found, strict=True):
             picture = frame.lay(shown)
+            seen = [piece for piece in own if not in_the_black(piece, picture)]
+            self.counts["in the black"] += len(own) - len(seen)
             for tile in tiles(frame, self.labels.tile, self.labels.overlap):
                 name = source.name if frame.ping is None else f"{source.name}_ping{frame.ping:04d}"
                 name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
-                inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in own) if piece]
+                inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in seen) if piece]
                 where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about}
                 self._tile(name, picture[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width], inside,
                            where, subset)
@@ -141,6 +150,8 @@ class _Writer:
                              "the other.")
         self.names[name] = number = len(self.names) + 1
         write_png(picture, self.folder / "images" / f"{name}.png")
+        for each in found:
+            self.counts[f"{each.kind}s"] += 1
         height, width = picture.shape
         subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width, **about})
         if self.labels.masks:

@@ -34,7 +34,8 @@ def unlabelled(path):
 
 def test_all_formats_of_one_image_beside_it(images, capfd):
     assert cli.main(["labels", "a.exr", "--coco", "--yolo", "--masks"]) == 0
-    assert capfd.readouterr().out == "a_labels\n"
+    said = capfd.readouterr()
+    assert said.out == "a_labels\n" and said.err == "1 picture, 2 highlights, 2 shadows\n"
     assert sorted(str(path.relative_to("a_labels")) for path in Path("a_labels").rglob("*.*")) == [
         "annotations.json", "data.yaml", "images/a.png", "labels/a.txt", "masks/class/a.png", "masks/classes.json",
         "masks/instance/a.png", "masks/shadow/a.png", "train.txt"]
