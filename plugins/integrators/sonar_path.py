@@ -41,6 +41,7 @@ from mitsonar.units import db_from_power
 
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
 BYTES_PER_LABEL = 8                # and of each shape's share,
+BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made
 BYTES_PER_PATH = 12                # and of each path where there is more than one
 BINS_PER_PULSE = 10_000
 MOST_BOUNCES = 6
@@ -148,10 +149,11 @@ class SonarPath(mi.SamplingIntegrator):
         """The picture that an array's beams make, with the truth of its bins."""
         survey = self.array_survey(scene, sensor, LEAD)
         pings = range(survey.track.pings)
+        beams = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
+        _check_fan_size(survey, len(beams[0]))
+        truth = survey.fan_truth(*beams, seed)               # refuses what is too large before the hours of signals
         signals = received_signals(survey, pings, kernel="band_limited", return_path="vector", seed=seed,
                                    progress=progress)
-        beams = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
-        truth = survey.fan_truth(*beams, seed)
         known = [truth(ping) for ping in pings]
         classes, class_of = classes_of(survey.labels)
         image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
@@ -215,6 +217,16 @@ def _check_size(survey):
         by_path, fewer = (f" and {paths} paths", "pings, bins or bounces") if paths > 1 else ("", "pings or bins")
         raise ValueError(f"a record of {pings} pings with 2 x {bins} bins{by_path} takes {needed / 1e9:.0f} GB, more "
                          f"than the {there / 1e9:.0f} GB of this machine; take fewer {fewer}")
+
+
+def _check_fan_size(survey, beams):
+    """Refuse what would end in exhausted memory."""
+    pings, bins, labels = survey.track.pings, beams * (survey.samples - survey.lead), len(survey.labels)
+    needed, there = bins * (labels * BYTES_PER_SUM + pings * (BYTES_PER_BIN + BYTES_PER_LABEL * labels)), _memory()
+    if needed > there:
+        raise ValueError(f"pictures of {pings} pings with {bins} bins of {beams} beams and {labels} shapes take "
+                         f"{needed / 1e9:.0f} GB, more than the {there / 1e9:.0f} GB of this machine; take fewer pings "
+                         "or beams, a shorter range, or let shapes share an id")
 
 
 def _memory():

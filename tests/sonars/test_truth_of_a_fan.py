@@ -124,3 +124,13 @@ def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
     lit = image["range"].values > H + 1
     assert not image["shadow"].values.any()
     assert (image["label"].values[..., lit] == 1).mean() > 0.99
+
+
+def test_pictures_that_do_not_fit_into_memory_are_refused_before_any_signal(monkeypatch):
+    import mitsonar.plugins.integrators.sonar_path as path
+
+    made = array_scene({"seabed": bed(20)}, sensor={**SONAR, "pings": 1000}, film={"range": 20.0})
+    monkeypatch.setattr(path, "_memory", lambda: 4e9)
+    monkeypatch.setattr(path, "received_signals", lambda *_, **__: pytest.fail("signals were made"))
+    with pytest.raises(ValueError, match="1000 pings .* take fewer pings"):
+        mitsonar.render(made)
