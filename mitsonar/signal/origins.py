@@ -1,9 +1,9 @@
 """Where the echoes of a time bin come from: integer sums beside those of `signal.echoes`, of the same rays.
 
-For every bin the sums hold the mean place of the seabed that the main lobe sees there, weighted by echo energy; what the
-seabed behind objects would send if the objects were not there, by object; and from which sectors rays of the main lobe
-arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`): where
-a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
+For every bin the sums hold the mean place of the seabed that the main lobe sees there, weighted by echo energy; what
+the seabed behind objects would send if the objects were not there, by object; and from which sectors rays of the main
+lobe arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`):
+where a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
 """
 import drjit as dr
 import numpy as np
@@ -13,9 +13,9 @@ from .echoes import LARGEST, sum_size
 __all__ = ["SECTORS", "WORDS", "OriginSums", "sector"]
 
 SECTORS = 256
-PLACE, MASK = 5, SECTORS // 64     # words of a bin: energy of seabed, that of the main lobe, by x, y, depth; sectors
+PLACE, MASK = 5, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth; sectors
 WORDS = PLACE + MASK
-FINER = 16                         # than a unit: places far off still count, and a bin 30 dB above a perfect reflector fits
+FINER = 16                         # than a unit: places far off count, and a bin 30 dB above a perfect reflector fits
 ROUNDING = 0.02                    # [m] that the rounding of an echo's share in a place to 1 may move it
 
 
