@@ -72,7 +72,8 @@ def deal(groups, shares, seed=0, what="seabed"):
     if len(sizes) < len(shares):
         raise ValueError(f"the images cannot be split into {len(shares)} subsets ({', '.join(shares)}): "
                          f"{len(groups)} image{'s' * (len(groups) != 1)} with {len(sizes)} different "
-                         f"{what}{'s' * (len(sizes) != 1)}, and none may be in two; add images with others.")
+                         f"{what}{'s' * (len(sizes) != 1)}, and none may be in two; add images with others"
+                         + (", or split by a parameter of the scene." if what == "seabed" else "."))
     lacking = {name: share * len(groups) for name, share in shares.items()}
     empty, home = set(shares), {}
     order = sorted(sizes, key=lambda group: hashlib.sha256(f"{seed}:{group}".encode()).digest())

@@ -12,6 +12,7 @@ from ..io.files import replacing
 
 DPI = 110
 PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
+KEY_HEIGHT = 24  # picture elements of a line of the legend
 SIDES = {"port": "#b3261e", "starboard": "#1b7a3d"}  # the colours of the side lights
 COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
     (0.0, "#050302"), (0.18, "#2b1306"), (0.4, "#7a3c10"), (0.6, "#b86f22"), (0.78, "#e0a548"), (0.92, "#f6dc94"),
@@ -42,7 +43,7 @@ def sheet(width, height, colour="white"):
     return figure
 
 
-def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar="", bar_extend="both"):
+def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar="", bar_extend="both", keys=()):
     """Draw an image (height, width) over the ground it covers, a picture element a pixel.
 
     Parameters
@@ -56,12 +57,16 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
         Values of the first and the last colour.
     bar : str
         Label of the colour bar; none is drawn without.
+    keys : sequence of matplotlib artists
+        Of the legend, which stands beside the picture, not on what it explains.
 
     Returns
     -------
     matplotlib.figure.Figure, Axes
     """
     left, right, bottom, top = 84, 128 if bar else 30, 62, 86
+    if keys:
+        right += _legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
     figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
     box = np.array([left, bottom, grid.width, grid.height]) / np.tile(figure.get_size_inches() * DPI, 2)
     axes = figure.add_axes(box, facecolor=PAPER)
@@ -72,6 +77,8 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
     figure.text(box[0], 1 - 54 / figure.bbox.height, subtitle, color=INK, fontsize=10.5, va="center")
     _metres(grid, axes)
     scale_bar(grid, axes)
+    if keys:
+        _legend(axes, keys, grid.height)
     if bar:
         room = figure.add_axes([box[0] + box[2] + 18 / figure.bbox.width, box[1], 16 / figure.bbox.width, box[3]])
         key = figure.colorbar(drawn, cax=room, extend=bar_extend, extendfrac=0.02)
@@ -79,6 +86,13 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
         room.tick_params(colors=INK, labelsize=10)
         key.outline.set_edgecolor(FAINT)
     return figure, axes
+
+
+def _legend(axes, keys, height):
+    """A legend to the right of the axes, in as many columns as that height asks for."""
+    columns = -(-len(keys) * KEY_HEIGHT // height)
+    return axes.legend(handles=list(keys), loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=1.0, fontsize=10,
+                       ncols=columns, facecolor=PAPER, edgecolor=FAINT, labelcolor=INK)
 
 
 def _metres(grid, axes):

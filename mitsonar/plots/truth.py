@@ -52,11 +52,10 @@ def _objects(dataset, grid, *, tvg):
                 mask = grid.largest(marked, lambda part: part["marked"].values) > 0
                 # around it, so that the object itself stays to be seen
                 picture[ndimage.binary_dilation(mask, iterations=2) & ~mask] = colour
-    figure, axes = canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid))
     keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})")
             for name, count in sorted(counts.items()) if count]
-    _legend(axes, [*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])
-    return figure
+    return canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid),
+                          keys=[*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])[0]
 
 
 def _class(dataset, grid):
@@ -70,11 +69,10 @@ def _class(dataset, grid):
     image = grid.largest(dataset, lambda part: rank[part["class"].values])
     own = class_colours(names.values())
     colours = ["#000000" if number == 0 else own.get(names.get(number), to_rgb("#ffffff")) for number in order]
-    figure, axes = canvas.picture(grid, image, f"{title(dataset)}: classes", subtitle=subtitle(dataset, grid),
-                                  colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5))
-    _legend(axes, [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=names.get(number, "none"))
-                   for number, colour in zip(order[:LEGEND], colours, strict=False)])
-    return figure
+    keys = [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=names.get(number, "none"))
+            for number, colour in zip(order[:LEGEND], colours, strict=False)]
+    return canvas.picture(grid, image, f"{title(dataset)}: classes", subtitle=subtitle(dataset, grid),
+                          colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5), keys=keys)[0]
 
 
 def _share(dataset, grid):
@@ -98,17 +96,11 @@ def _shaded(dataset, grid, image, what, bar):
 def _layover(dataset, grid):
     image = grid.largest(dataset, lambda part: np.minimum(part["layover"].values, 3))
     colours = ["#000000", "#3b3f46", "#f28e2b", "#e15759"]
-    figure, axes = canvas.picture(grid, image, f"{title(dataset)}: layover", subtitle=subtitle(dataset, grid),
-                                  colours=ListedColormap(colours), limits=(-0.5, 3.5))
     words = ("nothing", "one place", "two places", "three and more")
-    _legend(axes, [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=word)
-                   for colour, word in zip(colours, words, strict=True)])
-    return figure
-
-
-def _legend(axes, keys):
-    axes.legend(handles=keys, loc="upper right", fontsize=10, facecolor=canvas.PAPER, edgecolor=canvas.FAINT,
-                labelcolor=canvas.INK, framealpha=0.85)
+    keys = [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=word)
+            for colour, word in zip(colours, words, strict=True)]
+    return canvas.picture(grid, image, f"{title(dataset)}: layover", subtitle=subtitle(dataset, grid),
+                          colours=ListedColormap(colours), limits=(-0.5, 3.5), keys=keys)[0]
 
 
 TRUTH = {"objects": (_objects, "share"), "class": (_class, "class"), "share": (_share, "share"),

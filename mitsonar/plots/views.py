@@ -105,14 +105,11 @@ def _labels(dataset, grid):
     palette = ["#000000", "#a9825a", *(colormaps["tab10"](k) for k in (0, 3, 2, 4, 9, 6, 8, 1, 7, 5))]
     palette = palette[order[0] != 0:]
     colours = [palette[k] if k < len(palette) else colormaps["hsv"](0.618034 * k % 1) for k in range(len(order))]
-    figure, axes = canvas.picture(grid, image, f"{title(dataset)}: labels", subtitle=subtitle(dataset, grid),
-                                  colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5))
     keys = [Patch(facecolor=colours[order.index(label)], edgecolor=canvas.FAINT,
                   label=f"{label}  {names.get(label, 'unnamed')}  ({counts[label] / counts.total():.2%})")
             for label in ids.tolist()[:LEGEND]]
-    axes.legend(handles=keys, loc="upper right", fontsize=10, facecolor=canvas.PAPER, edgecolor=canvas.FAINT,
-                labelcolor=canvas.INK, framealpha=0.85)
-    return figure
+    return canvas.picture(grid, image, f"{title(dataset)}: labels", subtitle=subtitle(dataset, grid),
+                          colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5), keys=keys)[0]
 
 
 def _depth(dataset, grid):

@@ -10,6 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from labelled_sidescan import labelled
+from matplotlib.patches import Patch
 from synthetic_sidescan import sidescan
 
 from mitsonar import plots
@@ -149,9 +150,19 @@ def test_rare_labels_stay_visible_in_large_surveys(tmp_path):
     dataset["label"][:] = 1
     dataset["label"][3000, 1, 15] = 2
     plots.plot(dataset, "labels", tmp_path / "a.png")
-    image = matplotlib.image.imread(tmp_path / "a.png")[90:-66, 88:-40, :3]
+    image = matplotlib.image.imread(tmp_path / "a.png")[90:-66, 88:, :3]
     blue = (image[..., 2] > 0.6) & (image[..., 0] < 0.3)
-    assert blue[50 + len(image) // 4:].sum() >= 20  # one ping of one bin; the legend lies above
+    assert blue[len(image) // 4:].sum() >= 20  # one ping of one bin; the legend lies above and beside
+
+
+@pytest.mark.parametrize("count", [1, 60])
+def test_the_legend_stands_beside_the_picture_and_on_the_sheet(count):
+    sheet = grid.make_grid(sidescan(40, 20))
+    keys = [Patch(label=f"number {k} of many") for k in range(count)]
+    figure, axes = canvas.picture(sheet, np.zeros((sheet.height, sheet.width)), "title", keys=keys)
+    legend, drawn, paper = axes.get_legend().get_window_extent(), axes.get_window_extent(), figure.bbox
+    assert drawn.x1 < legend.x0 and legend.x1 < paper.x1 and paper.y0 < legend.y0 and legend.y1 < paper.y1
+    assert drawn.width == pytest.approx(sheet.width)
 
 
 def test_gain_for_the_seabed_flattens_a_level_lambert_bed():
