@@ -224,20 +224,17 @@ class CoherentEchoes:
         survey = self.survey
         bins, labels = survey.bins, int(heard["label"].max()) + 1
         bin = np.floor((heard["delay"] - survey.window[0]) / survey.bin_length).astype(np.int64)
-        good = (bin >= 0) & (bin < bins)
-        if not good.any():
-            return
-        row, label, bin, slot = heard["row"][good].astype(np.int64), heard["label"][good], bin[good], slot[good]
-        seen = heard["in_beam"][good]
+        bin = np.clip(bin, 0, bins - 1)                       # what the record hears of pulses from just outside
+        row, label, seen = heard["row"].astype(np.int64), heard["label"], heard["in_beam"]
         out["coherent_in_beam"][rows][row[seen], bin[seen]] = 1
         _, first, which = np.unique(((row * bins + bin) * labels + label) * self.samples + slot, return_index=True,
                                     return_inverse=True)
-        power = np.abs(np.bincount(which, heard["real"][good]) + 1j * np.bincount(which, heard["imaginary"][good])) ** 2
+        power = np.abs(np.bincount(which, heard["real"]) + 1j * np.bincount(which, heard["imaginary"])) ** 2
         key, which = np.unique(((row * bins + bin) * labels + label)[first], return_inverse=True)
         power = np.bincount(which, power)
-        energy = heard["real"][good].astype(float) ** 2 + heard["imaginary"][good].astype(float) ** 2
+        energy = heard["real"].astype(float) ** 2 + heard["imaginary"].astype(float) ** 2
         which = np.searchsorted(key, (row * bins + bin) * labels + label)
-        depth = np.bincount(which, energy * heard["depth"][good]) / np.bincount(which, energy)
+        depth = np.bincount(which, energy * heard["depth"]) / np.bincount(which, energy)
         place, of = np.divmod(key, labels)
         out["coherent_power"][rows][place // bins, of - 1, place % bins] = power
         order = np.lexsort((power, place))

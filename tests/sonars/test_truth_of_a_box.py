@@ -125,6 +125,16 @@ def test_a_point_target_that_lasts_into_the_next_bin_has_its_share_there():
     np.testing.assert_allclose(abeam["share"].sel(shape="point").values[162:166], [0, 1, 1, 0], atol=1e-3)
 
 
+def test_a_record_that_begins_within_an_echo_says_whose_it_is():
+    """The middle of a pulse of 22 cm lies 1.5 cm before the first bin."""
+    point = {"type": "point_target", "position": [18, 0, -19], "target_strength_db": 0.0}
+    scene = sidescan({"seabed": plane(20), "point": point}, sensor={"start": [0, 0, -10], "pulse_ms": 0.3},
+                     film={"range_min": 20.14, "range": 60.0, "bins": 400})
+    abeam = render(scene)[0].isel(ping=0, side=1)
+    assert abeam["mean_level"].values[0] > abeam["mean_level"].values[3] + 30
+    np.testing.assert_allclose(abeam["share"].sel(shape="point").values[[0, 1, 3]], [1, 1, 0], atol=0.01)
+
+
 def test_shares_of_smooth_bodies_and_points_add_to_one():
     """What has a phase is shared out as well: a rigid ball and a point target over a bed."""
     T = mi.ScalarTransform4f
