@@ -115,7 +115,7 @@ def place(bodies, bed, rules, *, count, seed, taken=()):
     Raises
     ------
     ValueError
-        If a body is too small or too large for a target, or there is no room for all.
+        If a body is too small or too large for a target, the area has no seabed, or there is no room for all.
 
     Notes
     -----
@@ -130,6 +130,11 @@ def place(bodies, bed, rules, *, count, seed, taken=()):
                                  f"targets measure {SMALLEST:g} to {LARGEST:g} m: is the file in metres? If not, set "
                                  "scale")
     area = bed.bounds if rules.area is None else tuple(rules.area)
+    if not all(area[k] < bed.bounds[k + 2] and area[k + 2] > bed.bounds[k] for k in (0, 1)):
+        # such as eastings and northings of a survey's file
+        asked, there = (", ".join(f"{edge:.0f}" for edge in edges) for edges in (area, bed.bounds))
+        raise ValueError(f"the area {asked} lies beside the seabed, which is {there} (west, south, east, north) in "
+                         "metres from the scene's origin; give the area in these")
     circles = np.empty((len(taken) + count, 3))
     circles[:len(taken)] = np.reshape(taken, (-1, 3))
     done = []

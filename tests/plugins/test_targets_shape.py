@@ -155,7 +155,7 @@ def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     ({"pose": "stand"}, 'pose is the string "stand"; expected one of "upright", "rest", "any"'),
     ({"area": "10, 0, 0, 10"}, "area is 10, 0, 0, 10; expected west, south, east, north [m], west below east"),
     ({"exclude": "0, 0, 1"}, "exclude holds 3 numbers; expected four a box"),
-    ({"area": "100, 100, 120, 120"}, "only 0 of 5 targets found room on 20 x 20 m"),
+    ({"area": "100, 100, 120, 120"}, "the area 100, 100, 120, 120 lies beside the seabed, which is -30, -20, 30, 20"),
     ({"spacing": 40.0}, "of 5 targets found room on 60 x 40 m"),
     ({"seed": -1}, "seed is the integer -1; expected an integer at least 0"),
     ({"radius": 2.0}, 'unknown attribute "radius"'),
