@@ -25,6 +25,8 @@ def add(commands):
                         help="of a highlight's mean echo; default: 0")
     labels.add_argument("--smallest", type=whole, default=8, metavar="BINS",
                         help="of a piece of an annotation; smaller ones are dropped; default: 8")
+    labels.add_argument("--classes", metavar="NAMES",
+                        help="of objects, numbered in this order; default: those of the images; \"cylinder, tyre\"")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS", help="cut the pictures, as 512x512")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
     labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
@@ -46,6 +48,7 @@ def _labels(arguments):
         output = f"{os.path.splitext(os.path.normpath(arguments.images[0]))[0]}_labels"
     rules = Labels(
         coco=arguments.coco, yolo=arguments.yolo, masks=arguments.masks, threshold=arguments.threshold,
+        classes=None if arguments.classes is None else [name.strip() for name in arguments.classes.split(",")],
         above_noise_db=arguments.above_noise, smallest=arguments.smallest, tile=arguments.tile,
         overlap=arguments.overlap, tvg=None if arguments.tvg == "none" else arguments.tvg, window=arguments.window,
         split=None if arguments.split is None else read_shares(arguments.split), split_seed=arguments.split_seed,

@@ -32,7 +32,7 @@ def categories(classes):
     odd = [name for name in classes if name.endswith(f" {SHADOW}")]
     if odd:
         raise ValueError(f"the class {odd[0]!r} would be taken for a shadow; give its shapes another id.")
-    names = [category(name, kind) for kind in (HIGHLIGHT, SHADOW) for name in sorted(classes)]
+    names = [category(name, kind) for kind in (HIGHLIGHT, SHADOW) for name in classes]
     return {name: number for number, name in enumerate(names, 1)}
 
 

@@ -18,6 +18,8 @@ class Labels:
     yolo : {'boxes', 'polygons', None}
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
+    classes : sequence of str or None
+        Of objects, in the order in which they are numbered; None: those of the images, in alphabetical order.
     smallest : int
         Bins that every piece of an annotation must have; see there.
     tile : (int, int) or None
@@ -44,6 +46,7 @@ class Labels:
     masks: bool = False
     threshold: float = 0.5
     above_noise_db: float = 0.0
+    classes: object = None
     smallest: int = 8
     tile: object = None
     overlap: float = 0.0
@@ -64,6 +67,8 @@ class Labels:
         if not self.above_noise_db < math.inf:
             raise ValueError(f"highlights are to be {self.above_noise_db:g} dB above the noise; give a number, such as "
                              "0.")
+        if self.classes is not None and (not all(self.classes) or len(set(self.classes)) < len(self.classes)):
+            raise ValueError(f"the classes are {', '.join(map(repr, self.classes))}; give each name once.")
         if self.smallest < 1:
             raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
         if self.tile is not None and min(self.tile) < 8:

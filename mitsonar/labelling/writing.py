@@ -70,7 +70,7 @@ def write(places, folder, labels, progress=None):
     homes = ["train"] * len(sources)
     if labels.split:
         homes = deal(groups, labels.split, labels.split_seed, labels.split_by or "seabed")
-    numbers = coco.categories(sorted({name for source in sources for name in source.object_classes}))
+    numbers = coco.categories(_classes(sources, labels.classes))
     with _whole(Path(os.path.realpath(folder))) as made:
         writer = _Writer(made, labels, numbers)
         for done, (source, home) in enumerate(zip(sources, homes, strict=True), 1):
@@ -108,6 +108,18 @@ def groups_of(sources, by=None):
             raise ValueError(f"{source.path} has no scene parameter {by}; it was given "
                              f"{', '.join(sorted(source.parameters)) or 'none'}.")
     return [str(source.seabed if by is None else source.parameters[by]) for source in sources]
+
+
+def _classes(sources, wanted):
+    """The classes of objects in the order of their numbers."""
+    found = sorted({name for source in sources for name in source.object_classes})
+    if wanted is None:
+        return found
+    lacking = [name for name in found if name not in wanted]
+    if lacking:
+        raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes given lack; "
+                         "give all.")
+    return list(wanted)
 
 
 class _Writer:

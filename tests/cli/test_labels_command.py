@@ -54,6 +54,16 @@ def test_the_same_images_give_the_same_bytes(images):
     assert image["window_db"] == [60, 90] and image["grey"].startswith("level + 30 log R") and image["height"] == 32
 
 
+def test_classes_are_numbered_as_they_are_given_also_those_that_no_image_has(images):
+    assert cli.main(["labels", "a.exr", "--coco", "--yolo", "--classes", "wreck, tyre, box"]) == 0
+    document = json.loads(Path("a_labels/annotations.json").read_text())
+    names = {each["id"]: each["name"] for each in document["categories"]}
+    assert list(names.values()) == ["wreck", "tyre", "box", "wreck shadow", "tyre shadow", "box shadow"]
+    assert {each["instance"]: names[each["category_id"]] for each in document["annotations"]
+            if each["category_id"] <= 3} == {"box.1": "box", "wreck": "wreck"}
+    assert sorted(line[0] for line in Path("a_labels/labels/a.txt").read_text().splitlines()) == ["0", "2", "3", "5"]
+
+
 @pytest.mark.parametrize("arguments, words", [
     (["a.exr"], "nothing to write was asked for; take COCO"),
     (["a.exr", "--coco", "--threshold", "2"], "the threshold is 2; give a share of at least 0 and below 1"),
@@ -61,6 +71,9 @@ def test_the_same_images_give_the_same_bytes(images):
     (["a.exr", "--coco", "--threshold", "much"], "invalid float value"),
     (["a.exr", "--coco", "--above-noise", "nan"], "nan dB above the noise"),
     (["a.exr", "--coco", "--smallest", "0"], "has 0 bins"),
+    (["a.exr", "--coco", "--classes", "box,box"], "the classes are 'box', 'box'; give each name once"),
+    (["a.exr", "--coco", "--classes", "box, "], "the classes are 'box', ''; give each name once"),
+    (["a.exr", "--coco", "--classes", "box, tyre"], "objects of the class wreck, which the classes given lack"),
     (["a.exr", "--coco", "--tile", "512"], "'512' is no size of tiles; give PINGSxBINS"),
     (["a.exr", "--coco", "--tile", "1x1"], "a tile is 1 pings by 1 bins"),
     (["a.exr", "--coco", "--overlap", "0.5"], "but no tiles"),
