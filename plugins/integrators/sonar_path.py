@@ -40,7 +40,7 @@ from mitsonar.trace import Geometry
 from mitsonar.units import db_from_power
 
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
-BYTES_PER_LABEL = 8                # and of each shape's share,
+BYTES_PER_LABEL = 13               # and of each shape's share,
 BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made
 BYTES_PER_PATH = 12                # and of each path where there is more than one
 BINS_PER_PULSE = 10_000
