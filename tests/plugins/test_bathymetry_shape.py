@@ -2,6 +2,8 @@
 
 `tests/rooms` has the numbers; here is whether attributes reach them, and whether bsdfs read what is painted.
 """
+from pathlib import Path
+
 import drjit as dr
 import numpy as np
 import pytest
@@ -126,3 +128,15 @@ def test_refusals(survey, extra, said):
     with pytest.raises(RuntimeError) as caught:
         load(survey, extra.format(map=survey / "map.tif"))
     assert said in plain(caught.value)
+
+
+@pytest.mark.parametrize("name, parameters", [("bed.npy", {"spacing": "0.5"}), ("bed.xyz", {"crs": "EPSG:4326"})])
+def test_the_scene_of_surveys_takes_what_a_file_leaves_unsaid(tmp_path, name, parameters):
+    lon, lat = (part.ravel() for part in np.meshgrid(-122.38 + np.arange(60) * 5e-6, 37.75 + np.arange(60) * 4e-6))
+    np.save(tmp_path / "bed.npy", np.full((60, 60), -20.0))
+    np.savetxt(tmp_path / "bed.xyz", np.c_[lon, lat, np.full(3600, -20.0)], fmt="%.7f")
+    scene = str(Path(__file__).parents[2] / "scenes" / "sidescan_survey.xml")
+    with pytest.raises(RuntimeError, match="spacing of its nodes|no coordinate system is named"):
+        mi.load_file(scene, bathymetry=str(tmp_path / name), optimize=False)
+    bed = mi.load_file(scene, bathymetry=str(tmp_path / name), optimize=False, **parameters).shapes()[0]
+    assert 20 < bed.bbox().extents()[0] < 31 and bed.bbox().max.z == -20
