@@ -51,9 +51,10 @@ def described(geometry):
 def _whole(shape):
     """Numbers that tell a shape without facets from others, and those of its kind's name."""
     known = mi.traverse(shape)
-    numbers = [np.ravel(known[name].matrix.numpy()) for name in ("to_world",) if name in known]
-    box = np.ravel(shape.bbox().min), np.ravel(shape.bbox().max)
-    return np.concatenate([*box, *numbers]), np.frombuffer(shape.class_name().encode(), np.uint8)
+    matrix = known["to_world"].matrix if "to_world" in known else ()
+    # entry by entry: of the whole a kernel would be compiled, another for every matrix
+    numbers = [float(entry[0]) for row in matrix for entry in row]
+    return np.array([*shape.bbox().min, *shape.bbox().max, *numbers]), np.frombuffer(shape.class_name().encode(), np.uint8)
 
 
 def _widen(boxes, label, low, high=None):

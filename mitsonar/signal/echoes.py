@@ -93,7 +93,7 @@ def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, 
 def sum_size(needed):
     """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes
     exist."""
-    return max(1 << 14, 1 << (int(needed) - 1).bit_length())
+    return max(1 << 16, 1 << (int(needed) - 1).bit_length())
 
 
 class EchoSums:

@@ -53,7 +53,7 @@ class Cluster:
                 self._own = distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
                                                      dashboard_address=None, silence_logs=logging.CRITICAL,
                                                      preload=[__name__])
-                self._client = distributed.Client(self._own)
+                self._client = distributed.Client(self._own, set_as_default=False)
             else:
                 self.threads = shares(1, threads or THREADS)[1]
                 self._client = self._connect(distributed, scheduler)
@@ -105,7 +105,7 @@ class Cluster:
 
     def _connect(self, distributed, scheduler):
         try:
-            client = distributed.Client(scheduler, timeout=PATIENCE / 6)
+            client = distributed.Client(scheduler, timeout=PATIENCE / 6, set_as_default=False)
             try:
                 client.wait_for_workers(1, timeout=PATIENCE)
             except BaseException:

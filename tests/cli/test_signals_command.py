@@ -132,7 +132,7 @@ def test_the_fan_of_an_array_is_its_picture(variant, folder, scene, refusal):
 
     assert cli.main(["render", "array.xml", "-o", "a.exr", "--preview", "a.png", "-D", "elements=8"]) == 0
     image = exr.read("a.exr")
-    assert dict(image.sizes) | {"range": 0} == {"ping": 1, "beam": 121, "range": 0}
+    assert dict(image["level"].sizes) | {"range": 0} == {"ping": 1, "beam": 121, "range": 0}
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main(["plot", "a.exr"]) == 0
     assert "is of a sidescan" in refusal("plot", "a.exr", "--what", "labels")
