@@ -45,7 +45,8 @@ class ShapeLabels:
         self.surface = next((self.of(shape) for shape in shapes if getattr(shape, "sea_surface", False)), 0)
         self.seabed = frozenset(
             self._number[name] for shape in shapes for name in _names(shape)
-            if getattr(shape, "seabed", False) or class_name(name) in SEABED_CLASSES)
+            if getattr(shape, "seabed", False)
+            or class_name(name) in SEABED_CLASSES and not hasattr(shape, "part_names"))        # parts are objects
         self.objects = frozenset(self.names) - self.seabed - {self.surface}
 
     def __len__(self):

@@ -96,10 +96,10 @@ class _Shape:
 
 
 def test_parts_of_a_mesh_are_instances_of_their_own():
-    mines = _Shape("mines", part_names=("tyre.mines.2", "drum.mines.1"), part_of_face=np.array([0, 0, 1]))
+    mines = _Shape("mines", part_names=("tyre.mines.2", "bed.mines.1"), part_of_face=np.array([0, 0, 1]))
     named = ShapeLabels([_Shape("area", seabed=True), mines, _Shape("top", sea_surface=True), _Shape(""),
                          _Shape("bed.2")])
-    assert named.names == {1: "Mesh", 2: "area", 3: "bed.2", 4: "drum.mines.1", 5: "top", 6: "tyre.mines.2"}
+    assert named.names == {1: "Mesh", 2: "area", 3: "bed.2", 4: "bed.mines.1", 5: "top", 6: "tyre.mines.2"}
     assert (named.seabed, named.surface, named.objects) == ({2, 3}, 5, {1, 4, 6})
     np.testing.assert_array_equal(named.of_faces(mines, 3), [6, 6, 4])
     np.testing.assert_array_equal(named.label_kinds(), [0, 2, 1, 1, 2, 0, 2])
