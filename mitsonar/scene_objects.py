@@ -54,7 +54,8 @@ def _whole(shape):
     matrix = known["to_world"].matrix if "to_world" in known else ()
     # entry by entry: of the whole a kernel would be compiled, another for every matrix
     numbers = [float(entry[0]) for row in matrix for entry in row]
-    return np.array([*shape.bbox().min, *shape.bbox().max, *numbers]), np.frombuffer(shape.class_name().encode(), np.uint8)
+    kind = np.frombuffer(shape.class_name().encode(), np.uint8)
+    return np.array([*shape.bbox().min, *shape.bbox().max, *numbers]), kind
 
 
 def _widen(boxes, label, low, high=None):

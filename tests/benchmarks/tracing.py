@@ -102,7 +102,8 @@ def refracted(scene, direction, name, profile):
 
     def hits():
         launch_angle, heading = _angles(direction)
-        valid, pi, *_ = _first_hit(scene, sources.fans, mi.Point3f(origin), source, launch_angle, heading, mi.Bool(True))
+        start = mi.Point3f(origin)
+        valid, pi, *_ = _first_hit(scene, sources.fans, start, source, launch_angle, heading, mi.Bool(True))
         finish(valid, pi.t, pi.prim_index, pi.prim_uv)
 
     def whole():
