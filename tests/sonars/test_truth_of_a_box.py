@@ -58,8 +58,8 @@ def test_the_seabed_of_a_bin_is_where_its_slant_range_meets_it(image):
     seen = np.isfinite(abeam["seabed_x"].values) & (slant > 1.05 * H)
     assert seen.sum() > 850
     ground = np.sqrt(np.maximum(slant**2 - H**2, 0))
-    # the mean over a bin is its middle but for the fall of energy across it: a tenth of the bin on the ground
-    np.testing.assert_allclose(abeam["seabed_x"].values[seen], ground[seen], atol=0.3 * WIDTH / 0.3)
+    # the mean over a bin is not quite its middle: rays are drawn, and energy falls across it
+    np.testing.assert_allclose(abeam["seabed_x"].values[seen], ground[seen], atol=0.02)
     np.testing.assert_allclose(abeam["seabed_depth"].values[seen], 20, atol=1e-4)
     assert np.abs(abeam["seabed_y"].values[seen]).max() < 0.1
     assert np.isnan(abeam["seabed_x"].values[abeam["object_shadow"].values > 0][2:-2]).all()
