@@ -49,6 +49,7 @@ def _sweep(arguments):
 
 def _tell(plan, arguments):
     from ..sweep.estimate import estimate
+    from ..sweep.execute import stray
 
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
@@ -57,6 +58,8 @@ def _tell(plan, arguments):
     there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
     announce(f"{_count(found.total, 'render')} into {found.folder}, {there}"
              + (f", {found.changed} to be made anew" if found.changed else ""))
+    if found.strangers:
+        warn(stray(found.strangers, found.folder))
     if found.missing:
         how = f"tried {found.trials}" if found.trials else "as those there took"
         length = datetime.timedelta(seconds=round(found.seconds * found.missing / found.processes))

@@ -36,6 +36,8 @@ class Estimate:
         Renders made to find out; 0: those that are there tell.
     free : int
         Bytes free where the folder is.
+    strangers : list of str
+        Outputs in the folder that the plan does not make.
     """
 
     folder: str
@@ -48,6 +50,7 @@ class Estimate:
     bytes: float | None
     trials: int
     free: int
+    strangers: list
 
 
 def estimate(plan, folder=None, *, processes=None, threads=None):
@@ -79,7 +82,7 @@ def estimate(plan, folder=None, *, processes=None, threads=None):
     return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed, processes=processes,
                     threads=threads, seconds=sum(seconds) / len(seconds) if now.missing else None,
                     bytes=sum(sizes) / len(sizes) if now.missing else None, trials=trials,
-                    free=shutil.disk_usage(_above(folder)).free)
+                    free=shutil.disk_usage(_above(folder)).free, strangers=now.strangers)
 
 
 def _try(plan, missing, threads, made_by):

@@ -13,11 +13,12 @@ from .manifest import LOCK, MANIFEST, Manifest, key, remove_leftovers
 from .plan import load_plan
 from .versions import versions
 
-__all__ = ["Outcome", "Standing", "default_folder", "job", "run", "standing"]
+__all__ = ["Outcome", "Standing", "default_folder", "job", "run", "standing", "stray"]
 
 ATTEMPTS = 2                       # of a render before it counts as failed
 LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
 MOST_LISTED = 100                  # failures kept to be shown
+STRAYS_SHOWN = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,12 +56,15 @@ class Standing:
         How many of them are there, made of other parameters, files or versions.
     seconds, bytes : list of float
         Of each render that is there.
+    strangers : list of str
+        Outputs that are there and done, of another plan or of this one before it was changed.
     """
 
     missing: array.array
     changed: int
     seconds: list
     bytes: list
+    strangers: list
 
 
 def default_folder(plan):
@@ -119,7 +123,10 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
             say(f"{manifest.damaged} damaged lines of {manifest.path} are passed over")
         now = standing(plan, folder, manifest.entries, made_by)
         if now.changed:
-            say(f"{now.changed} renders in {folder} were made of other parameters, files or versions and are made anew")
+            what, was, done = ("1 render", "was", "is") if now.changed == 1 else (f"{now.changed} renders", "were", "are")
+            say(f"{what} in {folder} {was} made of other parameters, files or versions and {done} made anew")
+        if now.strangers:
+            say(stray(now.strangers, folder))
         if manifest.fresh:
             _check_foreign(plan, folder)
         runner = _Runner(plan, folder, manifest, now, made_by, progress)
@@ -139,8 +146,10 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
 def standing(plan, folder, entries, made_by):
     """Find out what is missing: all that the manifest does not call done, or whose files are not there as it says."""
     missing, changed, seconds, sizes = array.array("l"), 0, [], []
+    others = {output for output, entry in entries.items() if entry.status == "ok"}
     for index in range(len(plan)):
         render = plan.render(index)
+        others.discard(render.output)
         entry = entries.get(render.output)
         if entry is None or entry.status != "ok" or not _is_there(folder, render, entry, plan.previews):
             missing.append(index)
@@ -150,7 +159,16 @@ def standing(plan, folder, entries, made_by):
         else:
             seconds.append(entry.seconds)
             sizes.append(entry.bytes)
-    return Standing(missing=missing, changed=changed, seconds=seconds, bytes=sizes)
+    strangers = sorted(output for output in others if os.path.exists(os.path.join(folder, output)))
+    return Standing(missing=missing, changed=changed, seconds=seconds, bytes=sizes, strangers=strangers)
+
+
+def stray(outputs, folder):
+    """Say that images are there which the plan does not make."""
+    shown = ", ".join(outputs[:STRAYS_SHOWN]) + (", ..." if len(outputs) > STRAYS_SHOWN else "")
+    what = "1 image here belongs" if len(outputs) == 1 else f"{len(outputs)} images here belong"
+    return (f"{what} to no render of this plan: {shown}; labels and datasets of {folder} take them too: give this plan "
+            "another folder by -o if they should not")
 
 
 def job(plan, render, folder, made_by):

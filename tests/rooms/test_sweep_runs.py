@@ -132,6 +132,20 @@ def test_only_what_is_missing_or_changed_is_made_anew(sweep):
     assert sweep(text=PLAN.replace("60]", "61]")).done == 12
 
 
+def test_images_of_an_earlier_plan_are_told(sweep):
+    sweep()
+    said, fewer = [], PLAN.replace("samples = 4", "samples = 3")
+    assert sweep(text=fewer, say=said.append).kept == 9
+    assert sweep(text='output = "{index}.exr"' + fewer, say=said.append).done == 9
+    assert [text.partition(";")[0] for text in said] == [
+        "3 images here belong to no render of this plan: 000009.exr, 000010.exr, 000011.exr",
+        "12 images here belong to no render of this plan: 000000.exr, 000001.exr, 000002.exr, ..."]
+    for index in range(1, 12):
+        (sweep.folder / "out" / f"{index:06}.exr").unlink()
+    found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
+    assert (found.missing, found.strangers) == (0, ["000000.exr"])
+
+
 def test_other_versions_are_made_anew(sweep, monkeypatch):
     sweep()
     monkeypatch.setattr(execute, "versions", lambda: {"mitsonar": "99"})
