@@ -62,9 +62,10 @@ def _tell(plan, arguments):
         warn(stray(found.strangers, found.folder))
     if found.missing:
         how = f"tried {found.trials}" if found.trials else "as those there took"
-        length = datetime.timedelta(seconds=round(found.seconds * found.missing / found.processes))
+        length = datetime.timedelta(seconds=round(found.duration))
         announce(f"time: about {length}, {found.seconds:.2g} s each ({how}), by "
-                 f"{_count(found.processes, 'process')} of {found.threads} threads")
+                 f"{_count(found.processes, 'process')} of {found.threads} threads"
+                 + (f", of which the cores bear {found.at_once} at once" if found.at_once < found.processes else ""))
         announce(f"disk: about {_size(found.bytes * found.missing)}, and {_size(found.free)} are free")
     return 0
 

@@ -1,4 +1,5 @@
 """What a sweep will take, from what is there already or from a few renders made to see."""
+import math
 import os
 import shutil
 import tempfile
@@ -6,7 +7,7 @@ import time
 from dataclasses import dataclass
 
 from .execute import default_folder, job, standing
-from .local import Local, shares
+from .local import Local, cores, shares
 from .manifest import MANIFEST, read
 from .plan import load_plan
 from .versions import versions
@@ -30,8 +31,12 @@ class Estimate:
         How many of the missing are there, made of other parameters, files or versions.
     processes, threads : int
         That it was estimated for.
+    at_once : int
+        How many of the processes the cores bear; more of them take turns and gain nothing.
     seconds, bytes : float or None
         Of one render, in the mean; None where nothing is missing.
+    duration : float or None
+        Seconds of all that is missing.
     trials : int
         Renders made to find out; 0: those that are there tell.
     free : int
@@ -46,8 +51,10 @@ class Estimate:
     changed: int
     processes: int
     threads: int
+    at_once: int
     seconds: float | None
     bytes: float | None
+    duration: float | None
     trials: int
     free: int
     strangers: list
@@ -79,9 +86,12 @@ def estimate(plan, folder=None, *, processes=None, threads=None):
     if now.missing and not seconds:
         seconds, sizes = _try(plan, now.missing, threads, made_by)
         trials = len(sizes)
+    at_once = max(1, min(processes, cores() // threads))
+    each = sum(seconds) / len(seconds) if now.missing else None
     return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed, processes=processes,
-                    threads=threads, seconds=sum(seconds) / len(seconds) if now.missing else None,
-                    bytes=sum(sizes) / len(sizes) if now.missing else None, trials=trials,
+                    threads=threads, at_once=at_once, seconds=each,
+                    bytes=sum(sizes) / len(sizes) if now.missing else None,
+                    duration=each * math.ceil(len(now.missing) / at_once) if now.missing else None, trials=trials,
                     free=shutil.disk_usage(_above(folder)).free, strangers=now.strangers)
 
 

@@ -5,10 +5,15 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 from .renderer import Renderer
 
-__all__ = ["THREADS", "Local", "shares"]
+__all__ = ["THREADS", "Local", "cores", "shares"]
 
 THREADS = 2                        # of a process where nothing is said: small renders gain most by more processes
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
+
+
+def cores():
+    """Give the number of cores that processes of ours may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
 def shares(processes, threads):
@@ -19,13 +24,12 @@ def shares(processes, threads):
     ValueError
         If a number is out of range.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     if processes is None:
-        processes = max(1, cores // (threads or THREADS))
+        processes = max(1, cores() // (threads or THREADS))
     if not 1 <= processes <= MOST_PROCESSES:
         raise ValueError(f"{processes} processes were asked for; give 1 to {MOST_PROCESSES}")
     if threads is None:
-        threads = max(2, cores // processes)
+        threads = max(2, cores() // processes)
     if not 2 <= threads <= MOST_THREADS:
         raise ValueError(f"{threads} threads were asked for; give 2 to {MOST_THREADS} (Mitsuba needs two even on "
                          "one core)")

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
 
 from small_scene import TEXT  # noqa: E402
 
-from mitsonar.sweep import estimate, execute, load_plan, manifest, run  # noqa: E402
+from mitsonar.sweep import estimate, execute, load_plan, local, manifest, run  # noqa: E402
 
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 PLAN = """
@@ -235,6 +235,18 @@ def test_an_estimate_tries_a_few_and_writes_nothing(sweep, monkeypatch):
     sweep()
     found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
     assert (found.missing, found.seconds) == (0, None)
+
+
+@pytest.mark.parametrize("cores, asked, at_once, rounds", [
+    (2, (50, None), 1, 12), (8, (50, None), 4, 3), (64, (50, None), 32, 1), (16, (5, None), 5, 3), (8, (2, 8), 1, 12)])
+def test_an_estimate_counts_rounds_of_what_the_cores_bear(sweep, monkeypatch, cores, asked, at_once, rounds):
+    monkeypatch.setattr(estimate, "Local", lambda *_: Pool({}))
+    monkeypatch.setattr(estimate, "cores", lambda: cores)
+    monkeypatch.setattr(local, "cores", lambda: cores)
+    (sweep.folder / "plan.toml").write_text(PLAN, encoding="utf-8")
+    found = estimate.estimate(sweep.folder / "plan.toml", processes=asked[0], threads=asked[1])
+    assert (found.processes, found.at_once) == (asked[0], at_once)
+    assert found.duration == pytest.approx(0.1 * rounds)
 
 
 def test_a_second_runner_is_told_who_the_first_is(sweep):
