@@ -54,7 +54,7 @@ def _tell(plan, arguments):
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
     found = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
-                     threads=arguments.threads)
+                     threads=arguments.threads, say=warn)
     there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
     announce(f"{_count(found.total, 'render')} into {found.folder}, {there}"
              + (f", {found.changed} to be made anew" if found.changed else ""))

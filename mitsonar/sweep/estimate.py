@@ -6,7 +6,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 
-from .execute import default_folder, job, standing
+from .execute import check_loading, default_folder, job, standing
 from .local import Local, cores, shares
 from .manifest import MANIFEST, read
 from .plan import load_plan
@@ -60,12 +60,12 @@ class Estimate:
     strangers: list
 
 
-def estimate(plan, folder=None, *, processes=None, threads=None):
+def estimate(plan, folder=None, *, processes=None, threads=None, say=None):
     """Find out what a sweep will take, without writing into its folder.
 
     Parameters
     ----------
-    plan, folder, processes, threads
+    plan, folder, processes, threads, say
         As of `mitsonar.sweep.run`.
 
     Returns
@@ -75,7 +75,7 @@ def estimate(plan, folder=None, *, processes=None, threads=None):
     Raises
     ------
     FileNotFoundError, ValueError
-        If the plan is wrong, or a render that was tried failed.
+        If the plan is wrong, a render that was tried failed, or the first and the last scene cannot be loaded.
     """
     plan = plan if hasattr(plan, "render") else load_plan(plan)
     processes, threads = shares(processes, threads)
@@ -83,8 +83,11 @@ def estimate(plan, folder=None, *, processes=None, threads=None):
     made_by = versions()
     now = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by)
     seconds, sizes, trials = now.seconds, now.bytes, 0
-    if now.missing and not seconds:
-        seconds, sizes = _try(plan, now.missing, threads, made_by)
+    if now.missing and seconds:
+        with Local(1, threads, os.path.dirname(plan.path)) as one:
+            check_loading(one, plan, now.missing, made_by)
+    elif now.missing:
+        seconds, sizes = _try(plan, now.missing, threads, made_by, say or (lambda text: None))
         trials = len(sizes)
     at_once = max(1, min(processes, cores() // threads))
     each = sum(seconds) / len(seconds) if now.missing else None
@@ -95,9 +98,10 @@ def estimate(plan, folder=None, *, processes=None, threads=None):
                     free=shutil.disk_usage(_above(folder)).free, strangers=now.strangers)
 
 
-def _try(plan, missing, threads, made_by):
+def _try(plan, missing, threads, made_by, say):
     """Seconds and bytes of a few renders, over the plan; the first one warms up where the others are quick."""
     spread = dict.fromkeys(missing[k * (len(missing) - 1) // (TRIALS - 1)] for k in range(TRIALS))
+    say("timing a render" if len(spread) == 1 else f"timing {len(spread)} renders")
     seconds, sizes, start = [], [], time.perf_counter()
     place = os.path.dirname(plan.path)
     with tempfile.TemporaryDirectory(prefix="mitsonar-") as scratch, Local(1, threads, place) as one:

@@ -13,7 +13,7 @@ from .manifest import LOCK, MANIFEST, Manifest, key, remove_leftovers
 from .plan import load_plan
 from .versions import versions
 
-__all__ = ["Outcome", "Standing", "default_folder", "job", "run", "standing", "stray"]
+__all__ = ["Outcome", "Standing", "check_loading", "default_folder", "job", "run", "standing", "stray"]
 
 ATTEMPTS = 2                       # of a render before it counts as failed
 LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
@@ -135,7 +135,7 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
                 with (Local(*counts, place) if workers is None and scheduler is None else
                       Cluster(threads, place, folder, scheduler=scheduler, workers=workers)) as pool:
                     if len(now.missing) == len(plan):
-                        runner.check_loading(pool)
+                        check_loading(pool, plan, now.missing, made_by)
                     runner.run(pool)
             finally:
                 remove_leftovers(_folders(plan, folder))
@@ -178,6 +178,17 @@ def job(plan, render, folder, made_by):
             "preview": _preview(render) if plan.previews and folder else None}
 
 
+def check_loading(pool, plan, missing, made_by):
+    """Refuse a sweep whose first and last scene cannot be loaded: then none can, as far as one can tell."""
+    errors = []
+    for index in dict.fromkeys((missing[0], missing[-1])):
+        answer = _answer(pool.submit(job(plan, plan.render(index), None, made_by)))
+        if not answer.get("error"):
+            return
+        errors.append(answer["error"])
+    raise ValueError(f"no render of {os.path.basename(plan.path)} was started: {errors[0]}")
+
+
 class _Runner:
     """Keeps a pool busy, and the manifest."""
 
@@ -186,16 +197,6 @@ class _Runner:
         self.progress = progress or (lambda done, total, failed: None)
         self.done, self.failed, self.failures = 0, 0, []
         self._answers, self._running = queue.SimpleQueue(), {}
-
-    def check_loading(self, pool):
-        """Refuse a sweep whose first and last scene cannot be loaded: then none can, as far as one can tell."""
-        errors = []
-        for index in dict.fromkeys((self.missing[0], self.missing[-1])):
-            answer = _answer(pool.submit(job(self.plan, self.plan.render(index), None, self.made_by)))
-            if not answer.get("error"):
-                return
-            errors.append(answer["error"])
-        raise ValueError(f"no render of {os.path.basename(self.plan.path)} was started: {errors[0]}")
 
     def run(self, pool):
         """Render all that is missing."""

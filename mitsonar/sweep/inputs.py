@@ -14,6 +14,7 @@ from .values import shortened
 __all__ = ["Inputs"]
 
 FILES = {"filename", "cast", "track", "file", "receive_file", "transmit_file"}    # attributes that are always files
+KINDS = {"float": "a number", "integer": "a whole number", "boolean": "true or false"}
 NAME = re.compile(r"(?<!\\)\$([A-Za-z_]\w*)")
 LARGEST_SCENE = 100_000_000        # bytes
 MOST_FILES = 10_000                # in a folder
@@ -85,6 +86,29 @@ class Inputs:
                         raise FileNotFoundError(f"the scene {os.path.basename(self.scene)} reads the file {name}, "
                                                 "which is not there; it is looked for beside the scene, then beside "
                                                 "the plan")
+
+    def check_kinds(self, columns):
+        """Refuse values that are no number, whole number, or true or false, where the scene takes only such.
+
+        Parameters
+        ----------
+        columns : dict of str to tuple
+            All values each parameter may take.
+
+        Raises
+        ------
+        ValueError
+            If there is one.
+        """
+        for path in self._walk({}):
+            for element in scenes.root(path).iter():
+                sign, name = (element.get("value") or "")[:1], (element.get("value") or "")[1:]
+                if element.tag not in KINDS or sign != "$" or name not in columns:
+                    continue
+                for item in columns[name]:
+                    if not _is_kind(item, element.tag):
+                        raise ValueError(f"the parameter {name} is {shortened(item)}; the scene "
+                                         f"{os.path.basename(path)} takes {KINDS[element.tag]}")
 
     def digest(self, values):
         """Give a SHA-256 of all that a render reads, as hexadecimal digits.
@@ -162,6 +186,20 @@ class Inputs:
                     digest.update(block)
             known = self._digests[path] = (stat.st_mtime_ns, stat.st_size), digest.hexdigest()
         return known[1]
+
+
+def _is_kind(item, kind):
+    """Tell whether a value, written into a scene, can be read as that kind."""
+    written = scenes.text("", item)
+    if kind == "boolean":
+        return written.lower() in ("true", "false")
+    if kind == "float" and not written:
+        return True                                    # Mitsuba takes it
+    try:
+        (int if kind == "integer" else float)(written)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_input(path):

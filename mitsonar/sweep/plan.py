@@ -191,6 +191,8 @@ def _plan(path, place, given):
                          "take seeds")
     _check_number(plan)
     _check_output(plan)
+    inputs.check_kinds({**{name: (item,) for name, item in plan.render(0).parameters.items() if name in draws},
+                        **{name: column for name, column in columns.items() if column}})
     return plan
 
 

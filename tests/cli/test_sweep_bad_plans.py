@@ -56,6 +56,12 @@ PLANS = {
     "wide field": (S + 'output = "{index:999999999}.exr"', "with the format '999999999'; give one such as 04"),
     "format that does not fit": (S + 'output = "{range:d}.exr"\n[set]\nrange = "a"', "does not fit its value 'a'"),
     "long name": (S + 'output = "{range}.exr"\n[set]\nrange = "' + "a" * 300 + '"', "at most 200 bytes"),
+    "table with a text for a number": (S + 'table = "k.csv"', "the parameter range is '9 m'; the scene scene.xml takes a "
+                                       "number"),
+    "fraction for a whole number": (S + "[grid]\npings = [1, 2.5]", "pings is 2.5; the scene scene.xml takes a whole"),
+    "fraction drawn for a whole number": (S + "[draw]\npings = { uniform = [1, 9] }", "takes a whole number"),
+    "number for true or false": (S + "[set]\nspeckle = 1", "speckle is 1; the scene scene.xml takes true or false"),
+    "list for a number": (S + "[set]\nrange = [3, 4]", "range is (3, 4); the scene scene.xml takes a number"),
     "previews": (S + "previews = 1", "previews is 1; give true or false"),
     "section that is none": (S + "grid = 3", "grid is 3; write parameters under [grid]"),
     "table that is not there": (S + 'table = "no.csv"', "no.csv does not exist; give the path of a CSV file"),
@@ -67,7 +73,8 @@ PLANS = {
     "table with too many fields": (S + 'table = "w.csv"', "w.csv, line 3: 3 fields, but the header names 2"),
 }
 TABLES = {"b.csv": b"\xff\x00\xfe", "h.csv": b"range,pings\n", "c.csv": b"range,depth\n1,2\n",
-          "t.csv": b"range,range\n1,2\n", "w.csv": b"range,pings\n1,2\n1,2,3\n"}
+          "t.csv": b"range,range\n1,2\n", "w.csv": b"range,pings\n1,2\n1,2,3\n",
+          "k.csv": b"range\n30\n9 m\n"}
 
 
 @pytest.mark.parametrize("text, says", PLANS.values(), ids=PLANS)
@@ -115,9 +122,9 @@ def test_spoilt_options(folder, refusal, options, says):
 
 
 def test_a_scene_that_cannot_be_loaded_is_told_before_anything_starts(folder, refusal):
-    (folder / "plan.toml").write_text(S + '[grid]\npings = ["many", "few"]', encoding="utf-8")
+    (folder / "plan.toml").write_text(S + '[grid]\nrays = [0, -1]', encoding="utf-8")
     assert 'no render of plan.toml was started: ' in (said := refusal("sweep", "plan.toml"))
-    assert '"many" is not an integer value' in said
+    assert "rays is the integer 0" in said
 
 
 @pytest.mark.parametrize("text", ['[set]\ncast = "no.csv"', '[grid]\ncast = ["c.csv", "no.csv"]',

@@ -99,13 +99,10 @@ def test_draws_follow_their_distributions(plan):
 
 
 def test_log_uniform_and_normal_draws(plan):
-    found = [render.parameters for render in renders(plan("""
-        samples = 2000
-        [draw]
-        range = { log_uniform = [1, 100] }
-        rays = { normal = [50, 4] }"""))]
-    assert abs(sum(one["range"] < 10 for one in found) - 1000) < 70
-    assert abs(sum(one["rays"] < 54 for one in found) - 0.8413 * 2000) < 50
+    def drawn(how):
+        return [one.parameters["range"] for one in renders(plan(f"samples = 2000\n[draw]\nrange = {how}"))]
+    assert abs(sum(one < 10 for one in drawn("{ log_uniform = [1, 100] }")) - 1000) < 70
+    assert abs(sum(one < 54 for one in drawn("{ normal = [50, 4] }")) - 0.8413 * 2000) < 50
 
 
 def test_a_longer_sweep_begins_with_the_same_renders(plan):
@@ -139,8 +136,11 @@ def test_seeds_of_every_combination(plan):
     assert [render.output for render in found] == ["1_7.exr", "2_7.exr", "1_5.exr", "2_5.exr"]
 
 
-def test_values_make_safe_names(plan):
-    (only,) = renders(plan('output = "a/{range}_{pings}.exr"\n[set]\nrange = "x/../y z"\npings = [1, 2]'))
+def test_values_make_safe_names(plan, place):
+    (place / "texts.xml").write_text('<scene version="3.0.0"><string name="x" value="$range"/>'
+                                     '<string name="y" value="$pings"/></scene>', encoding="utf-8")
+    (only,) = renders(plan('output = "a/{range}_{pings}.exr"\n[set]\nrange = "x/../y z"\npings = [1, 2]',
+                           'scene = "texts.xml"\n'))
     assert only.output == "a/x_.._y_z_1,2.exr"
     assert only.parameters == {"range": "x/../y z", "pings": (1, 2)}
 

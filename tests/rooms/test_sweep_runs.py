@@ -225,8 +225,9 @@ def test_a_full_disk_stops_it_in_a_sentence_and_loses_nothing(sweep, monkeypatch
 def test_an_estimate_tries_a_few_and_writes_nothing(sweep, monkeypatch):
     sweep("other")
     monkeypatch.setattr(estimate, "Local", lambda *_: Pool({}))
-    found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out", processes=4)
-    assert (found.total, found.missing, found.trials, found.processes) == (12, 12, 3, 4)
+    said = []
+    found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out", processes=4, say=said.append)
+    assert (found.total, found.missing, found.trials, found.processes) == (12, 12, 3, 4) and said == ["timing 3 renders"]
     assert (found.seconds, 40 < found.bytes < 100) == (0.1, True)
     assert not (sweep.folder / "out").exists()
     monkeypatch.setattr(estimate, "Local", lambda *_: Pool({2: "fails"}))
@@ -235,6 +236,21 @@ def test_an_estimate_tries_a_few_and_writes_nothing(sweep, monkeypatch):
     sweep()
     found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
     assert (found.missing, found.seconds) == (0, None)
+
+
+def test_an_estimate_loads_a_scene_where_it_times_none(sweep, monkeypatch):
+    class Unloadable(Pool):
+        def submit(self, job):
+            assert job["output"] is None
+            return super().submit({**job, "output": "it fails"} if self.trouble else job)
+
+    sweep()
+    (sweep.folder / "out" / "000003.exr").unlink()
+    monkeypatch.setattr(estimate, "Local", lambda *_: Unloadable({}))
+    assert estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out").trials == 0
+    monkeypatch.setattr(estimate, "Local", lambda *_: Unloadable(dict.fromkeys((1, 2), "fails")))
+    with pytest.raises(ValueError, match="no render of plan.toml was started: no good"):
+        estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
 
 
 @pytest.mark.parametrize("cores, asked, at_once, rounds", [
