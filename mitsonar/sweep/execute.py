@@ -1,6 +1,7 @@
 """Run a sweep: what is missing is rendered, what happened is written down."""
 import array
 import contextlib
+import errno
 import os
 import queue
 import time
@@ -120,7 +121,8 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
     with _made(folder), Manifest(folder) as manifest:
         remove_leftovers(_folders(plan, folder))
         if manifest.damaged:
-            say(f"{manifest.damaged} damaged lines of {manifest.path} are passed over")
+            what, are = ("1 damaged line", "is") if manifest.damaged == 1 else (f"{manifest.damaged} damaged lines", "are")
+            say(f"{what} of {manifest.path} {are} passed over")
         now = standing(plan, folder, manifest.entries, made_by)
         if now.changed:
             what, was, done = ("1 render", "was", "is") if now.changed == 1 else (f"{now.changed} renders", "were", "are")
@@ -286,6 +288,11 @@ def _made(folder):
         os.makedirs(folder, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise ValueError(f"cannot write into {folder}: it is a file, or in one; give a folder by -o") from None
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
+            raise
+        raise PermissionError(f"cannot write into {folder}: no permission to make it in {above}; give another folder "
+                              "by -o") from None
     try:
         files.check_writable(os.path.join(folder, MANIFEST))
         yield

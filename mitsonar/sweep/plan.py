@@ -229,6 +229,11 @@ def _toml(path):
     except UnicodeDecodeError:
         raise ValueError(f"the plan {path} is not a text file; give a TOML file") from None
     except (ValueError, RecursionError) as error:      # TOMLDecodeError, numbers and dates that do not exist
+        with open(path, "rb") as file:
+            start = file.read(1000).lstrip(b"\xef\xbb\xbf \t\r\n")
+        if start.startswith(b"<"):
+            raise ValueError(f"{path} is XML, a scene perhaps; a plan is a TOML file that names its scene: "
+                             'scene = "FILE.xml"') from None
         what = "it is nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
         raise ValueError(f"cannot read the plan {path}: {what[:300]}") from None
 

@@ -7,6 +7,7 @@ S = 'scene = "scene.xml"\n'
 PLANS = {
     "nothing": ("", 'names no scene; write scene = "FILE.xml"'),
     "no TOML": ("scene = [", "cannot read the plan"),
+    "a scene": ('<?xml version="1.0"?>\n<scene version="3.0.0"/>', "is XML, a scene perhaps; a plan is a TOML file"),
     "cut short": (S + '[grid]\nrange = [30, "4', "cannot read the plan"),
     "nested without end": (S + "[set]\nrange = " + "[" * 100_000, "cannot read the plan"),
     "unknown key": (S + "sample = 3", "has the unknown key 'sample'; known: scene, output, seed"),
@@ -137,6 +138,16 @@ def test_a_file_that_is_not_there_is_told_before_anything_starts(folder, refusal
     (folder / "c.csv").write_text("depth,speed\n0,1500\n40,1490\n", encoding="utf-8")
     (folder / "plan.toml").write_text(S + text, encoding="utf-8")
     assert "scene.xml reads the file no.csv, which is not there" in refusal("sweep", "plan.toml")
+
+
+def test_a_place_where_no_folder_can_be_made(folder, refusal, monkeypatch):
+    """As for a plan in a folder that is only to be read; root would be let in."""
+    def shut(path, **_):
+        raise PermissionError(13, "Permission denied", path)
+    (folder / "plan.toml").write_text(S, encoding="utf-8")
+    monkeypatch.setattr("mitsonar.sweep.execute.os.makedirs", shut)
+    assert f"cannot write into {folder}/plan: no permission to make it in {folder}; give another folder by -o" in \
+        refusal("sweep", "plan.toml")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")

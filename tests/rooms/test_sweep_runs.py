@@ -132,6 +132,16 @@ def test_only_what_is_missing_or_changed_is_made_anew(sweep):
     assert sweep(text=PLAN.replace("60]", "61]")).done == 12
 
 
+def test_one_of_a_kind_is_told_as_one(sweep):
+    said, one = [], 'scene = "scene.xml"\nseed = 1'
+    sweep(text=one)
+    with (sweep.folder / "out" / "manifest.jsonl").open("a", encoding="utf-8") as file:
+        file.write("no line\n")
+    sweep(text=one.replace("1", "2"), say=said.append)
+    assert said == [f"1 damaged line of {sweep.folder / 'out' / 'manifest.jsonl'} is passed over",
+                    f"1 render in {sweep.folder / 'out'} was made of other parameters, files or versions and is made anew"]
+
+
 def test_images_of_an_earlier_plan_are_told(sweep):
     sweep()
     said, fewer = [], PLAN.replace("samples = 4", "samples = 3")
