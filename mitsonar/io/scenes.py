@@ -26,12 +26,14 @@ def find(name):
     FileNotFoundError
         If there is neither; lists the scenes that come with mitsonar.
     """
-    if os.path.exists(name):
+    if os.path.isfile(name):
         return name
     if os.path.dirname(name) == "":
         shipped = files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
-        if shipped.is_file():
+        if shipped.is_file():                          # also where a sweep has made a folder of that name
             return str(shipped)
+    if os.path.exists(name):
+        return name
     known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in files("mitsonar.scenes").iterdir()
                              if entry.name.endswith(".xml")))
     raise FileNotFoundError(f"scene {name} does not exist; give the path of a Mitsuba XML file or one of: {known}")

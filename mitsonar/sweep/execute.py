@@ -69,8 +69,8 @@ class Standing:
 
 
 def default_folder(plan):
-    """Give the folder a sweep goes into where none is named: beside the plan, named as it is."""
-    bare, suffix = os.path.splitext(plan.path)
+    """Give the folder a sweep goes into where none is named: in the plan's home, named as the plan is."""
+    bare, suffix = os.path.splitext(os.path.join(plan.home, os.path.basename(plan.path)))
     return bare if suffix else f"{bare}_renders"
 
 

@@ -9,6 +9,7 @@ import itertools
 import math
 import os
 from dataclasses import dataclass, field
+from importlib.resources import files
 
 from ..io import scenes, tables
 from .inputs import Inputs
@@ -53,6 +54,9 @@ class Plan:
     ----------
     path, scene : str
         Absolute paths of plan and scene.
+    home : str
+        The folder in which a sweep makes its own where none is named: the plan's, or for one that comes with mitsonar
+        the current one.
     pattern : Pattern
         Of the output's names.
     seed : int
@@ -74,6 +78,7 @@ class Plan:
 
     path: str
     scene: str
+    home: str
     pattern: Pattern
     seed: int
     seeds: int | tuple
@@ -131,7 +136,7 @@ def load_plan(path):
     Parameters
     ----------
     path : str or path
-        TOML, as README.md describes it.
+        TOML, as README.md describes it, or the name of a plan that comes with mitsonar, such as ``minefield``.
 
     Returns
     -------
@@ -144,15 +149,25 @@ def load_plan(path):
     ValueError
         If the plan is wrong; says which key, what it holds, and what belongs there.
     """
-    path = os.path.abspath(path)
+    shipped = _shipped(path)
+    path = os.path.abspath(path if shipped is None else shipped)
     given, place = _toml(path), os.path.dirname(path)
     try:
-        return _plan(path, place, given)
+        return _plan(path, place, place if shipped is None else os.getcwd(), given)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _plan(path, place, given):
+def _shipped(name):
+    """Path of the plan of that name that comes with mitsonar; None where a file is meant, or there is no such plan."""
+    if os.path.isfile(name) or os.path.dirname(name):
+        return None
+    name = os.fspath(name)
+    shipped = files("mitsonar.scenes") / (name if name.endswith(".toml") else f"{name}.toml")
+    return str(shipped) if shipped.is_file() else None
+
+
+def _plan(path, place, home, given):
     unknown = [key for key in given if key not in KEYS]
     if unknown:
         raise ValueError(f"the plan has the unknown key {shortened(unknown[0])}; known: {', '.join(KEYS)}")
@@ -183,8 +198,8 @@ def _plan(path, place, given):
     columns = {**{name: (item,) for name, item in fixed.items()}, **table, **lists, **grid,
                **{name: drawn.choices for name, drawn in draws.items()}}
     inputs.check_files(columns)
-    plan = Plan(path=path, scene=scene, pattern=Pattern(given.get("output", "{index:06}.exr"), named), seed=seed,
-                seeds=seeds, samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid,
+    plan = Plan(path=path, scene=scene, home=home, pattern=Pattern(given.get("output", "{index:06}.exr"), named),
+                seed=seed, seeds=seeds, samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid,
                 draws=draws, inputs=inputs)
     if samples > 1 and not draws:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
@@ -222,7 +237,9 @@ def _toml(path):
     except ModuleNotFoundError:                        # before Python 3.11
         import tomli as tomllib
 
-    _check_file(path, "plan", LARGEST_PLAN, "a TOML file")
+    known = ", ".join(sorted(entry.name[:-5] for entry in files("mitsonar.scenes").iterdir()
+                             if entry.name.endswith(".toml")))
+    _check_file(path, "plan", LARGEST_PLAN, "a TOML file", f" or one of: {known}")
     try:
         with open(path, "rb") as file:
             return tomllib.load(file)
@@ -238,9 +255,9 @@ def _toml(path):
         raise ValueError(f"cannot read the plan {path}: {what[:300]}") from None
 
 
-def _check_file(path, what, largest, wanted):
+def _check_file(path, what, largest, wanted, otherwise=""):
     if not os.path.exists(path):
-        raise FileNotFoundError(f"the {what} {path} does not exist; give the path of {wanted}")
+        raise FileNotFoundError(f"the {what} {path} does not exist; give the path of {wanted}{otherwise}")
     if not os.path.isfile(path):
         raise ValueError(f"the {what} {path} is no file; give the path of {wanted}")
     if os.path.getsize(path) > largest:

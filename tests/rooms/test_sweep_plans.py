@@ -15,7 +15,8 @@ sys.path.insert(0, str(ROOT / "tests" / "cli"))
 
 from small_scene import TEXT  # noqa: E402
 
-from mitsonar.sweep import load_plan, values  # noqa: E402
+from mitsonar.io import scenes  # noqa: E402
+from mitsonar.sweep import execute, load_plan, values  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +153,20 @@ def test_plans_that_come_with_mitsonar_and_the_one_of_the_readme(tmp_path):
     (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
     (tmp_path / "minefield.xml").symlink_to(ROOT / "scenes" / "minefield.xml")
     assert len(load_plan(tmp_path / "plan.toml")) == 720
+
+
+@pytest.mark.parametrize("name", ["minefield", "minefield.toml"])
+def test_a_plan_that_comes_with_mitsonar_is_found_by_name_and_renders_where_the_user_is(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        plan = load_plan(name)
+        assert Path(plan.path).samefile(ROOT / "scenes" / "minefield.toml")
+        assert execute.default_folder(plan) == str(tmp_path / "minefield")
+        (tmp_path / "minefield").mkdir(exist_ok=True)              # made by a sweep, and no plan
+    assert Path(scenes.find("minefield")).samefile(ROOT / "scenes" / "minefield.xml")
+    assert execute.default_folder(load_plan(ROOT / "scenes" / "minefield.toml")) == str(ROOT / "scenes" / "minefield")
+    (tmp_path / "minefield.toml").write_text('scene = "sidescan_flat"', encoding="utf-8")
+    assert Path(load_plan("minefield.toml").path).parent == tmp_path
 
 
 WORDS = ["scene", "output", "seed", "seeds", "samples", "previews", "table", "set", "list", "grid", "draw", "range",
