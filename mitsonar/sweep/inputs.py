@@ -87,6 +87,11 @@ class Inputs:
                                                 "which is not there; it is looked for beside the scene, then beside "
                                                 "the plan")
 
+    def paths(self):
+        """Give the names of the parameters that name files, as a set."""
+        return {name for path in self._walk({}) for attribute, template in self._tree(path)[2]
+                if attribute in FILES for name in NAME.findall(template)}
+
     def check_kinds(self, columns):
         """Refuse values that are no number, whole number, or true or false, where the scene takes only such.
 

@@ -10,6 +10,7 @@ __all__ = ["Pattern"]
 SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # no width that fills the memory
 NUMBER = re.compile(r"0?\d*d?")
 UNFIT = re.compile(r"[^\w.+=,-]+")                           # in a value; the pattern itself may make folders
+FOLDERS = re.compile(r"[^,]*/")                              # of one file, or of each of several
 LONGEST = 200                                                # bytes of a part: temporary names need some more
 
 
@@ -22,6 +23,8 @@ class Pattern:
         With the fields ``{index}``, ``{seed}`` and names of parameters, each with a format after a colon if wanted.
     known : iterable of str
         The parameters that the sweep sets.
+    paths : iterable of str
+        Those of them that name files; names take these without their folders.
 
     Raises
     ------
@@ -29,7 +32,7 @@ class Pattern:
         If a field is unknown, or names would leave the folder, be hidden or not end in ``.exr``.
     """
 
-    def __init__(self, text, known):
+    def __init__(self, text, known, paths=()):
         known = {"index", "seed", *known}
         if not isinstance(text, str) or len(text) > 500 or any(ord(letter) < 32 for letter in text) or "\\" in text:
             raise ValueError(f"output is {shortened(text)}; give a pattern of names, such as \"{{index:04}}.exr\"")
@@ -49,7 +52,7 @@ class Pattern:
             raise ValueError(f"output is {shortened(text)}; give names that end in .exr, inside the sweep's folder")
         if any(name.startswith(".") for name in names):
             raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")
-        self.text = text
+        self.text, self.paths = text, frozenset(paths)
         self.parameters = {field for _, field, *_ in self.parts} - {None, "index", "seed"}
 
     def numbered(self):
@@ -66,6 +69,8 @@ class Pattern:
             If a value does not take the format, or makes no name.
         """
         values = {**parameters, "index": index, "seed": seed}
+        values |= {name: FOLDERS.sub("", values[name]) for name in self.parameters & self.paths
+                   if isinstance(values[name], str)}
         name = "".join(literal + ("" if field is None else _written(field, values[field], spec))
                        for literal, field, spec, _ in self.parts)
         for part in name.split("/"):

@@ -198,9 +198,10 @@ def _plan(path, place, home, given):
     columns = {**{name: (item,) for name, item in fixed.items()}, **table, **lists, **grid,
                **{name: drawn.choices for name, drawn in draws.items()}}
     inputs.check_files(columns)
-    plan = Plan(path=path, scene=scene, home=home, pattern=Pattern(given.get("output", "{index:06}.exr"), named),
-                seed=seed, seeds=seeds, samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid,
-                draws=draws, inputs=inputs)
+    plan = Plan(path=path, scene=scene, home=home, seed=seed,
+                pattern=Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths()), seeds=seeds,
+                samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
+                inputs=inputs)
     if samples > 1 and not draws:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
                          "take seeds")

@@ -146,6 +146,18 @@ def test_values_make_safe_names(plan, place):
     assert only.parameters == {"range": "x/../y z", "pings": (1, 2)}
 
 
+def test_a_file_is_named_without_its_folder(plan, place):
+    for name in ("deep", "flat"):
+        (place / "casts").mkdir(exist_ok=True)
+        (place / "casts" / f"{name}.csv").touch()
+    (place / "cast.xml").write_text('<scene version="3.0.0"><string name="cast" value="$cast"/>'
+                                    '<string name="text" value="$text"/></scene>', encoding="utf-8")
+    found = renders(plan('output = "{cast}_{text}.exr"\n[set]\ntext = "a/b"\n[grid]\n'
+                         f'cast = ["casts/deep.csv", "{place}/casts/flat.csv"]', 'scene = "cast.xml"\n'))
+    assert [one.output for one in found] == ["deep.csv_a_b.exr", "flat.csv_a_b.exr"]
+    assert found[0].parameters == {"cast": "casts/deep.csv", "text": "a/b"}
+
+
 def test_plans_that_come_with_mitsonar_and_the_one_of_the_readme(tmp_path):
     for path in ROOT.glob("scenes/*.toml"):
         assert len(load_plan(path)) > 1
