@@ -121,12 +121,13 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
     with _made(folder), Manifest(folder) as manifest:
         remove_leftovers(_folders(plan, folder))
         if manifest.damaged:
-            what, are = ("1 damaged line", "is") if manifest.damaged == 1 else (f"{manifest.damaged} damaged lines", "are")
-            say(f"{what} of {manifest.path} {are} passed over")
+            lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")
+            say(f"{manifest.damaged} damaged {lines} of {manifest.path} {are} passed over")
         now = standing(plan, folder, manifest.entries, made_by)
         if now.changed:
-            what, was, done = ("1 render", "was", "is") if now.changed == 1 else (f"{now.changed} renders", "were", "are")
-            say(f"{what} in {folder} {was} made of other parameters, files or versions and {done} made anew")
+            renders, were, are = ("render", "was", "is") if now.changed == 1 else ("renders", "were", "are")
+            say(f"{now.changed} {renders} in {folder} {were} made of other parameters, files or versions and {are} made "
+                "anew")
         if now.strangers:
             say(stray(now.strangers, folder))
         if manifest.fresh:

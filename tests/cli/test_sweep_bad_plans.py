@@ -57,8 +57,8 @@ PLANS = {
     "wide field": (S + 'output = "{index:999999999}.exr"', "with the format '999999999'; give one such as 04"),
     "format that does not fit": (S + 'output = "{range:d}.exr"\n[set]\nrange = "a"', "does not fit its value 'a'"),
     "long name": (S + 'output = "{range}.exr"\n[set]\nrange = "' + "a" * 300 + '"', "at most 200 bytes"),
-    "table with a text for a number": (S + 'table = "k.csv"', "the parameter range is '9 m'; the scene scene.xml takes a "
-                                       "number"),
+    "table with a text for a number": (S + 'table = "k.csv"', "the parameter range is '9 m'; the scene scene.xml "
+                                       "takes a number"),
     "fraction for a whole number": (S + "[grid]\npings = [1, 2.5]", "pings is 2.5; the scene scene.xml takes a whole"),
     "fraction drawn for a whole number": (S + "[draw]\npings = { uniform = [1, 9] }", "takes a whole number"),
     "number for true or false": (S + "[set]\nspeckle = 1", "speckle is 1; the scene scene.xml takes true or false"),

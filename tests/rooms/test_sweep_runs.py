@@ -139,7 +139,8 @@ def test_one_of_a_kind_is_told_as_one(sweep):
         file.write("no line\n")
     sweep(text=one.replace("1", "2"), say=said.append)
     assert said == [f"1 damaged line of {sweep.folder / 'out' / 'manifest.jsonl'} is passed over",
-                    f"1 render in {sweep.folder / 'out'} was made of other parameters, files or versions and is made anew"]
+                    f"1 render in {sweep.folder / 'out'} was made of other parameters, files or versions and is made "
+                    "anew"]
 
 
 def test_images_of_an_earlier_plan_are_told(sweep):
@@ -237,7 +238,8 @@ def test_an_estimate_tries_a_few_and_writes_nothing(sweep, monkeypatch):
     monkeypatch.setattr(estimate, "Local", lambda *_: Pool({}))
     said = []
     found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out", processes=4, say=said.append)
-    assert (found.total, found.missing, found.trials, found.processes) == (12, 12, 3, 4) and said == ["timing 3 renders"]
+    assert (found.total, found.missing, found.trials, found.processes) == (12, 12, 3, 4)
+    assert said == ["timing 3 renders"]
     assert (found.seconds, 40 < found.bytes < 100) == (0.1, True)
     assert not (sweep.folder / "out").exists()
     monkeypatch.setattr(estimate, "Local", lambda *_: Pool({2: "fails"}))
