@@ -126,8 +126,8 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
         now = standing(plan, folder, manifest.entries, made_by)
         if now.changed:
             renders, were, are = ("render", "was", "is") if now.changed == 1 else ("renders", "were", "are")
-            say(f"{now.changed} {renders} in {folder} {were} made of other parameters, files or versions and {are} made "
-                "anew")
+            say(f"{now.changed} {renders} in {folder} {were} made of other parameters, files or versions and {are} "
+                "made anew")
         if now.strangers:
             say(stray(now.strangers, folder))
         if manifest.fresh:
