@@ -152,7 +152,7 @@ SCENES = {
     "seabed in the air": ([(DEPTH, DEPTH.replace("30", "-30"))], "no seabed below z = 0 to lay a track over"),
     "record beyond the memory": ([sensor('<float name="speed_knots" value="0"/>'), ("$pings", "300000"),
                                   ('value="50"', 'value="1000000"'), ("$range", "2000")],
-                                 "of 300000 pings with 2 x 1000000 bins takes 58800 GB, more than"),
+                                 "of 300000 pings with 2 x 1000000 bins takes 61800 GB, more than"),
 }
 
 FILES = {
