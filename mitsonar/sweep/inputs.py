@@ -13,7 +13,8 @@ from .values import shortened
 
 __all__ = ["Inputs"]
 
-FILES = {"filename", "cast", "track", "file", "receive_file", "transmit_file", "sediment_map"}    # attributes that are always files
+# attributes that are always files
+FILES = {"filename", "cast", "track", "file", "receive_file", "transmit_file", "sediment_map"}
 KINDS = {"float": "a number", "integer": "a whole number", "boolean": "true or false"}
 NAME = re.compile(r"(?<!\\)\$([A-Za-z_]\w*)")
 LARGEST_SCENE = 100_000_000        # bytes
