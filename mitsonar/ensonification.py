@@ -177,19 +177,20 @@ class Ensonification:
 
     def points(self, sources, origin):
         """Yield the labels (R,) uint32 and the echoes of the point targets that are seen."""
-        for number, label in enumerate(label for *_, label in self.scatterers.targets):
-            for echoes in self._of_points(sources, origin, self.scatterers.targets[number:number + 1])[0]:
-                yield np.array([label], np.uint32), echoes
+        if self.scatterers.targets:
+            kept, _, way, _ = self._of_points(sources, origin)
+            for echoes in kept:
+                yield np.array([label for *_, label in self.scatterers.targets], np.uint32)[way.free.numpy()], echoes
 
     def _targets(self, sources, origin):
         """Echoes of the point targets."""
-        kept, *of = self._of_points(sources, origin, self.scatterers.targets)
+        kept, *of = self._of_points(sources, origin)
         yield from kept
         yield from self.ghosts.of_targets(sources, origin, *of)
 
-    def _of_points(self, sources, origin, targets):
-        """Echoes of point targets, the points, the ways there, and their amplitudes."""
-        point, strength_db, _ = zip(*targets)
+    def _of_points(self, sources, origin):
+        """Echoes of the point targets that are seen, all points, the ways there, and their amplitudes."""
+        point, strength_db, _ = zip(*self.scatterers.targets)
         point = self.lib.Array3f64(*(upload(mi.Float64, column) for column in np.array(point).T))
         # on no surface: what is drawn in its place must not shade it
         way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)

@@ -75,6 +75,7 @@ class FanTruth:
         slant_range = 0.5 * survey.sound_speed(0) * (self.start + (np.arange(self.bins) + 0.5) / survey.sampling_rate)
         nearest = 0.25 * survey.sound_speed(0) / survey.sampling_rate
         self.unit = BEAM * 2.0 ** -UNIT_BITS / np.maximum(slant_range, nearest) ** 2
+        self.per_bin = upload(mi.Float64, 1 / self.unit)
         self.truth = BinTruth(geometry, labels=self.labels, bins=self.bins, depth_below=survey.depth_below,
                               farthest=slant_range[-1], shown=self._shown)
         wanted = max(RAYS_PER_BIN * self.beams * self.bins, FEWEST_RAYS)
@@ -101,10 +102,12 @@ class FanTruth:
             key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + number * 0xC2B2AE35 + 0x3C6EF372
             self._pass(sources, start, rotation, float(survey.depth_below[ping]), key, sums, origins)
         record = sums.read(self.unit, survey.geometry.depth_range)
-        coherent = self._coherent(sources, start, origin, rotation)
-        record["label_intensity"] += coherent
-        record["intensity"] = record["intensity"] + coherent.sum(1)
-        rays = record["rays"] + (coherent.sum(1) > 0).astype(np.uint32)
+        rays = record["rays"]
+        if light.scatterers.targets or light.smooth:
+            coherent = self._coherent(sources, start, origin, rotation)
+            record["label_intensity"] += coherent
+            record["intensity"] = record["intensity"] + coherent.sum(1)
+            rays = rays + coherent.any(1)
         known = self.truth.read(origins, self.unit, record)
         empty = _runs_of(rays == 0, SHORTEST_SHADOW)
         below = np.logical_or.accumulate(rays > 0, -1)
@@ -175,7 +178,7 @@ class FanTruth:
         _, source_speed, _ = sources.state.gather(self.lib, mi.UInt32(0))
         ratio = mi.Float(hits.sound_speed / source_speed)
         energy = solid_angle * strength / dr.maximum(sin_grazing, 1e-6) * ratio * ratio / hits.spreading_area
-        units = mi.Float64(energy) * dr.rcp(dr.gather(mi.Float64, upload(mi.Float64, self.unit), bin, inside))
+        units = mi.Float64(energy) * dr.gather(mi.Float64, self.per_bin, bin, inside)
         return units, bin, inside & dr.isfinite(energy)
 
     def _bin(self, delay, valid):
@@ -185,7 +188,8 @@ class FanTruth:
 
     def _coherent(self, sources, start, origin, rotation):
         """Squared sums of what has a phase, by beam, instance and bin."""
-        power = np.zeros((self.beams, self.labels, self.bins))
+        shape = self.beams, self.labels, self.bins
+        total = np.zeros(shape, complex)
         for label, echoes in self._with_phase(sources, start, origin):
             delay = echoes.out.travel_time + echoes.between + echoes.back.travel_time
             row, weight = self._beam(echoes.back.sent_towards, rotation)
@@ -197,9 +201,10 @@ class FanTruth:
                 np.broadcast_to(column.numpy(), dr.width(inside)) for column in columns)
             place = ((row.astype(np.int64) * self.labels + label - 1) * self.bins + bin)[inside]
             z = ((real + 1j * imaginary) * root * np.exp(-1j * phase))[inside]
-            sums = [np.bincount(place, part, power.size).reshape(power.shape) for part in (z.real, z.imag)]
-            power += sums[0] ** 2 + sums[1] ** 2
-        return power
+            # what comes in several blocks is one echo: it is squared when it is whole
+            total.real += np.bincount(place, z.real, total.size).reshape(shape)
+            total.imag += np.bincount(place, z.imag, total.size).reshape(shape)
+        return total.real ** 2 + total.imag ** 2
 
     def _with_phase(self, sources, start, origin):
         for label, echoes in self.light.points(sources, start):

@@ -16,6 +16,7 @@ from array_scene import array_scene, bed, target
 
 import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
+from mitsonar.imaging.fan import fan_directions
 
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
 BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
@@ -134,3 +135,33 @@ def test_pictures_that_do_not_fit_into_memory_are_refused_before_any_signal(monk
     monkeypatch.setattr(path, "received_signals", lambda *_, **__: pytest.fail("signals were made"))
     with pytest.raises(ValueError, match="1000 pings .* take fewer pings"):
         mitsonar.render(made)
+
+
+def test_points_are_told_apart():
+    """Two points a metre apart in range have each its own bins; a third, behind a wall, has none."""
+    T = mi.ScalarTransform4f
+    wall = {"type": "rectangle", "bsdf": {"type": "lambert", "mu_db": -60.0},
+            "to_world": T().translate([5.0, 8.0, -16]).rotate([1, 0, 0], 90).scale([1.5, 6, 1])}
+    points = {"a": [0.0, 12.0, -17.0], "hidden": [7.0, 11.5, -17.0], "z": [0.0, 13.0, -17.0]}
+    made = array_scene({"seabed": bed(20, mu_db=-60), "wall": wall,
+                        **{name: target(place, -5.0) for name, place in points.items()}},
+                       sensor=SONAR, film={"range": 20.0}, integrator={"cell": 0.3})
+    image = mitsonar.render(made)
+    for name in ("a", "z"):
+        bin = int(np.argmin(np.abs(image["range"].values - np.linalg.norm(np.array(points[name]) - [0, 0, -20 + H]))))
+        assert image["share"].sel(shape=name).values[0, 45, bin] > 0.99
+    assert not image["share"].sel(shape="hidden").values.any()
+
+
+def test_what_has_a_phase_adds_as_pressure_whatever_its_blocks(monkeypatch):
+    """A smooth body may come in several blocks. The same echo twice is twice the pressure: four times the power."""
+    made = array_scene({"seabed": bed(20), "point": target([0.0, 12.0, -17.0])}, sensor=SONAR, film={"range": 20.0},
+                       integrator={"cell": 0.3})
+    survey = made.integrator().array_survey(made, made.sensors()[0])
+    truth = survey.fan_truth(*fan_directions(survey.receive, 91, np.pi / 2))
+    origin, rotation = survey.track.position[0], survey.track.rotation()[0]
+    where = truth.light.tracer.sources([-origin[2]]), truth.lib.Array3f64(*map(float, origin)), origin, rotation
+    once, blocks = truth._coherent(*where), truth._with_phase
+    monkeypatch.setattr(truth, "_with_phase", lambda *place: [*blocks(*place), *blocks(*place)])
+    assert once.max() > 0
+    np.testing.assert_allclose(truth._coherent(*where), 4 * once, rtol=1e-6)
