@@ -219,11 +219,10 @@ def _pose(body, pose, share, attitude):
     """Rotation (3, 3) of a body into its pose, by chance: a number from 0 to 1, and four normal deviates."""
     if pose == "upright":
         return np.eye(3)
-    w, x, y, z = attitude / np.linalg.norm(attitude)                   # a quaternion, all directions alike
     if pose == "any":
-        return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_quat(np.roll(attitude, -1)).as_matrix()   # of normal deviates: all attitudes alike
     rotations, often = body.rest_poses
     return rotations[int(np.searchsorted(np.cumsum(often), share, side="right").clip(0, len(often) - 1))]
 
