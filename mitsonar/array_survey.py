@@ -24,6 +24,7 @@ from .paths import Paths
 from .propagation.device import arrays_of
 from .scatterers import Scatterers
 from .signal.accumulation import ImpulseResponses
+from .sonar.trajectory import Voyage
 
 __all__ = ["ArraySurvey", "Fans"]
 
@@ -103,9 +104,7 @@ class ArraySurvey:
     source_level_db : float [dB re 1 µPa @ 1 m]
         Of all transmit elements together, where their waves add up.
     transmit, receive : Array
-    track : Track
-    velocity, turn_rate : (P, 3) [m/s], [rad/s]
-        Scene frame.
+    voyage : Voyage
     depth_below : (P,) [m]
         Seabed below the sonar.
     start : float [s]
@@ -136,9 +135,7 @@ class ArraySurvey:
     source_level_db: float
     transmit: object
     receive: object
-    track: object
-    velocity: np.ndarray
-    turn_rate: np.ndarray
+    voyage: Voyage
     depth_below: np.ndarray
     start: float
     sampling_rate: float
@@ -152,6 +149,21 @@ class ArraySurvey:
     max_depth: int = 1
     volume: object = None
     absorption_db: object = None
+
+    @property
+    def track(self):
+        """Of the pings."""
+        return self.voyage.track
+
+    @cached_property
+    def velocity(self):
+        """At the transmissions, (P, 3) [m/s], scene frame."""
+        return self.voyage.velocity
+
+    @cached_property
+    def turn_rate(self):
+        """At the transmissions, (P, 3) [rad/s], scene frame."""
+        return self.voyage.turn_rate
 
     @property
     def path_names(self):

@@ -1,4 +1,4 @@
-"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw and heave, and what they do to its velocity.
+"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw and heave.
 
 Each of the four is a sum of sinusoids
 
@@ -7,18 +7,12 @@ Each of the four is a sum of sinusoids
 which for large N is a Gaussian process with that spectrum (Rice, Mathematical Analysis of Random Noise, 1944,
 section 2.8). One f_n stands in each N-th part of the density; the mean square over a long time is rms², whatever the
 seed.
-
-With roll φ, pitch θ and heading ψ as in `track` the body turns, in north-east-down, with
-
-    ω = ψ' ê_z + θ' Rz(ψ) ê_y + φ' Rz(ψ) Ry(θ) ê_x        (Fossen 2011, section 2.2.1)
 """
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from .track import Track
-
-__all__ = ["RandomMotion", "Voyage"]
+__all__ = ["RandomMotion"]
 
 _LINES = 32
 _RELATIVE_WIDTH = 0.15             # standard deviation of the frequencies about 1 / period, relative
@@ -60,16 +54,21 @@ class RandomMotion:
                 raise ValueError(f"random motion: {name} is {value!r}; give a finite number "
                                  f"{'above 0' if name == 'period' else 'of 0 or more'}.")
 
+    @property
+    def moves(self) -> bool:
+        """Whether there is any."""
+        return any(getattr(self, name) for name in _NAMES)
+
     def at(self, times):
         """Realise the motion.
 
         Parameters
         ----------
-        times : array (P,) [s]
+        times : array (...) [s]
 
         Returns
         -------
-        values, rates : dict of array (P,)
+        values, rates : dict of array (...)
             Of "roll", "pitch", "yaw" [rad, rad/s] and "heave" [m, m/s].
         """
         from scipy.special import ndtri
@@ -88,67 +87,3 @@ class RandomMotion:
                     values[name] += scale * np.cos(line * times + start)
                     rates[name] -= scale * line * np.sin(line * times + start)
         return values, rates
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Voyage:
-    """Hold a track with the velocity and the rate of turn at every ping.
-
-    Parameters
-    ----------
-    track : Track
-    velocity, turn_rate : array (P, 3) [m/s], [rad/s]
-        Scene frame.
-    """
-
-    track: Track
-    velocity: np.ndarray
-    turn_rate: np.ndarray
-
-    def raised(self, height, climb):
-        """Lift every ping by ``height`` [m], which grows by ``climb`` [m/s]; both (P,)."""
-        up = np.array([0.0, 0.0, 1.0])
-        track = replace(self.track, position=self.track.position + np.multiply.outer(height, up))
-        return replace(self, track=track, velocity=self.velocity + np.multiply.outer(climb, up))
-
-    def rocking(self, motion):
-        """Add random motion to a voyage that is level so far.
-
-        Parameters
-        ----------
-        motion : RandomMotion
-
-        Returns
-        -------
-        Voyage
-
-        Raises
-        ------
-        ValueError
-            If the motion reaches beyond what `Track` takes: a pitch of 90 degrees.
-        """
-        values, rates = motion.at(self.track.time)
-        track = replace(self.track, roll=self.track.roll + values["roll"], pitch=self.track.pitch + values["pitch"],
-                        heading=self.track.heading + values["yaw"])
-        (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in (track.pitch, track.heading))
-        north = rates["roll"] * ch * cp - rates["pitch"] * sh
-        east = rates["roll"] * sh * cp + rates["pitch"] * ch
-        down = rates["yaw"] - rates["roll"] * sp
-        turned = replace(self, track=track, turn_rate=self.turn_rate + np.stack([east, north, -down], -1))
-        return turned.raised(values["heave"], rates["heave"])
-
-    def carried(self, offset):
-        """Go to a point fixed to the body, whose lever arm turns with it.
-
-        Parameters
-        ----------
-        offset : array (3,) [m]
-            Forward, starboard, down from where the track leads.
-
-        Returns
-        -------
-        Voyage
-        """
-        arm = self.track.rotation() @ np.asarray(offset, dtype=np.float64)
-        return replace(self, track=replace(self.track, position=self.track.position + arm),
-                       velocity=self.velocity + np.cross(self.turn_rate, arm))

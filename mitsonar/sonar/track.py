@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+__all__ = ["Track", "rotation_matrix"]
+
 FIELDS = ("time", "position", "roll", "pitch", "heading")
 
 
@@ -125,11 +127,7 @@ class Track:
             Its columns are the forward, starboard and down directions of the body in the scene; both frames are
             right-handed, so its determinant is 1.
         """
-        (sr, cr), (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in (self.roll, self.pitch, self.heading))
-        north = [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr]
-        east = [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr]
-        up = [sp, -cp * sr, -cp * cr]
-        return np.moveaxis(np.array([east, north, up]), -1, 0)
+        return rotation_matrix(self.roll, self.pitch, self.heading)
 
     def motion(self):
         """Differentiate the track.
@@ -211,6 +209,15 @@ class Track:
 
     def __hash__(self):
         return hash(tuple((getattr(self, name) + 0.0).tobytes() for name in FIELDS))  # -0.0 equals 0.0
+
+
+def rotation_matrix(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """Give the rotations from body to scene (..., 3, 3) at attitudes (...) [rad]; see the module's equation."""
+    (sr, cr), (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in np.broadcast_arrays(roll, pitch, heading))
+    north = [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr]
+    east = [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr]
+    up = [sp, -cp * sr, -cp * cr]
+    return np.moveaxis(np.array([east, north, up]), (0, 1), (-2, -1))
 
 
 def _array(name, value):

@@ -87,27 +87,30 @@ class Course:
                              f"{np.floor(room * 100) / 100:g} m, or 0 for corners.")
         return radius * tangents[1:-1]
 
-    def at(self, distance):
-        """Follow the course.
+    def at(self, distance, on=None):
+        """Follow the course, and beyond its ends straight on.
 
         Parameters
         ----------
-        distance : array (Q,) [m]
+        distance : array (...) [m]
             Sailed from the first way point, from 0 to `length`.
+        on : array (...) [m] or None
+            Where the course has corners: which leg is followed, beyond its ends too, by a distance on it.
 
         Returns
         -------
-        position : array (Q, 2) [m]
-        heading : array (Q,) [rad]
+        position : array (..., 2) [m]
+        heading : array (...) [rad]
             Of the course, clockwise from north, not wrapped.
-        curvature : array (Q,) [rad/m]
+        curvature : array (...) [rad/m]
             Turn per metre, positive to starboard; 0 in corners.
         """
         distance = np.asarray(distance, dtype=np.float64)
-        part = np.clip(np.searchsorted(self._begins, distance, side="right") - 1, 0, len(self._lengths) - 1)
-        gone = np.clip(distance - self._begins[part], 0, self._lengths[part])
+        leg = distance if on is None or self._curvature.any() else np.broadcast_to(on, distance.shape)
+        part = np.clip(np.searchsorted(self._begins, leg, side="right") - 1, 0, len(self._lengths) - 1)
+        gone = distance - self._begins[part]
         half = 0.5 * self._curvature[part] * gone
         chord = gone * np.sinc(half / np.pi)
         bearing = self._headings[part] + half
-        position = self._starts[part] + chord[:, None] * np.stack([np.sin(bearing), np.cos(bearing)], -1)
+        position = self._starts[part] + chord[..., None] * np.stack([np.sin(bearing), np.cos(bearing)], -1)
         return position, bearing + half, self._curvature[part]

@@ -112,7 +112,7 @@ class SonarPath(mi.SamplingIntegrator):
         pulse, speed = plan.pulse, plan.sound_speed
         materials.check(geometry, sensor.water.profile, pulse.frequency)
         # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
-        doppler = 2 * float(np.linalg.norm(plan.velocity, axis=1).max()) * pulse.frequency / speed
+        doppler = 2 * float(np.linalg.norm(plan.voyage.velocity, axis=1).max()) * pulse.frequency / speed
         start, rate, samples = sensor.film().sampling(speed, pulse.suggested_sampling_rate + 3 * doppler,
                                                        written=plan.bins_are_samples)
         extra = int(np.ceil(lead * pulse.duration * rate))
@@ -121,11 +121,11 @@ class SonarPath(mi.SamplingIntegrator):
         return ArraySurvey(
             geometry=geometry, profile=sensor.water.profile, absorption=sensor.water.absorption_column(pulse.frequency),
             pulse=pulse, source_level_db=plan.source_level_db, transmit=plan.transmit, receive=plan.receive,
-            track=plan.track, velocity=plan.velocity, turn_rate=plan.turn_rate, depth_below=plan.depth_below,
+            voyage=plan.voyage, depth_below=plan.depth_below,
             start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra, lighting=self.lighting,
             cell_size=self.cell_size or _cell_size(plan), rays=self.rays, fans=fans(plan.transmit),
             noise=_element_noise(sensor, plan, rate), absorption_db=sensor.water.mean_absorption(
-                -float(plan.track.position[:, 2].mean()), geometry.depth_range[1]),
+                -float(plan.voyage.track.position[:, 2].mean()), geometry.depth_range[1]),
             max_depth=self.max_depth, volume=sensor.water.volume)
 
     def dataset(self, scene, sensor, seed=0, progress=None):

@@ -127,7 +127,7 @@ class ArraySonar(mi.Sensor):
         transmit, receive = (array if from_file else replace(array, delay=array.delay * (self._hint / speed))
                              for array, from_file in zip((self.transmit, self.receive), self._from_file))
         return ArrayPlan(
-            track=track, velocity=voyage.velocity, turn_rate=voyage.turn_rate, depth_below=below, pulse=self.pulse,
+            voyage=voyage, depth_below=below, pulse=self.pulse,
             sound_speed=speed, transmit=transmit, receive=receive, source_level_db=self.source_level_db,
             bins_are_samples=True)
 

@@ -30,7 +30,8 @@ import numpy as np
 from mitsonar.io import tracks
 from mitsonar.io.navigation import Frame, Waypoints, middle
 from mitsonar.sonar import Array, Pulse, Track
-from mitsonar.sonar.motion import RandomMotion, Voyage
+from mitsonar.sonar.motion import RandomMotion
+from mitsonar.sonar.trajectory import Recorded, Sailed, Smooth, Trajectory, Voyage
 from mitsonar.sonar.waypoints import Course
 from mitsonar.units import metres_per_second_from_knots
 
@@ -49,9 +50,7 @@ class ArrayPlan:
 
     Attributes
     ----------
-    track : Track
-    velocity, turn_rate : (P, 3) [m/s], [rad/s]
-        Scene frame.
+    voyage : Voyage
     depth_below : (P,) [m]
         Seabed below the sonar.
     sound_speed : float [m/s]
@@ -64,9 +63,7 @@ class ArrayPlan:
         The film's bins, or its rate, are those of the signals; else they are a picture's and the pulse sets the rate.
     """
 
-    track: Track
-    velocity: np.ndarray
-    turn_rate: np.ndarray
+    voyage: Voyage
     depth_below: np.ndarray
     sound_speed: float
     transmit: Array
@@ -175,7 +172,7 @@ class Platform:
         Returns
         -------
         voyage : Voyage
-            Track, velocity and rate of turn.
+            The pings' track, and the trajectory it lies on.
         depth_below : (P,) [m]
             Seabed below the sonar.
 
@@ -191,12 +188,10 @@ class Platform:
             voyage = self._sailed(geometry, interval, self._frame(origin, crs))
         else:
             voyage = self._recorded(geometry, interval, self._frame(origin, crs))
-        voyage = voyage.rocking(self.random_motion).carried(self.offset) if self._moves() else voyage
+        if self.random_motion.moves or np.any(self.offset):
+            trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
+            voyage = Voyage.of(trajectory, voyage.track.time)
         return voyage, placement.check(geometry, voyage.track)
-
-    def _moves(self):
-        motion = self.random_motion
-        return bool(motion.roll or motion.pitch or motion.yaw or motion.heave or np.any(self.offset))
 
     def _straight(self, geometry, interval):
         if self.start is not None:
@@ -209,12 +204,14 @@ class Platform:
         if self.depth is not None:
             track = _at_height(track, np.full(track.pings, -self.depth))
         if track.pings > 1:
-            velocity, turn_rate = track.motion()
+            lead = Recorded.through(track)
         else:
-            heading = track.heading[0]
-            velocity = self.speed * np.array([[np.sin(heading), np.cos(heading), 0.0]])
-            turn_rate = np.zeros((1, 3))
-        return Voyage(track=track, velocity=velocity, turn_rate=turn_rate)
+            # one ping alone moves on as many would
+            course = self.speed * np.array([np.sin(track.heading[0]), np.cos(track.heading[0]), 0.0])
+            lead = Recorded.through(replace(
+                track, time=track.time[0] + np.arange(2.0), position=track.position + np.outer(np.arange(2.0), course),
+                **{name: np.repeat(getattr(track, name), 2) for name in ("roll", "pitch", "heading")}))
+        return Voyage(track=track, trajectory=Trajectory(lead=lead))
 
     def _sailed(self, geometry, interval, frame):
         places = self.record.placed(frame)
@@ -222,38 +219,31 @@ class Platform:
         course = Course(places, self.turn_radius)
         pings = self._count(course.length / self.speed, interval, "the way points take")
         time = interval * np.arange(pings)
-        distance = self.speed * time
-        position, heading, curvature = course.at(distance)
         z = np.full(pings, -(self.depth or 0.0)) if self.record.z is None else np.interp(
-            distance, course.marks, self.record.z)
-        track = Track(time=time, position=np.column_stack([position, z]), roll=0.0, pitch=0.0, heading=heading)
+            self.speed * time, course.marks, self.record.z)
+
+        def sailed(z):
+            return Trajectory(lead=Sailed(course=course, speed=self.speed, height=Smooth(time, z)))
+
+        trajectory = sailed(z)
         if self.altitude:
-            track = placement.lifted(geometry, track, self.altitude)
-        velocity = self.speed * np.stack([np.sin(heading), np.cos(heading), np.zeros(pings)], -1)
-        if pings > 1:
-            velocity[:, 2] = track.motion()[0][:, 2]
-        still = np.zeros(pings)
-        # clockwise from above is about the axis that points down
-        return Voyage(track=track, velocity=velocity,
-                      turn_rate=np.stack([still, still, -self.speed * curvature], -1))
+            trajectory = sailed(placement.lifted(geometry, trajectory.track(time), self.altitude).position[:, 2])
+        return Voyage.of(trajectory, time)
 
     def _recorded(self, geometry, interval, frame):
         recorded = self.record.placed(frame, self.depth or 0.0)
         _refuse_far(geometry, recorded.position, frame)
-        if recorded.pings == 1:
-            at = recorded
-            velocity = turn_rate = np.zeros((1, 3))
-        else:
-            lasting = recorded.time[-1] - recorded.time[0]
-            at = recorded.at(recorded.time[0] + interval * np.arange(self._count(lasting, interval, "the track lasts")))
-            velocity, turn_rate = (np.stack([np.interp(at.time, recorded.time, axis) for axis in rate.T], -1)
-                                   for rate in recorded.motion())
+        lasting = recorded.time[-1] - recorded.time[0]
+        pings = self._count(lasting, interval, "the track lasts") if recorded.pings > 1 else 1
+        time = np.minimum(recorded.time[0] + interval * np.arange(pings), recorded.time[-1])
+        trajectory = Trajectory(lead=Recorded.through(recorded))
         if self.altitude:
             # it follows the seabed, not the z that was recorded, and heaves as recorded
-            lifted = placement.lifted(geometry, at, self.altitude)
-            at = _at_height(at, lifted.position[:, 2] + np.interp(at.time, self.record.time, self.record.heave))
-            velocity[:, 2] = at.motion()[0][:, 2] if at.pings > 1 else 0
-        return Voyage(track=at, velocity=velocity, turn_rate=turn_rate)
+            lifted = placement.lifted(geometry, trajectory.track(time), self.altitude)
+            trajectory = Trajectory(lead=Recorded.through(
+                recorded, height=Smooth(time, lifted.position[:, 2]),
+                heave=Smooth(self.record.time, self.record.heave)))
+        return Voyage.of(trajectory, time)
 
     def _count(self, lasting, interval, what):
         """How many pings fit into a time [s]."""

@@ -126,7 +126,7 @@ class SidescanSensor(mi.Sensor):
             np.zeros((2, 3)), normal=[[0, -cosine, sine], [0, cosine, sine]], along="forward", length=face.length,
             height=face.height, pattern="rectangular", baffle="hard") for face in (sonar.transmit, sonar.receive))
         # each face has the source level, and a direction hears one of them: both together would make twice the pressure
-        return ArrayPlan(track=voyage.track, velocity=voyage.velocity, turn_rate=voyage.turn_rate, depth_below=below,
+        return ArrayPlan(voyage=voyage, depth_below=below,
                          sound_speed=sonar.sound_speed, transmit=transmit, receive=receive,
                          pulse=cw(sonar.frequency, sonar.pulse_length), bins_are_samples=False,
                          source_level_db=sonar.source_level_db + db_from_amplitude(2.0))

@@ -1,0 +1,284 @@
+"""The way of a sonar as a function of time: where it is and how it is held between pings, too.
+
+    P(t) = L(t) + h(t) ẑ + R(t) a,    R(t) = E Rz(ψ + ψ') Ry(θ + θ') Rx(φ + φ')                  as in `track`
+
+L, φ, θ, ψ -> the ``lead``; h, φ', θ', ψ' -> the ``motion``, exact at any time; a -> the ``offset``. What was recorded
+is joined by cubic splines (twice differentiable; off by 5/384 d⁴ times the fourth derivative for records d apart) and
+goes on beyond its ends with the velocity and the rates it has there.
+
+While the echoes of one ping come in, the way is a polynomial in the time t since the transmission,
+
+    P(t) - P(0) = Σ_k d_k t^k,    R(t) R(0)ᵀ = exp([Σ_k r_k t^k]×),    k = 1 ... K
+
+d_k -> ``displacement``, r_k -> ``turn`` of `PingTravel`, fitted through Chebyshev points. For a sinusoid of angular
+frequency ω it errs by its amplitude times (ωT/4)^7 / 2520: 1e-9 of it where T is an eighth of a period.
+"""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from .motion import RandomMotion
+from .track import Track, rotation_matrix
+from .waypoints import Course
+
+__all__ = ["Lead", "PingTravel", "Recorded", "Sailed", "Smooth", "Trajectory", "Voyage"]
+
+POWERS = 6
+NEGLIGIBLE = 1e-9                  # [m], [rad]: powers that stay below are none
+STEP = 2e-4                        # [s] of differences
+MOST_TURN = 2.0                    # [rad] that a platform may turn while the echoes of a ping come in
+_POINTS = 0.5 - 0.5 * np.cos(np.pi * (np.arange(1, 10) - 0.5) / 9)
+_FIT = np.linalg.pinv(_POINTS[:, None] ** np.arange(1, POWERS + 1))                             # (power, point)
+
+
+class Smooth:
+    """A spline through numbers at given times, with straight ends.
+
+    Parameters
+    ----------
+    time : array (N,) [s]
+        Strictly increasing.
+    values : array (N, ...)
+    """
+
+    def __init__(self, time: np.ndarray, values: np.ndarray):
+        time, values = np.asarray(time, float), np.asarray(values, float)
+        self.first, self.last = float(time[0]), float(time[-1])
+        if len(time) == 1:
+            time, values = np.array([time[0], time[0] + 1.0]), np.repeat(values, 2, axis=0)
+        self._spline = CubicSpline(time, values, bc_type="not-a-knot")
+        self._slope = self._spline.derivative()
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """Give the values at times (...) [s]: (..., *values.shape[1:])."""
+        inside = np.clip(times, self.first, self.last)
+        beyond = np.reshape(times - inside, np.shape(inside) + (1,) * (self._spline.c.ndim - 2))
+        return self._spline(inside) + beyond * self._slope(inside)
+
+
+class Lead(ABC):
+    """Where a track leads, before random motion and lever arm."""
+
+    @abstractmethod
+    def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Give position (..., 3) [m] and attitude (..., 3) [rad]: roll, pitch, heading, which may run on.
+
+        Parameters
+        ----------
+        times : array (...) [s]
+        since : array (...) [s]
+            Transmission of the ping that is asked about: while its echoes come in, nobody turns in a corner.
+        """
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded(Lead):
+    """A track as it was recorded, or laid.
+
+    Parameters
+    ----------
+    position, attitude : Smooth (3) [m], [rad]
+    height : Smooth () [m] or None
+        Takes the place of z.
+    heave : Smooth () [m] or None
+        Added to z.
+    """
+
+    position: Smooth
+    attitude: Smooth
+    height: Smooth | None = None
+    heave: Smooth | None = None
+
+    @classmethod
+    def through(cls, track: Track, **heights: Smooth) -> Recorded:
+        """Join the poses of a track."""
+        attitude = np.stack([track.roll, track.pitch, np.unwrap(track.heading)], -1)
+        return cls(position=Smooth(track.time, track.position), attitude=Smooth(track.time, attitude), **heights)
+
+    def at(self, times, since):
+        position = self.position(times)
+        if self.height is not None:
+            position[..., 2] = self.height(times)
+        if self.heave is not None:
+            position[..., 2] += self.heave(times)
+        return position, self.attitude(times)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sailed(Lead):
+    """A course through way points, level, at one speed, heading along it.
+
+    Parameters
+    ----------
+    course : Course
+    speed : float [m/s]
+    height : Smooth () [m]
+    """
+
+    course: Course
+    speed: float
+    height: Smooth
+
+    def at(self, times, since):
+        place, heading, _ = self.course.at(self.speed * times, on=self.speed * since)
+        level = np.zeros(np.shape(times))
+        return (np.concatenate([place, self.height(times)[..., None]], -1), np.stack([level, level, heading], -1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PingTravel:
+    """How a sonar goes on while the echoes of its pings come in.
+
+    Attributes
+    ----------
+    displacement, turn : array (P, K, 3) [m/s^k], [rad/s^k]
+        d_k and r_k of the module's equations, k = 1 ... K; scene frame.
+    duration : float [s]
+        Since the transmission, up to which they hold.
+    """
+
+    displacement: np.ndarray
+    turn: np.ndarray
+    duration: float
+
+    def trimmed(self) -> PingTravel:
+        """Leave out the highest powers if they stay below 1e-9 m and rad; a platform at rest has none."""
+        worth = np.maximum(np.abs(self.displacement).max((0, 2)), np.abs(self.turn).max((0, 2)))
+        count = int(np.max(np.flatnonzero(worth * self.duration ** np.arange(1, len(worth) + 1) > NEGLIGIBLE) + 1,
+                           initial=0))
+        return replace(self, displacement=self.displacement[:, :count], turn=self.turn[:, :count])
+
+    def reach(self, coefficients: np.ndarray) -> np.ndarray:
+        """Bound what polynomials (P, K, 3) make of the components until the end: (3,)."""
+        powers = self.duration ** np.arange(1, coefficients.shape[1] + 1)
+        return (np.abs(coefficients) * powers[:, None]).sum(1).max(0, initial=0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """Hold where a sonar goes, how it rocks, and where on the platform it sits.
+
+    Parameters
+    ----------
+    lead : Lead
+    motion : RandomMotion
+    offset : array (3,) [m]
+        Forward, starboard, down of the sonar from where the track leads.
+    """
+
+    lead: Lead
+    motion: RandomMotion = RandomMotion()
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def carried(self, offset: np.ndarray) -> Trajectory:
+        """Follow another point of the body, `offset` (3,) [m] further forward, starboard, down."""
+        return replace(self, offset=self.offset + np.asarray(offset, float))
+
+    def pose(self, times: np.ndarray, since: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Give position (..., 3) [m] and attitude (..., 3) [rad]: roll, pitch, heading, which may run on.
+
+        Parameters
+        ----------
+        times : array (...) [s]
+        since : array (...) [s] or None
+            As of `Lead.at`; None: the times.
+        """
+        times = np.asarray(times, float)
+        position, attitude = self.lead.at(times, times if since is None else np.broadcast_to(since, times.shape))
+        if self.motion.moves:
+            values = self.motion.at(times)[0]
+            attitude = attitude + np.stack([values[name] for name in ("roll", "pitch", "yaw")], -1)
+            position = position + np.multiply.outer(values["heave"], [0.0, 0.0, 1.0])
+        if self.offset.any():
+            position = position + rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ self.offset
+        return position, attitude
+
+    def position(self, times: np.ndarray) -> np.ndarray:
+        """Give the position (..., 3) [m] at times (...) [s], scene frame."""
+        return self.pose(times)[0]
+
+    def rotation(self, times: np.ndarray) -> np.ndarray:
+        """Give the rotation from body to scene (..., 3, 3) at times (...) [s]."""
+        return rotation_matrix(*np.moveaxis(self.pose(times)[1], -1, 0))
+
+    def track(self, times: np.ndarray) -> Track:
+        """Sample it, strictly increasing times (P,) [s]; raises `ValueError` where `Track` takes no such pose."""
+        position, attitude = self.pose(times)
+        roll, pitch, heading = np.moveaxis(attitude, -1, 0)
+        return Track(time=times, position=position, roll=roll, pitch=pitch, heading=heading)
+
+    def rates(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Give velocity and angular velocity (P, 3) [m/s], [rad/s] at times (P,) [s], scene frame.
+
+        Second-order differences forwards: what they are while the echoes come in.
+        """
+        times = np.asarray(times, float)
+        position, attitude = self.pose(times + STEP * np.arange(3)[:, None], times)
+        rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0))
+        near, far = (_rotation_vector(rotation[k] @ np.swapaxes(rotation[0], -1, -2)) for k in (1, 2))
+        velocity = (4 * (position[1] - position[0]) - (position[2] - position[0])) / (2 * STEP)
+        return velocity, (4 * near - far) / (2 * STEP)
+
+    def during(self, times: np.ndarray, duration: float) -> PingTravel:
+        """Give the way on after transmissions at times (P,) [s] for a duration [s]: K = 6 powers.
+
+        Raises
+        ------
+        ValueError
+            If the platform turns by more than 2 rad meanwhile.
+        """
+        times, duration = np.asarray(times, float), max(float(duration), 1e-6)
+        since = times[:, None]
+        position, attitude = self.pose(since + np.append(0.0, duration * _POINTS), since)
+        rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0))
+        turn = _rotation_vector(rotation[:, 1:] @ np.swapaxes(rotation[:, :1], -1, -2))
+        fastest = np.linalg.norm(turn, axis=-1).max(1, initial=0)
+        if np.any(fastest > MOST_TURN):
+            ping = int(np.argmax(fastest > MOST_TURN))
+            raise ValueError(f"track: the sonar turns by {np.rad2deg(fastest[ping]):.0f} degrees while the echoes of "
+                             f"ping {ping} come in, {duration:.3g} s; smooth the recorded attitude or take a shorter "
+                             "range")
+        fit = _FIT / duration ** np.arange(1, POWERS + 1)[:, None]
+        return PingTravel(displacement=np.einsum("kj,pjx->pkx", fit, position[:, 1:] - position[:, :1]),
+                          turn=np.einsum("kj,pjx->pkx", fit, turn), duration=duration)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Voyage:
+    """Hold the track of the pings, and the trajectory that it lies on.
+
+    Parameters
+    ----------
+    track : Track
+    trajectory : Trajectory
+    """
+
+    track: Track
+    trajectory: Trajectory
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, times: np.ndarray) -> Voyage:
+        """Sample a trajectory at the times (P,) [s] of the pings."""
+        return cls(track=trajectory.track(times), trajectory=trajectory)
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """At the transmissions, (P, 3) [m/s], scene frame."""
+        return self.trajectory.rates(self.track.time)[0]
+
+    @property
+    def turn_rate(self) -> np.ndarray:
+        """Angular velocity at the transmissions, (P, 3) [rad/s], scene frame."""
+        return self.trajectory.rates(self.track.time)[1]
+
+
+def _rotation_vector(matrix: np.ndarray) -> np.ndarray:
+    """Rotation vectors (..., 3) of matrices (..., 3, 3)."""
+    vector = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec().reshape(matrix.shape[:-1])
+    # equal attitudes must not turn by a rounding error
+    return np.where(np.abs(vector) < 1e-15, 0.0, vector)
