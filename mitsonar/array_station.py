@@ -6,6 +6,10 @@
 
 Echoes for which the approximation is in doubt by more than `GUARD` at some element, and all of them where that is asked
 for, take an eigenray to every element instead (`exact_returns`).
+
+The pattern of an element is that towards where its own ray leaves or comes from. With n towards the echo at the array's
+centre, 1/R the curvature of its wavefront there and d the element's offset, that is (n - d/R) / |n - d/R|: at the
+transmission on the way out, and as the turned array sees it at the echo's own reception on the way back.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +20,7 @@ import numpy as np
 
 from .propagation.exact_returns import exact_return
 from .propagation.return_paths import return_paths
+from .propagation.travel import REST, Travel, rotated
 from .propagation.two_point import source_state
 from .propagation.vector_approximation import ELEMENT_FIELDS, difference_of, vector_difference, vector_element_fields
 from .signal.accumulation import centre
@@ -27,6 +32,7 @@ __all__ = ["GUARD", "Station", "omni", "pressure"]
 GUARD = 5e-10                      # [s] error to be expected of the vector approximation from which on it is not used
 
 
+CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
 UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 
 
@@ -39,16 +45,25 @@ class _View:
     state: object                  # `SourceState` of the depth
     depth: float
     rotation: np.ndarray           # body to scene
-    velocity: np.ndarray
-    turn_rate: np.ndarray
+    travel: Travel
+    tilt: float                    # [rad], the most it leans over
+    climb: float                   # [m/s], its largest vertical speed
 
     def offsets(self, array, position):
         """Elements from the source, which stands at `position` in the body: (E, 3)."""
         return (array.position - position) @ self.rotation.T
 
-    def opaque_motion(self, kind):
-        """Velocity and turn rate as triples on the device."""
-        return _opaque(kind, self.velocity), _opaque(kind, self.turn_rate)
+    @classmethod
+    def of(cls, travel, mirror=np.ones(3), **water):
+        """See a `PingTravel` of one ping, or its image under the diagonal of a mirror (3,)."""
+        # a rotation vector is axial: its image turns the other way, but for the part about the mirror's normal
+        axial = mirror * np.prod(mirror)
+        d, r = travel.displacement[0] * mirror, travel.turn[0] * axial
+        powers = np.arange(1, len(d) + 1)
+        device = Travel(displacement=tuple(map(_opaque64, d)), turn=tuple(map(_opaque64, r)),
+                        duration=dr.opaque(mi.Float64, travel.duration))
+        return cls(travel=device, tilt=float(np.linalg.norm(travel.reach(travel.turn)[:2])),
+                   climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])), **water)
 
 
 class Station:
@@ -62,34 +77,38 @@ class Station:
         self.origin = survey.track.position[ping] + self.rotation @ position
         self.depth = -float(self.origin[2])
         self.sources = run.light.tracer.sources([self.depth])
-        self.turn_rate = survey.turn_rate[ping]
         # what stands off the track's point is carried round it as the platform turns
-        self.velocity = survey.velocity[ping] + np.cross(self.turn_rate, self.rotation @ position)
+        self.travel = survey.travel(ping, position)
         self.speed = float(survey.profile.at(self.depth))
         self.array_radius = max(np.linalg.norm(array.position - position, axis=1).max()
                                 for array in (survey.transmit, survey.receive))
 
     @cached_property
     def _direct(self):
-        return _View(table=self.run.light.tracer.table, profile=self.survey.profile, state=self.sources.state,
-                     depth=self.depth, rotation=self.rotation, velocity=self.velocity, turn_rate=self.turn_rate)
+        return _View.of(self.travel, table=self.run.light.tracer.table, profile=self.survey.profile,
+                        state=self.sources.state, depth=self.depth, rotation=self.rotation)
 
     @cached_property
     def _image(self):
         table = self.run.light.free_rays.table(folded=True)
-        # a rate of turn is an axial vector: its image turns the other way
-        return _View(table=table, profile=self.survey.profile.mirrored(), depth=-self.depth,
-                     state=source_state(table, np.array([-self.depth])), rotation=UPSIDE_DOWN @ self.rotation,
-                     velocity=UPSIDE_DOWN @ self.velocity, turn_rate=-UPSIDE_DOWN @ self.turn_rate)
+        return _View.of(self.travel, mirror=np.diag(UPSIDE_DOWN), table=table, profile=self.survey.profile.mirrored(),
+                        depth=-self.depth, state=source_state(table, np.array([-self.depth])),
+                        rotation=UPSIDE_DOWN @ self.rotation)
 
     def _view(self, leg):
         return self._image if leg.folded else self._direct
 
     def doppler(self, echoes):
-        """Two-way factor of echoes, Float64, to first order in the mean of the ways out and back."""
-        closing = sum(dr.dot(mi.Vector3f(*_opaque(mi.Float, self._view(leg).velocity)), leg.launch_direction)
-                      for leg in (echoes.out, echoes.back))
-        return two_way_doppler(mi.Float64(0.5 * closing), dr.opaque(mi.Float64, self.speed))
+        """Two-way factor of echoes, Float64: velocities at the transmission and at the reception."""
+        out, back = self._view(echoes.out), self._view(echoes.back)
+        if not out.travel.displacement:
+            return dr.ones(mi.Float64, echoes.count)
+        wide = self.run.lib.Array3f64
+        total = echoes.arrival + echoes.back.travel_time
+        leaving = dr.dot(wide(*out.travel.velocity(mi.Float64(0))), wide(echoes.out.launch_direction))
+        towards = wide(echoes.back.launch_direction) * dr.norm(echoes.back.offset) - wide(*back.travel.moved(total))
+        coming = dr.dot(wide(*back.travel.velocity(total)), dr.normalize(towards))
+        return two_way_doppler(leaving, dr.opaque(mi.Float64, self.speed), coming)
 
     def add(self, buffer, echoes, element, return_path, *, weight, late):
         """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements."""
@@ -115,31 +134,31 @@ class Station:
         # ---- transmit: the still array, by reciprocity
         view = self._view(echoes.back)
         off = np.any(transmit.position[element] != self.position)
-        farther = self._transmit_delay(echoes, element) if off else None
+        away = self._out(echoes) if off else None
+        farther = self._transmit_delay(echoes, element, away) if off else None
         # ---- return to the centre, where it is then
         back = self._back(echoes, return_path)
         total = echoes.arrival + back.return_time
-        if farther is not None:
+        if off:
             # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
-            velocity = _opaque(lib.Float64, view.velocity)
+            velocity = view.travel.velocity(total)
             closing = sum(lib.Float64(n) * v for n, v in zip(back.direction, velocity))
             total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
         phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
                                          sampling_rate=survey.sampling_rate)
-        factor = self._transmitted(echoes, element, weight)
-        if farther is not None:
+        factor = self._transmitted(echoes, element, weight, away)
+        if off:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
-        heard, faces = self._heard_from(echoes, total), [] if omni(receive) else receive.faces()
-        if len(faces) == 1:
-            factor *= self._pressure(view, receive, heard, *faces[0][1:])
-        offsets, motion = view.offsets(receive, self.position), (view.profile, view.velocity, view.turn_rate)
-        elements = ELEMENT_FIELDS[return_path](offsets, view.depth, *motion)
-        difference = difference_of(return_path, offsets, *motion)
+        offsets = view.offsets(receive, self.position)
+        elements = ELEMENT_FIELDS[return_path](offsets, view.depth, view.profile)
+        difference = difference_of(return_path, offsets, view.profile, view.tilt, view.climb)
         hit_fields = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))]
         hits, fields = len(back.hit_fields), len(elements)
-        each_face = len(faces) > 1
-        if each_face:
-            hit_fields += [*heard, *_opaque(lib.Float, (run.wavelength, receive.length, receive.height))]
+        looks = not omni(receive)
+        if looks:
+            heard = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
+            face = _opaque(lib.Float, (run.wavelength, receive.length, receive.height))
+            hit_fields += [*map(lib.Float, heard), *face]
             elements = [*elements, *(receive.normal @ view.rotation.T).T, *(receive.along @ view.rotation.T).T]
 
         def delay(hit, element):
@@ -149,12 +168,13 @@ class Station:
             # spherical spreading to where the element is: 1 / (1 + x) for an element that is later by x of the way
             later = delay(hit, element) * hit[hits]
             spread = 1 - later * (1 - later)
-            if not each_face:
+            if not looks:
                 return spread
             wavelength, length, height = hit[hits + 4:]
-            return spread * element_pressure(hit[hits + 1:hits + 4], wavelength, element[fields:fields + 3],
-                                             element[fields + 3:], length=length, height=height,
-                                             pattern=receive.pattern, baffle=receive.baffle)
+            towards = seen_from(hit[hits + 1:hits + 4], element[:3], hit[CURVATURE])
+            return spread * element_pressure(towards, wavelength, element[fields:fields + 3], element[fields + 3:],
+                                             length=length, height=height, pattern=receive.pattern,
+                                             baffle=receive.baffle)
 
         buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
                    fraction=fraction, hit_fields=hit_fields, element_fields=elements, difference=delay, gain=gain)
@@ -164,28 +184,29 @@ class Station:
         survey, lib = self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
         away, view = self._view(echoes.out), self._view(echoes.back)
-        depth = dr.opaque(lib.Float64, view.depth)
-        velocity, turn_rate = view.opaque_motion(lib.Float64)
-        factor, still = self._transmitted(echoes, element, weight), _opaque(lib.Float64, np.zeros(3))
-        first, place = echoes.out.travel_time, echoes.back.offset
+        depth, travel = dr.opaque(lib.Float64, view.depth), view.travel
+        factor, first, towards = dr.opaque(mi.Float, weight), echoes.out.travel_time, echoes.out.launch_direction
         if np.any(transmit.position[element] != self.position):
-            offset = _opaque(lib.Float64, away.offsets(transmit, self.position)[element])
-            first = exact_return(away.table, lib, dr.opaque(lib.Float64, away.depth), echoes.out.offset, mi.Float64(0),
-                                 offset, still, still, first)
-            factor *= lib.Float(echoes.out.travel_time / first)
-        out = first + echoes.between
+            offset = _opaque64(away.offsets(transmit, self.position)[element])
+            first, towards = exact_return(away.table, lib, dr.opaque(lib.Float64, away.depth), echoes.out.offset,
+                                          mi.Float64(0), offset, REST, first)
+            factor = factor * lib.Float(echoes.out.travel_time / first)
+        if not omni(transmit):
+            factor *= self._pressure(away, transmit, towards, element)
+        place, out = echoes.back.offset, first + echoes.between
         amplitude = tuple(part * factor for part in echoes.amplitude)
-        middle = exact_return(view.table, lib, depth, place, out, still, velocity, turn_rate, echoes.back.travel_time)
-        heard = self._heard_from(echoes, out + middle)
-        dr.eval(out, amplitude, middle, heard)
+        middle, _ = exact_return(view.table, lib, depth, place, out, _opaque64(np.zeros(3)), travel,
+                                 echoes.back.travel_time)
+        dr.eval(out, amplitude, middle)
         for row in range(receive.elements):
-            offset = _opaque(lib.Float64, view.offsets(receive, self.position)[row])
-            back = exact_return(view.table, lib, depth, place, out, offset, velocity, turn_rate, middle)
+            offset = _opaque64(view.offsets(receive, self.position)[row])
+            back, towards = exact_return(view.table, lib, depth, place, out, offset, travel, middle)
             phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
                                              sampling_rate=survey.sampling_rate)
             spread = lib.Float(middle / back)
             if not omni(receive):
-                spread *= self._pressure(view, receive, heard, receive.normal[row], receive.along[row])
+                heard = rotated(towards, travel.turned(out + back), back=True)
+                spread *= self._pressure(view, receive, heard, row)
             buffer.add(amplitude=tuple(part * spread for part in amplitude), phase=phase, sample=sample,
                        fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
                        difference=lambda hit, element: element[0], rows=[row])
@@ -195,7 +216,8 @@ class Station:
         error = self._back(echoes, "vector").expected_error(self._outermost(self._view(echoes.back)))
         if not echoes.single:
             error = dr.maximum(error, self._out(echoes).expected_error(self._outermost(self._view(echoes.out))))
-        doubtful = error > dr.opaque(mi.Float, GUARD)
+        # what is not a number is in doubt, too
+        doubtful = ~(error <= dr.opaque(mi.Float, GUARD))
         dr.eval(doubtful)
         return doubtful
 
@@ -204,59 +226,64 @@ class Station:
         outermost = np.concatenate([view.offsets(array, self.position)
                                     for array in (self.survey.transmit, self.survey.receive)])
         some = np.unique([pick(column) for column in outermost.T for pick in (np.argmin, np.argmax)])
-        return vector_element_fields(outermost[some], view.depth, view.profile, view.velocity, view.turn_rate)
+        return vector_element_fields(outermost[some], view.depth, view.profile)
 
     def _back(self, echoes, method):
         """The way back to the array's centre, where that is then."""
         view = self._view(echoes.back)
-        return self._paths(view, echoes.back, method, view.velocity, view.turn_rate, echoes.arrival)
+        return self._paths(view, echoes.back, method, view.travel, echoes.arrival)
 
     def _out(self, echoes):
         """The way out, turned round, to the still array."""
-        return self._paths(self._view(echoes.out), echoes.out, "vector", np.zeros(3), np.zeros(3),
-                           echoes.out.travel_time)
+        return self._paths(self._view(echoes.out), echoes.out, "vector", REST, echoes.out.travel_time)
 
-    def _paths(self, view, leg, method, velocity, turn_rate, elapsed):
-        lib = self.run.lib
-        velocity, turn_rate = _opaque(lib.Float64, velocity), _opaque(lib.Float64, turn_rate)
+    def _paths(self, view, leg, method, travel, elapsed):
         return return_paths(view.table, view.state, mi.UInt32(0), leg.offset, leg.travel_time, leg.ray_parameter,
-                            leg.spreading_area, -leg.launch_direction.z, velocity=velocity, turn_rate=turn_rate,
-                            method=method, elapsed=elapsed)
+                            leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method, elapsed=elapsed)
 
-    def _transmit_delay(self, echoes, element):
+    def _transmit_delay(self, echoes, element, away):
         """How much later than from the source the scatterers are reached from a transmit element [s], Float64."""
         lib = self.run.lib
-        still = self._out(echoes)
         view = self._view(echoes.out)
         offset = view.offsets(self.survey.transmit, self.position)[element]
         fields = vector_element_fields(offset[None], view.depth, view.profile)
         fields = [dr.opaque(lib.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
-        return lib.Float64(vector_difference(still.hit_fields, fields))
+        return lib.Float64(vector_difference(away.hit_fields, fields))
 
-    def _transmitted(self, echoes, element, weight):
-        """What a transmit element's weight and pattern make of the echoes."""
+    def _transmitted(self, echoes, element, weight, away):
+        """What a transmit element's weight and pattern make of the echoes; `away` is None for one at the source."""
         transmit, factor = self.survey.transmit, dr.opaque(mi.Float, weight)
         if omni(transmit):
             return factor
-        return factor * self._pressure(self._view(echoes.out), transmit, echoes.out.launch_direction,
-                                       transmit.normal[element], transmit.along[element])
+        view, towards = self._view(echoes.out), echoes.out.launch_direction
+        if away is not None:
+            offset = _opaque(mi.Float, view.offsets(transmit, self.position)[element])
+            towards = seen_from(towards, offset, away.hit_fields[CURVATURE])
+        return factor * self._pressure(view, transmit, towards, element)
 
-    def _pressure(self, view, array, direction, normal, along):
-        return pressure(array, direction, self.run.wavelength, view.rotation @ normal, view.rotation @ along)
+    def _pressure(self, view, array, direction, element):
+        """Pattern of one element towards directions in the scene, at the attitude of the transmission."""
+        return pressure(array, [mi.Float(part) for part in direction], self.run.wavelength,
+                        view.rotation @ array.normal[element], view.rotation @ array.along[element])
 
-    def _heard_from(self, echoes, elapsed):
-        """Direction the echo comes from, as the moved and turned array sees it, in the scene of the transmission."""
-        view, elapsed = self._view(echoes.back), mi.Float(elapsed)
-        velocity, turn_rate = view.opaque_motion(mi.Float)
-        moved = mi.Vector3f(*velocity) * elapsed
-        towards = dr.normalize(echoes.back.launch_direction * dr.norm(mi.Vector3f(echoes.back.offset)) - moved)
-        turned = mi.Vector3f(*turn_rate) * elapsed
-        return towards - dr.cross(turned, towards)
+
+def seen_from(towards, offset, curvature):
+    """Turn unit vectors from the centre of an array towards echoes into those from an element: triples.
+
+    `offset` of the element [m], `curvature` of the echo's wavefront at the centre [1/m].
+    """
+    seen = [part - d * curvature for part, d in zip(towards, offset)]
+    per_length = dr.rsqrt(seen[0] * seen[0] + seen[1] * seen[1] + seen[2] * seen[2])
+    return [part * per_length for part in seen]
 
 
 def _opaque(kind, vector):
     """The components of a vector, opaque: they change without a new kernel."""
     return [dr.opaque(kind, float(component)) for component in vector]
+
+
+def _opaque64(vector):
+    return tuple(_opaque(mi.Float64, vector))
 
 
 def omni(array):

@@ -160,10 +160,9 @@ class ArraySurvey:
         """At the transmissions, (P, 3) [m/s], scene frame."""
         return self.voyage.velocity
 
-    @cached_property
-    def turn_rate(self):
-        """At the transmissions, (P, 3) [rad/s], scene frame."""
-        return self.voyage.turn_rate
+    def travel(self, ping, position):
+        """How a point (3,) of the body moves and turns while the echoes of a ping come in: a `PingTravel` of one."""
+        return self.voyage.trajectory.carried(position).during(self.track.time[[ping]], self.time[-1]).trimmed()
 
     @property
     def path_names(self):

@@ -49,7 +49,7 @@ def published_time(travel_time, effective_speed, vector, velocity, faster):
     return time, speed, climb
 
 
-def paper_centre_return(travel_time, displacement, velocity, speed_at, elapsed=None):
+def paper_centre_return(travel_time, displacement, travel, speed_at, elapsed=None):
     """Find when and from where the echo meets the array's centre.
 
     Parameters
@@ -58,7 +58,8 @@ def paper_centre_return(travel_time, displacement, velocity, speed_at, elapsed=N
         Of the traced ray.
     displacement : triple of float64 (H,) [m]
         From the hit to the origin.
-    velocity : triple [m/s]
+    travel : Travel
+        Of the platform since the ping.
     speed_at : callable
         Height above the origin [m] -> sound speed [m/s].
     elapsed : float64 (H,) [s] or None
@@ -78,6 +79,9 @@ def paper_centre_return(travel_time, displacement, velocity, speed_at, elapsed=N
     here = speed_at(0 * travel_time)
     effective = xp.sqrt(sum(component * component for component in displacement)) / travel_time
     elapsed = travel_time if elapsed is None else elapsed
+    # one velocity, as published: that which leads to where the platform is when the echo is there
+    wait = travel_time + elapsed
+    velocity = [part / wait for part in travel.moved(wait)]
     start = [component + v * elapsed for component, v in zip(displacement, velocity)]
     time, speed, climb = published_time(elapsed, effective, start, velocity, lambda rise: speed_at(rise) - here)
     x, y, z = (component + v * time for component, v in zip(start, velocity))
@@ -87,7 +91,7 @@ def paper_centre_return(travel_time, displacement, velocity, speed_at, elapsed=N
         x / length, y / length, z / length), climb
 
 
-def paper_element_fields(offsets, depth, profile, velocity=(0, 0, 0), turn_rate=(0, 0, 0)):
+def paper_element_fields(offsets, depth, profile):
     """Make what `paper_difference` needs of the elements (NumPy).
 
     Parameters
@@ -97,16 +101,14 @@ def paper_element_fields(offsets, depth, profile, velocity=(0, 0, 0), turn_rate=
     depth : float [m]
         Of the centre at the ping.
     profile : SoundSpeedProfile
-    velocity : triple [m/s]
-    turn_rate : triple [rad/s]
 
     Returns
     -------
     list of float64 (E,)
-        d (3), |d|², v·d, turn_rate x d (3); 0.503 times: c(element) - c(centre) [m/s], dc/dz (upwards) at the element
+        d (3), |d|²; 0.503 times: c(element) - c(centre) [m/s], dc/dz (upwards) at the element
         less that at the centre, dc/dz at the element [1/s].
     """
-    shared = shared_element_fields(offsets, velocity, turn_rate)
+    shared = shared_element_fields(offsets)
     there = depth - shared[2]
     gradients = [-0.5 * (profile.gradient(z, "below") + profile.gradient(z, "above")) for z in (there, depth)]
     return [*shared, COEFFICIENT * (profile.at(there) - profile.at(depth)),
@@ -128,8 +130,8 @@ def paper_difference(hits, elements):
     array [s]
         Of the type of the fields.
     """
-    nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, _, vz, _, rise, _ = hits
-    dx, dy, dz, square, vd, ux, uy, uz, faster, bend, slope = elements
+    nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, _, vz, _, rise, _, gx, gy, gz = hits
+    dx, dy, dz, square, faster, bend, slope = elements
     along = nx * dx + ny * dy + nz * dz
     higher = zx * dx + zy * dy + zz * dz - dz
     gain = (faster + bend * rise + slope * higher) / speed
@@ -137,6 +139,6 @@ def paper_difference(hits, elements):
     gain = gain + slope * vz * (along + inverse * square / 2 - gain / inverse) / (closing * speed)
     more = gain * (2 + gain)                                             # (ev of the element / of the centre)^2 - 1
     length = 2 * along + inverse * square - more / inverse
-    closing = closing + speed * more - (nx * ux + ny * uy + nz * uz) - inverse * vd
+    closing = closing + speed * more - (gx * dx + gy * dy + gz * dz)
     return length / (closing + library(along).sqrt(
         closing * closing + (speeds + speed * speed * more) * inverse * length))

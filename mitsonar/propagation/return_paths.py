@@ -69,7 +69,7 @@ class ReturnPaths(Record):
 
 
 def return_paths(table, source, fan, displacement, travel_time, ray_parameter, spreading_area, launch_sine, *,
-                 velocity, turn_rate, method="vector", elapsed=None):
+                 travel, method="vector", elapsed=None):
     """Carry the echoes of traced hits back to the centre of the moving, turning array.
 
     Parameters
@@ -84,8 +84,8 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
     spreading_area : Float (H,) [m²/sr]
     launch_sine : Float (H,)
         Sine of the launch angle, positive down; of it the sign matters.
-    velocity, turn_rate : triples of opaque Float64 [m/s], [rad/s]
-        Of the platform, scene coordinates.
+    travel : Travel
+        Of the platform since the ping, of opaque Float64.
     method : {"vector", "paper"}
     elapsed : Float64 (H,) [s] or None
         From the ping to when the hit sends the echo back; None: the travel time.
@@ -107,7 +107,7 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
         upright = x < 1e-9
         scale = dr.rcp(dr.select(upright, 1, x))
         bearing = dr.select(upright, 1, displacement.x * scale), dr.select(upright, 0, displacement.y * scale)
-        time, leg, vector, rise = centre_return(exact, travel_time, bearing, up, velocity,
+        time, leg, vector, rise = centre_return(exact, travel_time, bearing, up, travel,
                                                 _slice_to(table, z0, moments0), elapsed)
         # the vector has the ray's p, but the sound speed of the leg
         bend = table.at(z0 - rise)[0] / leg.speed
@@ -115,10 +115,10 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
         direction = vector[0] * bend, vector[1] * bend, up * cosine
     else:
         time, leg, vector, rise = paper_centre_return(
-            travel_time, (-displacement.x, -displacement.y, -displacement.z), velocity, lambda h: table.at(z0 - h)[0],
+            travel_time, (-displacement.x, -displacement.y, -displacement.z), travel, lambda h: table.at(z0 - h)[0],
             elapsed)
         direction = vector
-    fields = hit_fields(leg, vector, rise, elapsed + time, velocity, turn_rate, c0)
+    fields = hit_fields(leg, vector, rise, elapsed + time, travel, c0)
     return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
                        direction=tuple(F(component) for component in direction), rough=rough)
 

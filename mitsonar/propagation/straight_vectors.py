@@ -7,7 +7,11 @@ by δ, |R n + d + v δ| = R + c δ, whose solution in a form that loses nothing 
     q = 2 n·d + |d|²/R,   B = c - n·v - v·d/R,   δ = q / (B + sqrt(B² + (c² - |v|²) q/R))
 
 The array turns at the rate ω while the echo is under way. For an array turned by the rotation A since the ping,
-n·(A d) = (A' n)·d, so the hit carries A' n and the element stays as it was at the ping; and v grows by ω x d.
+n·(A d) = (A' n)·d, so the hit carries A' n and the element stays as it was at the ping; and v grows by ω x d. With both
+
+    B = c - n·v - d·g,    g = A'(v/R + n × ω)
+
+and v, ω, A those of the echo's reception at the centre: the hit carries g, and elements know nothing of the motion.
 
 Everything is written once for NumPy (float64) and Dr.Jit (float32). Scene coordinates, z up.
 """
@@ -15,6 +19,8 @@ from typing import NamedTuple
 
 import drjit as dr
 import numpy as np
+
+from .travel import rotated
 
 __all__ = ["Leg", "dot", "hit_fields", "library", "multiply_add", "per_sqrt", "select", "shared_element_fields",
            "straight_delay"]
@@ -66,7 +72,7 @@ def straight_delay(along, square, inverse_length, speed, closing, speeds):
     return q / divisor, divisor / multiply_add(inverse_length * speed, q, divisor)
 
 
-def hit_fields(leg, direction, rise, elapsed, velocity, turn_rate, origin_speed):
+def hit_fields(leg, direction, rise, elapsed, travel, origin_speed):
     """Make what a difference needs of the hits, in float64; round to float32 afterwards.
 
     Parameters
@@ -78,10 +84,9 @@ def hit_fields(leg, direction, rise, elapsed, velocity, turn_rate, origin_speed)
     rise : float64 (H,) [m]
         Height of the centre at reception above the origin.
     elapsed : float64 (H,) [s]
-        From the ping to the echo's arrival at the centre: the time the array has turned for.
-    velocity : triple [m/s]
-    turn_rate : triple [rad/s]
-        Angular velocity of the platform.
+        From the ping to the echo's arrival at the centre.
+    travel : Travel
+        Of the platform since the ping.
     origin_speed : float or float64 (H,) [m/s]
         Sound speed at the depth the element fields are made for.
 
@@ -89,32 +94,21 @@ def hit_fields(leg, direction, rise, elapsed, velocity, turn_rate, origin_speed)
     -------
     list of float64 (H,)
         n (3) and the vertical (3) as the turned array sees them; 1/R, c, c - n·v, c² - |v|², n_z, v_z,
-        (c / origin speed)² - 1, rise, γ.
+        (c / origin speed)² - 1, rise, γ, and g (3).
     """
-    vx, vy, vz = velocity
+    velocity, (wx, wy, wz) = travel.velocity(elapsed), travel.turn_rate(elapsed)
+    rotation = travel.turned(elapsed)
+    nx, ny, nz = direction
     zero = 0 * leg.speed
-    toward = direction[0] * vx + direction[1] * vy + direction[2] * vz
-    ratio = leg.speed / origin_speed
-    return [*_turned_back(direction, turn_rate, elapsed), *_turned_back((zero, zero, zero + 1), turn_rate, elapsed),
-            1 / leg.length, leg.speed, leg.speed - toward, leg.speed * leg.speed - (vx * vx + vy * vy + vz * vz),
-            direction[2] + zero, vz + zero, (ratio - 1) * (ratio + 1), rise + zero, leg.third + zero]
+    ratio, inverse = leg.speed / origin_speed, 1 / leg.length
+    carried = ny * wz - nz * wy, nz * wx - nx * wz, nx * wy - ny * wx
+    return [*rotated(direction, rotation, back=True), *rotated((zero, zero, zero + 1), rotation, back=True),
+            inverse, leg.speed, leg.speed - dot(direction, velocity), leg.speed * leg.speed - dot(velocity, velocity),
+            nz + zero, velocity[2] + zero, (ratio - 1) * (ratio + 1), rise + zero, leg.third + zero,
+            *rotated([v * inverse + part for v, part in zip(velocity, carried)], rotation, back=True)]
 
 
-def _turned_back(vector, turn_rate, elapsed):
-    """Turn vectors by -turn_rate * elapsed (Rodrigues)."""
-    xp = library(elapsed)
-    wx, wy, wz = turn_rate
-    rate = (wx * wx + wy * wy + wz * wz) ** 0.5 + 1e-30
-    kx, ky, kz = wx / rate, wy / rate, wz / rate
-    x, y, z = vector
-    sine, cosine = xp.sin(rate * elapsed), xp.cos(rate * elapsed)
-    along = (kx * x + ky * y + kz * z) * (1 - cosine)
-    return (x * cosine - (ky * z - kz * y) * sine + kx * along, y * cosine - (kz * x - kx * z) * sine + ky * along,
-            z * cosine - (kx * y - ky * x) * sine + kz * along)
-
-
-def shared_element_fields(offsets, velocity, turn_rate):
-    """Make what every difference needs of the elements (NumPy): d (3), |d|², v·d, ω x d (3), each (E,)."""
+def shared_element_fields(offsets):
+    """Make what every difference needs of the elements (NumPy): d (3), |d|², each (E,)."""
     offsets = np.asarray(offsets, float)
-    turning = np.cross(np.asarray(turn_rate, float), offsets)
-    return [*offsets.T, np.sum(offsets**2, axis=-1), offsets @ np.asarray(velocity, float), *turning.T]
+    return [*offsets.T, np.sum(offsets**2, axis=-1)]

@@ -41,7 +41,6 @@ __all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "centre_return", "corrections", "dif
 LEVEL = 1e-4               # vertical cosines are kept above this: no division by zero
 FLATTEST = 0.02            # vertical cosine below which the last orders are not trusted
 LEVEL_WITHIN = 1e-9        # [m]: heights below are none, 2 ps of sound at one degree from the horizontal
-LONGEST = 10.0             # [s] that an array may turn while an echo is under way
 
 
 def corrections(leg_vertical, leg_horizontal, third, inverse_length, shrinking, height, excess, variance):
@@ -135,7 +134,7 @@ def matched_leg(range_per_parameter, second, third, ray_parameter, speed):
     return Leg(y / speed, speed, p * speed, u * speed, 0.5 * g * p**3 / (speed * speed))
 
 
-def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to, elapsed=None):
+def centre_return(leg, travel_time, bearing, upwards, travel, slice_to, elapsed=None):
     """Follow the platform to where the echo meets the array's centre, and match the leg to there.
 
     Parameters
@@ -148,7 +147,8 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to, elapse
         Horizontal unit vector (x, y) from the origin to the hit.
     upwards : float64 (H,) [-]
         +1 where the returning ray comes up to the origin, -1 where it comes down.
-    velocity : triple of float or float64 [m/s]
+    travel : Travel
+        Of the platform since the ping.
     slice_to : callable
         Height above the origin [m] -> mean [s²/m²] and variance [s⁴/m⁴] of 1/c² from the origin to there.
     elapsed : float64 (H,) [s] or None
@@ -166,29 +166,33 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to, elapse
         Height of the centre at reception above the origin.
     """
     xp = library(travel_time)
-    vx, vy, vz = velocity
     n = (-bearing[0] * leg.horizontal, -bearing[1] * leg.horizontal, upwards * leg.vertical)
-    wait = travel_time + (travel_time if elapsed is None else elapsed)
+    elapsed = travel_time if elapsed is None else elapsed
+    wait = travel_time + elapsed
+    # the way as a straight one, x + v (t - wait), that touches it within microseconds of when the echo is there
+    about = wait + dot(n, travel.moved(wait)) / leg.speed
+    velocity = travel.velocity(about)
+    place = [part + v * (wait - about) for part, v in zip(travel.moved(about), velocity)]
     inverse = 1 / xp.maximum(leg.length, 1e-9)
-    square = vx * vx + vy * vy + vz * vz
-    toward = n[0] * vx + n[1] * vy + n[2] * vz
-    closing = leg.speed - toward - inverse * square * wait
+    square, along = dot(velocity, velocity), dot(velocity, place)
+    toward = dot(n, velocity)
+    closing = leg.speed - toward - inverse * along
     c2 = leg.speed * leg.speed
-    straight, shrinking = straight_delay(toward * wait, square * wait * wait, inverse, leg.speed, closing, c2 - square)
+    straight, shrinking = straight_delay(dot(n, place), dot(place, place), inverse, leg.speed, closing, c2 - square)
     delay = straight
     closing = leg.speed - (leg.speed - closing + inverse * square * delay) * shrinking
     for _ in range(2):          # the slice moves the time, the time the slice: a thousandth of it
-        height = upwards * vz * (wait + delay)
+        height = upwards * (place[2] + velocity[2] * delay)
         mean, variance = slice_to(upwards * height)
         excess = c2 * mean - 1
         correction = corrections(leg.vertical, leg.horizontal, leg.third, inverse, shrinking, height, excess,
                                  c2 * c2 * variance)[0]
         delay = straight + correction / closing
     # the leg to there: the matched layer and the slice in a row, at the p that spans the new range; in units of c_m
-    passed = wait + delay
-    x, y = leg.length * n[0] + vx * passed, leg.length * n[1] + vy * passed
+    place = [part + v * delay for part, v in zip(place, velocity)]
+    x, y = leg.length * n[0] + place[0], leg.length * n[1] + place[1]
     across = xp.sqrt(x * x + y * y)
-    layer, height = leg.length * leg.vertical, upwards * vz * passed
+    layer, height = leg.length * leg.vertical, upwards * place[2]
     p = across / xp.sqrt(across * across + xp.maximum(layer + height, 1e-9) ** 2)
     for _ in range(2):
         first, second, _ = _two_layers(leg, p, layer, height, excess)
@@ -196,7 +200,7 @@ def centre_return(leg, travel_time, bearing, upwards, velocity, slice_to, elapse
     there = matched_leg(*_two_layers(leg, p, layer, height, excess), p, 1.0)
     # a level ray has no layer to match; it only moves
     level = leg.vertical <= 2 * LEVEL
-    there = Leg(select(level, leg.length + toward * passed, there.length), leg.speed * select(level, 1.0, there.speed),
+    there = Leg(select(level, leg.length + dot(n, place), there.length), leg.speed * select(level, 1.0, there.speed),
                 select(level, leg.horizontal, there.horizontal), select(level, leg.vertical, there.vertical),
                 there.third)
     still = across < 1e-9
@@ -222,7 +226,7 @@ def _two_layers(leg, p, layer, height, excess):
 
 # ------------------------------------------------------------------------------------------------- the difference
 
-def vector_element_fields(offsets, depth, profile, velocity=(0, 0, 0), turn_rate=(0, 0, 0)):
+def vector_element_fields(offsets, depth, profile):
     """Make what `vector_difference` needs of the elements (NumPy).
 
     Parameters
@@ -232,16 +236,14 @@ def vector_element_fields(offsets, depth, profile, velocity=(0, 0, 0), turn_rate
     depth : float [m]
         Of the centre at the ping.
     profile : SoundSpeedProfile
-    velocity : triple [m/s]
-    turn_rate : triple [rad/s]
 
     Returns
     -------
     list of float64 (E,)
-        d (3), |d|², v·d, turn_rate x d (3), c²<1/c²> - 1, its change with the rise [1/m] and the rise squared [1/m²],
+        d (3), |d|², c²<1/c²> - 1, its change with the rise [1/m] and the rise squared [1/m²],
         variance of c²/c².
     """
-    shared = shared_element_fields(offsets, velocity, turn_rate)
+    shared = shared_element_fields(offsets)
     speed, height = profile.at(depth), shared[2]
     there = depth - height
     mean, variance = Slices(profile).between(depth, there)
@@ -294,14 +296,18 @@ def level_difference(hits, elements):
     return multiply_add(third * change * change, -change * _per_closing(hits, at_element, shrinking), delay)
 
 
-def difference_of(method, offsets, profile, velocity=(0, 0, 0), turn_rate=(0, 0, 0)):
+def difference_of(method, offsets, profile, tilt=0.0, climb=0.0):
     """Choose the difference to evaluate: the method's, or a cheaper one that gives the same for this array.
 
     Parameters
     ----------
     method : {"vector", "paper"}
-    offsets, profile, velocity, turn_rate
+    offsets, profile
         As of `vector_element_fields`.
+    tilt : float [rad]
+        Largest angle by which the array leans over while echoes come in.
+    climb : float [m/s]
+        Largest vertical speed meanwhile.
 
     Returns
     -------
@@ -311,10 +317,9 @@ def difference_of(method, offsets, profile, velocity=(0, 0, 0), turn_rate=(0, 0,
     """
     if method != "vector":
         return DIFFERENCES[method]
-    offsets, (wx, wy, _) = np.asarray(offsets, float), turn_rate
+    offsets = np.asarray(offsets, float)
     reach = np.linalg.norm(offsets, axis=-1).max(initial=0)
-    height = (np.abs(offsets[..., 2]).max(initial=0) + np.hypot(wx, wy) * reach * LONGEST
-              + abs(velocity[2]) * reach / profile.sound_speed.min())
+    height = np.abs(offsets[..., 2]).max(initial=0) + tilt * reach + climb * reach / profile.sound_speed.min()
     one_speed = np.ptp(profile.sound_speed) == 0
     return level_difference if one_speed or height < LEVEL_WITHIN else vector_difference
 
@@ -327,11 +332,10 @@ def expected_error(hits, elements):
 
 def _along_the_vector(hits, elements):
     """Delay along the straight vector [s], R over its length to the element, and B [m/s]."""
-    nx, ny, nz, _, _, _, inverse, speed, closing, speeds, *_ = hits
-    dx, dy, dz, square, vd, ux, uy, uz, *_ = elements
-    n = nx, ny, nz
-    at_element = multiply_add(-inverse, vd, closing - dot(n, (ux, uy, uz)))
-    return *straight_delay(dot(n, (dx, dy, dz)), square, inverse, speed, at_element, speeds), at_element
+    inverse, speed, closing, speeds = hits[6:10]
+    d, square = elements[:3], elements[3]
+    at_element = closing - dot(hits[15:18], d)
+    return *straight_delay(dot(hits[:3], d), square, inverse, speed, at_element, speeds), at_element
 
 
 def _per_closing(hits, at_element, shrinking):
@@ -342,7 +346,7 @@ def _per_closing(hits, at_element, shrinking):
 
 def _to_element(hits, elements):
     """Delay along the straight vector [s], corrections and their error [m], and what turns these into time [s/m]."""
-    zx, zy, zz, inverse, _, _, _, w, vz, faster, rise, third = hits[3:]
+    zx, zy, zz, inverse, _, _, _, w, vz, faster, rise, third = hits[3:15]
     dx, dy, dz, *_, excess, rate, bend, variance = elements
     delay, shrinking, at_element = _along_the_vector(hits, elements)
     # of the hit alone: traced once for all elements

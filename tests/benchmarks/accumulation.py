@@ -53,13 +53,14 @@ class Scene:
     def vector(self, difference):
         """Hits and elements as the vector approximation wants them, in water of one speed, at rest."""
         from mitsonar.propagation.straight_vectors import Leg, hit_fields
+        from mitsonar.propagation.travel import REST
         from mitsonar.propagation.vector_approximation import vector_element_fields
         from mitsonar.water import SoundSpeedProfile
 
-        still, none = (0.0, 0.0, 0.0), np.zeros_like(self.range)
+        none = np.zeros_like(self.range)
         x, y, z = -self.hits / self.range
         leg = Leg(self.range, none + SPEED, np.hypot(x, y), np.abs(z), none)
-        hits = hit_fields(leg, (x, y, z), none, none, still, still, SPEED)
+        hits = hit_fields(leg, (x, y, z), none, none, REST, SPEED)
         elements = vector_element_fields(self.elements.T, 20.0, SoundSpeedProfile([0.0, 100.0], [SPEED, SPEED]))
         return dict(hit_fields=_uploaded(hits), element_fields=np.broadcast_arrays(*elements), difference=difference)
 

@@ -12,6 +12,7 @@ from mitsonar.propagation import eigenray, return_time
 from mitsonar.propagation.device import arrays_of, upload
 from mitsonar.propagation.exact_returns import exact_return
 from mitsonar.propagation.layer_table import layer_table
+from mitsonar.propagation.travel import steady
 from mitsonar.water import SoundSpeedProfile
 
 PROFILES = {
@@ -38,7 +39,7 @@ def test_the_same_as_in_numpy(rng, name, velocity):
     elapsed = upload(Float64, out)
     found = exact_return(table, lib, dr.opaque(Float64, depth),
                          lib.Array3f64(*(upload(Float64, column) for column in (hits - origin).T)), elapsed,
-                         opaque(offset), opaque(velocity), opaque(np.zeros(3)), elapsed).numpy()
+                         opaque(offset), steady(opaque(velocity), opaque(np.zeros(3))), elapsed)[0].numpy()
     assert np.abs(found - wanted).max() < 1e-10
 
 
@@ -53,7 +54,7 @@ def test_a_turned_element_is_where_it_turned_to():
     hit = np.array([75.0, 0.0, 0.0])
     rate = np.pi / 2 / 0.1                                     # about the vertical, 0.1 s there and back
     time = exact_return(table, lib, dr.opaque(Float64, depth), lib.Array3f64(*opaque(hit)), dr.opaque(Float64, 0.05),
-                        opaque([1.0, 0.0, 0.0]), opaque(np.zeros(3)), opaque([0.0, 0.0, rate]),
-                        dr.opaque(Float64, 0.05)).numpy()[0]
+                        opaque([1.0, 0.0, 0.0]), steady(opaque(np.zeros(3)), opaque([0.0, 0.0, rate])),
+                        dr.opaque(Float64, 0.05))[0].numpy()[0]
     angle = rate * (0.05 + time)
     assert time == pytest.approx(np.hypot(75 - np.cos(angle), np.sin(angle)) / 1500, abs=1e-12)

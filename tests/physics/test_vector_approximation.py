@@ -18,6 +18,7 @@ from mitsonar.propagation.device import upload
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.return_paths import return_paths
 from mitsonar.propagation.slices import Slices
+from mitsonar.propagation.travel import REST, steady
 from mitsonar.propagation.two_point import source_state
 from mitsonar.propagation.vector_approximation import (
     DIFFERENCES, ELEMENT_FIELDS, corrections, difference_of, expected_error, level_difference, matched_leg,
@@ -72,11 +73,11 @@ class Case:
             Array3f64(*(upload(Float64, part) for part in self.way.T)), upload(Float64, self.ray.travel_time),
             upload(Float64, self.ray.ray_parameter), upload(Float, np.float32(self.ray.spreading_area)),
             upload(Float, np.float32(np.sin(self.ray.launch_angle))), method=method,
-            velocity=[dr.opaque(Float64, v) for v in self.velocity],
-            turn_rate=[dr.opaque(Float64, w) for w in self.rate])
+            travel=steady([dr.opaque(Float64, v) for v in self.velocity],
+                          [dr.opaque(Float64, w) for w in self.rate]))
 
     def fields(self, method="vector"):
-        return ELEMENT_FIELDS[method](self.elements, DEPTH, self.water, self.velocity, self.rate)
+        return ELEMENT_FIELDS[method](self.elements, DEPTH, self.water)
 
 
 def differences(paths, fields, method="vector"):
@@ -177,7 +178,7 @@ def test_turned_rays_are_marked():
     assert np.isfinite(ray.turning_depth)
     paths = return_paths(table, source_state(table, np.array([20.0])), UInt32(0), Array3f64(150, 0, -0.5),
                          Float64(ray.travel_time), Float64(ray.ray_parameter), Float(ray.spreading_area),
-                         Float(np.sin(ray.launch_angle)), velocity=[Float64(0)] * 3, turn_rate=[Float64(0)] * 3)
+                         Float(np.sin(ray.launch_angle)), travel=REST)
     fields = vector_element_fields([[0.1, 0, 0]], 20.0, water)
     assert paths.rough.numpy().all() and np.isinf(paths.expected_error(fields).numpy()).all()
     late = vector_difference(paths.hit_fields, [Float(field[0]) for field in fields]).numpy()
@@ -212,7 +213,7 @@ def test_level_arrays_have_no_slice(water, motion, monkeypatch):
     monkeypatch.setitem(MOTIONS, "level", motion)
     case = Case(water, "level", flat=True)
     paths, fields = case.on_device(), case.fields()
-    assert difference_of("vector", case.elements, case.water, *motion) is level_difference
+    assert difference_of("vector", case.elements, case.water) is level_difference
     hits = [np.asarray(field.numpy(), float)[:, None] for field in paths.hit_fields]
     elements = [field[None] for field in fields]
     level = level_difference(hits, elements)
@@ -226,10 +227,10 @@ def test_level_arrays_have_no_slice(water, motion, monkeypatch):
 def test_difference_is_the_cheapest_that_is_right():
     curved, one, flat, tall = WATERS["six nodes"], WATERS["uniform"], [[0.3, 0.1, 0]], [[0.3, 0.1, 0.01]]
     assert difference_of("paper", flat, curved) is DIFFERENCES["paper"]
-    assert difference_of("vector", flat, curved, (3, 1, 0), (0, 0, 0.1)) is level_difference
-    assert difference_of("vector", tall, one, (3, 1, 0.3), (0.1, 0, 0)) is level_difference
-    for geometry in ((tall,), (flat, (0, 0, 0.1)), (flat, (0, 0, 0), (0, 0.01, 0))):
-        assert difference_of("vector", geometry[0], curved, *geometry[1:]) is vector_difference
+    assert difference_of("vector", flat, curved) is level_difference
+    assert difference_of("vector", tall, one, tilt=0.1, climb=0.3) is level_difference
+    for elements, moves in ((tall, {}), (flat, {"climb": 0.1}), (flat, {"tilt": 0.01})):
+        assert difference_of("vector", elements, curved, **moves) is vector_difference
     case = Case("uniform", "heaving")
     hits = [np.asarray(field.numpy(), float)[:, None] for field in case.on_device().hit_fields]
     elements = [field[None] for field in case.fields()]
