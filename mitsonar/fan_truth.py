@@ -17,6 +17,7 @@ import numpy as np
 
 from .bin_truth import BinTruth
 from .drawn_rays import DrawnRays
+from .lookups import held
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, EchoSums
@@ -148,7 +149,7 @@ class FanTruth:
             step = dr.opaque(mi.Float, (self.angle[-1] - self.angle[0]) / (self.beams - 1))
             place = dr.round((dr.asin(u) - dr.opaque(mi.Float, self.angle[0])) / step)
             inside = (place >= 0) & (place <= self.beams - 1)
-            row = mi.UInt32(dr.clip(place, 0, self.beams - 1))
+            row = mi.UInt32(held(place, 0, self.beams - 1))
             weight = dr.select(inside, weight, 0)
         receive = self.survey.receive
         off = receive.position - np.outer(receive.position @ self.axis, self.axis)

@@ -202,7 +202,7 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
     r1, z1 = mi.Float(0), mi.Float(-start.z)
     pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(start))
     valid = mi.Bool(False)
-    active = mi.Bool(active)
+    active = mi.Bool(active) & (k >= 0) & (k <= last_layer)
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, longest, active)
         r1, z1 = mi.Float(r + advance), mi.Float(z2)
@@ -233,12 +233,12 @@ def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded
     last_layer = lib.Int32(table.last)
     here = mi.Point3f(start)
     blocked = mi.Bool(False)
-    active = mi.Bool(active)
+    active = mi.Bool(active) & (k >= 0) & (k <= last_layer)
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, longest, active)
         r = r + advance
         # a steep ray may end a hair short of x: it ends with its depth, then
-        last = (r >= x) | (k2 < 0) | (k2 > last_layer)
+        last = ~(r < x) | (k2 < 0) | (k2 > last_layer)         # so that NaN ends, too
         flat, height = mi.Float(r), -mi.Float(z2)
         if dr.hint(folded, mode="scalar"):
             # a hair below, so that the surface that mirrors does not block

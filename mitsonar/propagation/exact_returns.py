@@ -51,12 +51,12 @@ def exact_return(table, lib, origin_depth, displacement, elapsed, offset, travel
 @dr.syntax
 def _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first):
     F = lib.Float64
-    time, found = F(first), dr.isfinite(F(first))
-    time = dr.select(found, time, 0)
+    # a ray that is lost stays where it was lost: what follows from its time would be NaN, and no look-up takes that
+    found = dr.isfinite(first + elapsed)
+    time, elapsed = dr.select(found, F(first), 0), dr.select(found, F(elapsed), 0)
     toward_x, toward_y, toward_z = F(0), F(0), F(0)
     left = lib.UInt32(NEWTON_STEPS)
     one = dr.opaque(lib.UInt32, 1)
-    # a ray that is lost once stays where it was: of what follows from NaN no table may be asked
     while found & (left > 0):
         passed = elapsed + time
         x, y, z = rotated(offset, travel.turned(passed))

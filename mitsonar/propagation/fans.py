@@ -16,6 +16,7 @@ their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neig
 import drjit as dr
 import numpy as np
 
+from ..lookups import held
 from .device import upload
 from .record import Record
 
@@ -46,9 +47,10 @@ class Fans(Record):
     bins_per_radian: object
 
     def row(self, fan, launch_angle):
-        """Flat row index and the angle's distance from the row's middle [rad]."""
+        """Flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
         lib = self.lib
-        cell = dr.clip((launch_angle + float(HALF_SPAN)) * self.bins_per_radian, 0, lib.Float(self.bins) - 1)
+        launch_angle = held(launch_angle, float(-HALF_SPAN), float(HALF_SPAN))
+        cell = held((launch_angle + float(HALF_SPAN)) * self.bins_per_radian, 0, lib.Float(self.bins) - 1)
         j = dr.gather(lib.UInt32, self.lookup, fan * self.bins + lib.UInt32(cell))
         j = _step_rows(lib, self.edge, fan * (self.rows + 1), j, launch_angle)
         j += fan * self.rows

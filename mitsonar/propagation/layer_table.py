@@ -12,6 +12,7 @@ because the profile is linear either way.
 import drjit as dr
 import numpy as np
 
+from ..lookups import held
 from .device import arrays_of, upload
 from .record import Record
 
@@ -37,9 +38,9 @@ class LayerTable(Record):
     count: int
 
     def find(self, depth):
-        """Index of the layer that holds each depth (Float64 [m]); a node belongs to the layer below it."""
+        """Index of the layer that holds each depth (Float64 [m]); a node is of the layer below it, NaN of the first."""
         lib = self.lib
-        cell = dr.clip((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
+        cell = held((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
         k = dr.gather(lib.UInt32, self.lookup, lib.UInt32(cell))
         k = dr.select(depth < self.top, 0, k)
         return _step_down(lib, self.layers, k, depth, self.last)

@@ -147,12 +147,12 @@ def walk(table, lib, z0, c0, s0, p, x, active):
     z, s, r, t, arc, v, c, g_end = F(z0), F(s0), F(0), F(0), F(0), F(0), F(c0), F(0)
     k = first_layer(table, z, s)
     last_layer = lib.Int32(table.last)
-    active = lib.Bool(active) & (x > 0)
+    active = lib.Bool(active) & (x > 0) & (k >= 0) & (k <= last_layer)
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, F(1e30), active)
         curvature = p * g
         # the last arc ends at x: the sine falls linearly along it, s2 = s1 - κ dr
-        ends = r + advance >= x
+        ends = ~(r + advance < x)                            # so that NaN ends, too
         rest = x - r
         s_end = s - curvature * rest
         cosine = dr.sqrt(dr.maximum(1 - s_end * s_end, 0))

@@ -10,6 +10,7 @@ import drjit as dr
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ..lookups import held
 from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, ratio_table
 from .resolved import STEP as RATIO_STEP
 from .rough_interface import ALPHA_RANGE, log_lobe
@@ -58,13 +59,13 @@ class LobeTable:
 
     def __call__(self, log_q, alpha):
         """Give ln F for Float arrays; ``alpha`` is that of the table where this has one for all."""
-        place = (dr.clip(log_q, LOW, HIGH) - LOW) / STEP
+        place = (held(log_q, LOW, HIGH) - LOW) / STEP
         column = dr.minimum(self.lib.UInt32(place), COLUMNS - 1)
         u = place - self.lib.Float(column)
         if self.single:
             value = _cubic(dr.gather(self.lib.Array4f, self.table, column), u)
         else:
-            first = self.lib.UInt32(dr.clip(_stencil(alpha), 0, ROWS - 4))
+            first = self.lib.UInt32(held(_stencil(alpha), 0, ROWS - 4))
             value = 0
             for k, weight in enumerate(_weights(alpha, self.lib.Float(first))):
                 row = dr.gather(self.lib.Array4f, self.table, (first + k) * COLUMNS + column)
@@ -92,7 +93,7 @@ class RatioTable:
 
     def __call__(self, log_m, log_width):
         """Give the logarithm of the ratio, Float; linear between the nodes."""
-        y, x = ((dr.clip(value, low, high - 1e-4) - low) / RATIO_STEP
+        y, x = ((held(value, low, high - 1e-4) - low) / RATIO_STEP
                 for value, low, high in ((log_m, LOW_M, HIGH_M), (log_width, LOW_T, HIGH_T)))
         row, column = self.lib.UInt32(y), self.lib.UInt32(x)
         a, b, c, d = dr.gather(self.lib.Array4f, self.table, row * (self.columns - 1) + column)

@@ -18,6 +18,7 @@ perfect reflector that fills the beam.
 import drjit as dr
 import numpy as np
 
+from mitsonar.lookups import held
 from mitsonar.propagation.device import arrays_of, upload
 from mitsonar.water.column import column_integrals
 
@@ -66,7 +67,7 @@ class Absorption:
         return 2 * mean * arc_length
 
     def _at(self, z):
-        place = dr.clip((z - self.top) * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
+        place = held((z - self.top) * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
         index = self.lib.UInt32(place)
         low, high = (dr.gather(self.lib.Array4f, self.table, index + i) for i in (0, 1))
         return low + (high - low) * (place - self.lib.Float(index))

@@ -8,6 +8,7 @@ where a slope faces the sonar or an object stands up, sound from separate sector
 import drjit as dr
 import numpy as np
 
+from ..lookups import held
 from .echoes import LARGEST, sum_size
 
 __all__ = ["SECTORS", "WORDS", "OriginSums", "sector"]
@@ -38,7 +39,7 @@ def sector(sine, depth_below, farthest):
     """
     slant_range = depth_below / dr.maximum(sine, 1e-6)
     share = (slant_range - depth_below) / dr.maximum(farthest - depth_below, 1e-3)
-    return dr.uint32_array_t(type(sine))(dr.clip(share, 0, 1) * (SECTORS - 1e-3))
+    return dr.uint32_array_t(type(sine))(held(share, 0, 1) * (SECTORS - 1e-3))
 
 
 class OriginSums:

@@ -28,6 +28,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.lookups import held
 from mitsonar.plugins.bsdfs.material import Material, read_patches
 from mitsonar.plugins.bsdfs.parameter import Parameter
 from mitsonar.plugins.properties import Attributes
@@ -158,7 +159,7 @@ class SedimentBed(Material):
         number = mi.UInt32(0)
         if self.number is not None:
             texture, scale = self.number
-            number = mi.UInt32(dr.clip(dr.round(texture.eval_1(si, active) * scale), 0, len(self.named) - 1))
+            number = mi.UInt32(held(dr.round(texture.eval_1(si, active) * scale), 0, len(self.named) - 1))
         value = {name: parameter(si, number, active) for name, parameter in self.parameters.items()}
         return self._below(value, number, active), value["w2"], value["gamma"]
 

@@ -30,9 +30,9 @@ def bed(depth, *, size=200.0, mu_db=-27.0):
             "bsdf": {"type": "lambert", "mu_db": float(mu_db)}}
 
 
-def buried_bed(depth):
+def buried_bed(depth, *, size=200.0):
     """A bed that as good as scatters nothing: for tests of point targets alone."""
-    return bed(depth, mu_db=-190.0)
+    return bed(depth, size=size, mu_db=-190.0)
 
 
 def target(position, strength_db=0.0):

@@ -1,12 +1,12 @@
 """Faces apart from each other: each looks towards where its own ray leaves or arrives.
 
-A rectangular face of length L hears a target u = sin ψ off its normal by sinc(L u / λ). Faces 0.2 m long, 0.6 m fore and
-aft of the centre, at 100 kHz: a target 24 m abeam of the centre lies 1.43 degrees off each, sinc(0.333) = 0.827, and
-sqrt(24² + 0.6²) m away.
+A rectangular face of length L hears a target u = sin ψ off its normal by sinc(L u / λ). Faces 0.2 m long, 0.6 m fore
+and aft of the centre, at 100 kHz: a target 24 m abeam of the centre lies 1.43 degrees off each, sinc(0.333) = 0.827,
+and sqrt(24² + 0.6²) m away.
 
-Displaced phase centres: what is sent at x = 0 and heard at x = b has the same ways, turned round, as what is sent at b and
-heard at 0. A sonar that has gone on by b hears the same, whatever the bed: coherence 1 by reciprocity. Tolerance 0.995
-for a bed of which each record has some 400 resolution cells.
+Displaced phase centres: what is sent at x = 0 and heard at x = b has the same ways, turned round, as what is sent at b
+and heard at 0. A sonar that has gone on by b hears the same, whatever the bed: coherence 1 by reciprocity. Tolerance
+0.995 for a bed of which each record has some 400 resolution cells.
 """
 import numpy as np
 import pytest

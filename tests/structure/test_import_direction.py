@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # From the ground up: a room imports only rooms that stand before it here.
 FLOORS = """
-    debian llvm units
+    debian llvm units lookups
     water scattering placing
     propagation
     sonar
