@@ -7,7 +7,7 @@ from .array_signals import LEAD, pair_responses, received_signals
 from .plugins.errors import as_exception
 from .propagation.vector_approximation import DIFFERENCES
 from .rendering import checked_seed, opened, provenance
-from .signal.impulses import KERNELS
+from .signal.impulses import KERNELS, make_kernel
 
 __all__ = ["RETURN_PATHS", "element_signals", "impulse_response", "pings"]
 
@@ -43,7 +43,8 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     xarray.DataArray
         (ping, tx, rx, sample), complex64: pressure per unit pressure at 1 m. ``time`` [s] of the samples since the
         transmission, element positions ``tx_x`` ... ``rx_z`` [m] in the body frame, and of the pings ``x``, ``y``,
-        ``z``, ``roll``, ``pitch``, ``heading`` and ``ping_time``.
+        ``z``, ``roll``, ``pitch``, ``heading`` and ``ping_time``. The attribute ``kernel_energy`` is what the kernel
+        makes of the energy of an echo of amplitude a: Σ|h|² = kernel_energy |a|², 0.792 with the default.
 
     Raises
     ------
@@ -56,7 +57,8 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     paths = _known_paths(survey, paths)
     array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
                            paths=paths, progress=progress)
-    return array.assign_attrs(kernel=kernel, return_path=return_path, **provenance(scene, sensor))
+    return array.assign_attrs(kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
+                              **provenance(scene, sensor))
 
 
 def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,

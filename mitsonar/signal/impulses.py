@@ -13,6 +13,14 @@ is one of KERNELS, an impulse of unit area whose argument counts samples. An exa
 bell's, as non-uniform FFTs do (Beatty, Nishimura & Pauly 2005, IEEE TMI 24, 799). It is flat to a third of the sampling
 rate on either side and rolls off to nothing at the half: a lone echo's peak is about 5/6. Errors within the flat band,
 rms over many echoes, are -9, -61 (16 taps) and -57 dB.
+
+The energy Σ_n |z_n|² of a lone echo is |a|² times the kernel's own, on the mean over where it falls between samples:
+
+    E = ∫ k(x)² dx = ∫ |K(ν)|² dν                                                 [ν cycles per sample]
+
+1 for ``nearest``, always, and 0.949 for ``peterson`` of 16 taps (0.90 to 1). For ``band_limited`` it is what a record of
+this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, and 0.0004 of aliases, 0.7921 in all
+(-1.012 dB, 0.05 dB more or less).
 """
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -41,6 +49,11 @@ class Nearest:
         """k at x samples from the echo."""
         x = np.asarray(x, float)
         return np.where((x > -0.5) & (x <= 0.5), 1.0, 0.0)
+
+    @property
+    def energy(self) -> float:
+        """E of the module's equation [-]."""
+        return 1.0
 
     def spectrum(self, frequency):
         """Fourier transform of k at `frequency` [cycles per sample]."""
@@ -77,6 +90,12 @@ class Peterson:
         x = np.asarray(x, float)
         window = 0.5 * (1 + np.cos(2 * np.pi * x / self.taps))
         return np.where(np.abs(x) < self.taps / 2, window * np.sinc(x), 0.0)
+
+    @property
+    def energy(self) -> float:
+        """E of the module's equation [-]."""
+        nodes, weights = np.polynomial.legendre.leggauss(8 * self.taps)
+        return float(self.impulse(0.5 * self.taps * nodes) ** 2 @ weights) * 0.5 * self.taps
 
     def spectrum(self, frequency):
         """Fourier transform of k at `frequency` [cycles per sample]."""
@@ -115,6 +134,14 @@ class BandLimited:
         root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
         near = np.abs(root) < 1e-6
         return np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root)).real * self.taps / i0(self.shape)
+
+    @property
+    def energy(self) -> float:
+        """E of the module's equation [-], after `finish`, with the aliases that the bell lets into the roll-off."""
+        nodes, weights = np.polynomial.legendre.leggauss(200)
+        frequency = 0.25 * (nodes + 1)
+        aliases = sum(self.spectrum(frequency + whole) ** 2 for whole in range(-3, 4)) / self.spectrum(frequency) ** 2
+        return float(0.5 * weights @ (self.response(frequency) ** 2 * aliases))
 
     def response(self, frequency):
         """Spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine down to 0 at the half."""

@@ -111,3 +111,16 @@ def test_bad_kernels():
         make_kernel("nearest", taps=4)
     with pytest.raises(ValueError, match="multiple of 4"):
         make_kernel("peterson", taps=15)
+
+
+@pytest.mark.parametrize("name, energy, spread", [("nearest", 1.0, 1e-12), ("peterson", 0.949, 0.052),
+                                                  ("band_limited", 0.7921, 0.0097)])
+def test_energy_of_a_lone_echo(name, energy, spread):
+    """|a|² times the kernel's energy on the mean; the rest is where the echo falls between samples."""
+    place = 200 + np.arange(200) / 200
+    found = np.array([np.sum(np.abs(element_responses(
+        delay=np.array([[START + late / RATE]]), amplitude=np.array([0.3 - 0.4j]), frequency=FREQUENCY,
+        sampling_rate=RATE, samples=SAMPLES, start=START, kernel=name)) ** 2) for late in place]) / 0.25
+    assert make_kernel(name).energy == pytest.approx(energy, abs=1e-4)
+    assert found.mean() == pytest.approx(make_kernel(name).energy, rel=1e-4)
+    assert np.abs(found - found.mean()).max() < spread

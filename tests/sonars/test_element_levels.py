@@ -266,3 +266,13 @@ def test_mean_intensity_of_signals_with_patterns(variant):
         expected = 1e22 * share * (np.interp(r, fine, within) - np.interp(r - gate, fine, within))
         ratio.append(np.mean(np.abs(signals.values[0, 0, 0]) ** 2 / expected))
     assert abs(db(np.mean(ratio))) < 0.2
+
+
+def test_energy_of_a_response_is_that_of_the_echo_times_the_kernels(variant):
+    """A point target at 20 m, default kernel: Σ|h|² = 0.7921 / R⁴ within 0.06 dB, and the response says so."""
+    scene = array_scene({"bed": buried_bed(30.0), "buoy": target([3.0, 19.7, -10.0])}, integrator={"cell": 4.0},
+                        water={"absorption_db_per_km": 0.0})
+    response = mitsonar.impulse_response(scene)
+    found = float(np.sum(np.abs(response.values) ** 2)) * np.hypot(3.0, 19.7) ** 4
+    assert response.attrs["kernel_energy"] == pytest.approx(0.7921, abs=1e-4)
+    assert 10 * np.log10(found / response.attrs["kernel_energy"]) == pytest.approx(0, abs=0.06)
