@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .element_beams import omni, pressure
 from .propagation.exact_returns import exact_return
 from .propagation.return_paths import return_paths
 from .propagation.travel import REST, Travel, rotated
@@ -27,7 +28,7 @@ from .signal.accumulation import centre
 from .signal.doppler import two_way_doppler
 from .sonar.element_patterns import element_pressure
 
-__all__ = ["GUARD", "Station", "omni", "pressure"]
+__all__ = ["GUARD", "Station"]
 
 GUARD = 5e-10                      # [s] error to be expected of the vector approximation from which on it is not used
 
@@ -284,16 +285,3 @@ def _opaque(kind, vector):
 
 def _opaque64(vector):
     return tuple(_opaque(mi.Float64, vector))
-
-
-def omni(array):
-    """Tell whether the elements of an array look everywhere alike."""
-    return array.pattern == "omni" and array.baffle == "none"
-
-
-def pressure(array, direction, wavelength, normal, along):
-    """`element_pressure` of one face on the device, its numbers opaque so that one kernel serves all faces."""
-    normal, along = _opaque(mi.Float, normal), _opaque(mi.Float, along)
-    wavelength, length, height = _opaque(mi.Float, (wavelength, array.length, array.height))
-    return element_pressure(direction, wavelength, normal, along, length=length, height=height,
-                            pattern=array.pattern, baffle=array.baffle)

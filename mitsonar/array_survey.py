@@ -17,7 +17,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from .array_station import GUARD, Station, omni, pressure
+from .array_station import GUARD, Station
+from .element_beams import ElementBeams
 from .ensonification import Ensonification
 from .fan_truth import FanTruth
 from .paths import Paths
@@ -34,7 +35,6 @@ SMALL_ARRAY = 1.0                  # [m] from its centre: smaller ones are trace
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are lit anew
 BAND = 0.75                        # c / 2B of two thirds of the sampling rate
 DRAWN = -1                         # number that stands for a source of what is drawn by chance
-FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -290,11 +290,14 @@ class _Run:
         self.wavelength = survey.sound_speed(0) / survey.frequency
         reach = max(survey.receive.radius, survey.transmit.radius) + survey.receive.radius
         end = survey.time[-1]
-        moved = float(np.linalg.norm(survey.velocity, axis=1).max()) * end
+        moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
+                         for rate in (survey.velocity, survey.voyage.turn_rate))
         self.light = Ensonification(
             Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption,
             frequency=survey.frequency, window=(survey.start, end), margin=reach + moved, lighting=survey.lighting,
-            rays=survey.rays, pattern=self._pattern(), max_depth=survey.max_depth, volume=survey.volume,
+            rays=survey.rays,
+            beams=ElementBeams(survey.transmit, survey.receive, self.wavelength, turned),
+            max_depth=survey.max_depth, volume=survey.volume,
             resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
         self._lit = {}
         self._doubtful = self._looked_at = 0
@@ -359,25 +362,3 @@ class _Run:
             yield block
         if kept is not None:
             self._lit[ping, source] = kept
-
-    def _pattern(self):
-        """Two-way intensity of the elements towards scene directions, None where they look everywhere alike."""
-        arrays = self.survey.transmit, self.survey.receive
-        faces = [array.faces() for array in arrays]
-        if all(omni(array) for array in arrays) or max(map(len, faces)) > FACES_AIMED_BY:
-            return None
-
-        def intensity(direction, rotation):
-            total = 1.0
-            for array, group in zip(arrays, faces):
-                best = 0.0
-                for face in group:
-                    normal, along = rotation @ face.normal, rotation @ face.along
-                    if dr.is_array_v(direction):
-                        best = dr.maximum(best, dr.square(pressure(array, direction, self.wavelength, normal, along)))
-                    else:
-                        best = np.maximum(best, array.element_pressure(direction, self.wavelength, normal, along) ** 2)
-                total = total * best
-            return total
-
-        return intensity

@@ -50,9 +50,8 @@ class Ensonification:
         One of LIGHTING.
     rays : int
         Per source, for "rays".
-    pattern : callable(direction, rotation (3, 3)) -> intensity
-        Two-way intensity of the elements' patterns towards scene directions, NumPy (..., 3) or Dr.Jit: rays are sent
-        where it is strong, and cells that it makes negligible are left out. None: nothing is.
+    beams : ElementBeams or None
+        Rays are sent where they are strong, and cells that they make negligible are left out. None: nothing is.
     resolution : float [m]
         Ranges that are told apart; cells of smooth surfaces are smaller.
     max_depth : int
@@ -61,10 +60,10 @@ class Ensonification:
         What the water itself sends back.
     """
 
-    def __init__(self, scatterers, profile, absorption, *, frequency, window, margin, lighting, rays, pattern,
+    def __init__(self, scatterers, profile, absorption, *, frequency, window, margin, lighting, rays, beams,
                  resolution=np.inf, max_depth=1, volume=None):
         self.scatterers, self.frequency, self.window = scatterers, frequency, window
-        self.lighting, self.pattern = lighting, pattern
+        self.lighting, self.beams = lighting, beams or None
         geometry = scatterers.geometry
         fastest, slowest = float(np.max(profile.sound_speed)), float(np.min(profile.sound_speed))
         self.nearest = 0.5 * window[0] * slowest - margin
@@ -75,10 +74,15 @@ class Ensonification:
         self.loss_db = Absorption(absorption, profile, max(geometry.depth_range[1], 1.0), mi.Float)
         self.smooth = SmoothTargets(self.connector, self.loss_db, frequency=frequency, resolution=resolution,
                                     reach=margin, farthest=self.farthest, bounces=max_depth)
-        self.drawn_rays = DrawnRays(profile, window=window, rays=rays, pattern=pattern,
+        self.drawn_rays = DrawnRays(profile, window=window, rays=rays, pattern=self.pattern,
                                     surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
         self.ghosts = ArrayGhosts(geometry, self.tracer, self.connector, self.free_rays, profile, absorption,
                                   self.loss_db, frequency=frequency, window=window, max_depth=max_depth, volume=volume)
+
+    @property
+    def pattern(self):
+        """Two-way intensity of the beams, called with directions and a rotation; None where all are alike."""
+        return None if self.beams is None else self.beams.intensity
 
     def __call__(self, origin, rotation, depth_below, key):
         """Light the scatterers from a source.
@@ -147,11 +151,12 @@ class Ensonification:
 
     def _echoes(self, sources, origin, rotation, facet, s, path, brought=None):
         """Echoes of cells, lit by connecting them, or with the energies and areas (R,) that rays have brought."""
-        if self.pattern is not None:
+        if self.beams is not None:
             # where the rays leave for: the straight line there may lie in another lobe
             point = self.scatterers.at(facet, s).point
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
-            index = dr.compress(self.pattern(direction, rotation) > NEGLIGIBLE)
+            distance = mi.Float(dr.norm(point - origin))
+            index = dr.compress(self.beams.bound(direction, distance, rotation) > NEGLIGIBLE)
             if not dr.width(index):
                 return
             facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)

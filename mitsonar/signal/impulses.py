@@ -18,8 +18,8 @@ The energy Σ_n |z_n|² of a lone echo is |a|² times the kernel's own, on the m
 
     E = ∫ k(x)² dx = ∫ |K(ν)|² dν                                                 [ν cycles per sample]
 
-1 for ``nearest``, always, and 0.949 for ``peterson`` of 16 taps (0.90 to 1). For ``band_limited`` it is what a record of
-this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, and 0.0004 of aliases, 0.7921 in all
+1 for ``nearest``, always, and 0.949 for ``peterson`` of 16 taps (0.90 to 1). For ``band_limited`` it is what a record
+of this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, and 0.0004 of aliases, 0.7921 in all
 (-1.012 dB, 0.05 dB more or less).
 """
 from dataclasses import dataclass

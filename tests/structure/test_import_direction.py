@@ -20,7 +20,7 @@ FLOORS = """
     io
     shape_labels trace scene_objects
     tessellation
-    materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays
+    materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays element_beams
     smooth_facets
     smooth_parts
     smooth_targets
