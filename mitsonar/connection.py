@@ -1,6 +1,6 @@
 """Points of a scene connected to a source along the exact bent ray, and whether the way is free.
 
-The ray is aimed (`propagation.aiming`), and `propagation.two_point` gives all there is to know of the exact eigenray.
+The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray.
 The way is free if none of the chords of the ray's fan row, the last of them ended just before the point, meets
 anything.
 """
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from .propagation.aiming import CLOSE_ENOUGH, aim
-from .propagation.two_point import to_hit
+from .propagation.aiming import aim
+from .propagation.arrivals import earliest
 
 __all__ = ["LIFT", "LIFT_PER_RANGE", "Connection", "Connector"]
 
@@ -87,24 +87,24 @@ class Connector:
         lib, table = self.tracer.lib, self.tracer.table
         x, z, along = _seen_from(origin, point)
         active = lib.Bool(active)
-        sine0, cosine0, found = aim(table, lib, sources.state, source, x, z, active)
-        time, arc, area, p, sine, c = to_hit(table, lib, sources.state, source, sine0, cosine0, x, z, found,
-                                             dr.opaque(lib.Float64, CLOSE_ENOUGH))
+        ray = earliest(table, lib, sources.state, source, x, z, active)
+        time, area, p, c = ray.travel_time, ray.spreading_area, ray.ray_parameter, ray.sound_speed
         _, c0, _ = sources.state.gather(lib, source)
         launch_cosine, cosine = mi.Float(p * c0), mi.Float(p * c)
-        launch_sine = dr.copysign(dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0))), mi.Float(sine0))
+        launch_sine = dr.copysign(dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0))), mi.Float(ray.launch_sine))
         launch = mi.Vector3f(along.x * launch_cosine, along.y * launch_cosine, -launch_sine)
-        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
-        exists = found & dr.isfinite(time) & dr.isfinite(area)
+        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -ray.arrival_sine)
+        exists = ray.found & dr.isfinite(time) & dr.isfinite(area)
         lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
-        end = mi.Point3f(point) + dr.copysign(lift, -dr.dot(normal, arrival)) * normal - short * arrival
+        back = dr.copysign(lift, -dr.dot(normal, arrival)) * normal - short * arrival
+        end, reach = mi.Point3f(point) + back, mi.Float(x) + dr.minimum(along.x * back.x + along.y * back.y, 0)
         blocked = mi.Bool(False)
         if occlusion:
             blocked = _blocked(self.tracer.geometry.scene, sources.fans, mi.Point3f(origin), source,
-                               dr.atan2(launch_sine, launch_cosine), along, end, mi.Float(x), exists)
-        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
-                          spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
-                          sound_speed=c)
+                               dr.atan2(launch_sine, launch_cosine), along, end, reach, exists)
+        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time,
+                          arc_length=ray.arc_length, spreading_area=area, launch_direction=launch,
+                          arrival_direction=arrival, ray_parameter=p, sound_speed=c)
 
 
     def launch_direction(self, sources, origin, source, point):
@@ -126,8 +126,8 @@ def _seen_from(origin, point):
 
 
 @dr.syntax
-def _blocked(scene, fans, origin, source, launch_angle, heading, end, x, active):
-    """Tell whether something lies on the way to `end`, at horizontal range x."""
+def _blocked(scene, fans, origin, source, launch_angle, heading, end, reach, active):
+    """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
     row, off = fans.row(source, launch_angle)
     base = row * fans.stride
     size = dr.gather(mi.UInt32, fans.size, row)
@@ -141,7 +141,7 @@ def _blocked(scene, fans, origin, source, launch_angle, heading, end, x, active)
     while active:
         v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, active & (i < size))
         r1, z1 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])
-        last = (r1 >= x) | (i + 1 >= size)
+        last = (r1 >= reach) | (i + 1 >= size)
         start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
         stop = mi.Point3f(dr.fma(r1, heading.x, origin.x), dr.fma(r1, heading.y, origin.y), -z1)
         stop = dr.select(last, end, stop)

@@ -13,10 +13,10 @@ import drjit as dr
 import mitsuba as mi
 
 from .connection import LIFT, LIFT_PER_RANGE, Connection
-from .propagation.aiming import CLOSE_ENOUGH, aim
+from .propagation.arrivals import earliest
 from .propagation.fans import arc_step, first_layer
 from .propagation.layer_table import layer_table
-from .propagation.two_point import PointState, arc_length, arc_time, to_hit
+from .propagation.two_point import PointState, arc_length, arc_time
 from .trace import TOLERANCE
 
 __all__ = ["FreeHits", "FreeRays"]
@@ -161,25 +161,26 @@ class FreeRays:
         heading = mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale), dr.select(upright, 0, mi.Float(dy) * scale))
         c0, moments = table.at(z0)
         here, none = PointState(depth=z0, speed=c0, moments=moments), lib.UInt32(0)
-        sine0, cosine0, found = aim(table, lib, here, none, x, z, active)
-        time, arc, area, p, sine, c = to_hit(table, lib, here, none, sine0, cosine0, x, z, found,
-                                             dr.opaque(lib.Float64, CLOSE_ENOUGH))
+        ray = earliest(table, lib, here, none, x, z, active)
+        time, area, p, c = ray.travel_time, ray.spreading_area, ray.ray_parameter, ray.sound_speed
         launch_cosine, cosine = mi.Float(p * c0), mi.Float(p * c)
-        launch_sine = dr.copysign(dr.sqrt(dr.maximum(1 - p * p * c0 * c0, 0)), sine0)
+        launch_sine = dr.copysign(dr.sqrt(dr.maximum(1 - p * p * c0 * c0, 0)), ray.launch_sine)
         up = mi.Float(launch_sine) if folded else -mi.Float(launch_sine)
         launch = mi.Vector3f(heading.x * launch_cosine, heading.y * launch_cosine, up)
-        arrival = mi.Vector3f(heading.x * cosine, heading.y * cosine, -sine)
-        exists = found & dr.isfinite(time) & dr.isfinite(area)
+        arrival = mi.Vector3f(heading.x * cosine, heading.y * cosine, -ray.arrival_sine)
+        exists = ray.found & dr.isfinite(time) & dr.isfinite(area)
         blocked = mi.Bool(False)
         if occlusion:
             lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
             begin = mi.Point3f(start) + dr.copysign(lift, dr.dot(start_normal, launch)) * start_normal
-            finish = mi.Point3f(end) + dr.copysign(lift, -dr.dot(end_normal, arrival)) * end_normal - short * arrival
-            blocked = _blocked(self.tracer.geometry.scene, table, lib, begin, heading, z0, launch_sine, p, finish, x,
-                               dr.opaque(lib.Float64, 8 * TOLERANCE), folded, self.tracer.geometry.only_meshes, exists)
-        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time, arc_length=arc,
-                          spreading_area=area, launch_direction=launch, arrival_direction=arrival, ray_parameter=p,
-                          sound_speed=c)
+            back = dr.copysign(lift, -dr.dot(end_normal, arrival)) * end_normal - short * arrival
+            finish, reach = mi.Point3f(end) + back, x + dr.minimum(heading.x * back.x + heading.y * back.y, 0)
+            blocked = _blocked(self.tracer.geometry.scene, table, lib, begin, heading, z0, launch_sine, p, finish,
+                               reach, dr.opaque(lib.Float64, 8 * TOLERANCE), folded,
+                               self.tracer.geometry.only_meshes, exists)
+        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time,
+                          arc_length=ray.arc_length, spreading_area=area, launch_direction=launch,
+                          arrival_direction=arrival, ray_parameter=p, sound_speed=c)
 
 
 def _segment(start, stop):
@@ -224,8 +225,8 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
 
 
 @dr.syntax
-def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded, only_meshes, active):
-    """Tell whether something lies on the way to `end`, at horizontal range x."""
+def _blocked(scene, table, lib, start, heading, z, s, p, end, reach, longest, folded, only_meshes, active):
+    """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
     F = lib.Float64
     # -------------------------------------------------- loop state
     z, s, r = F(z), F(s), F(0)
@@ -237,8 +238,8 @@ def _blocked(scene, table, lib, start, heading, z, s, p, end, x, longest, folded
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, longest, active)
         r = r + advance
-        # a steep ray may end a hair short of x: it ends with its depth, then
-        last = ~(r < x) | (k2 < 0) | (k2 > last_layer)         # so that NaN ends, too
+        # a steep ray may end a hair short of it: it ends with its depth, then
+        last = ~(r < reach) | (k2 < 0) | (k2 > last_layer)         # so that NaN ends, too
         flat, height = mi.Float(r), -mi.Float(z2)
         if dr.hint(folded, mode="scalar"):
             # a hair below, so that the surface that mirrors does not block

@@ -5,9 +5,10 @@ used in place lies anywhere, so the same code would compile again and again, and
 """
 import importlib
 
+import drjit as dr
 import numpy as np
 
-__all__ = ["arrays_of", "upload"]
+__all__ = ["arrays_of", "picked", "upload"]
 
 ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once
 
@@ -17,6 +18,11 @@ def arrays_of(array):
     kind = array if isinstance(array, type) else type(array)
     module = next(base.__module__ for base in kind.__mro__ if base.__module__.startswith("drjit."))
     return importlib.import_module(module)
+
+
+def picked(value, index):
+    """Values with these numbers (UInt32), Dr.Jit arrays; one value for all is picked every time."""
+    return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
 
 
 def upload(kind, values):

@@ -3,18 +3,24 @@
     t = T(I, O + D(t_i + t) + R(t_i + t) d)               solved by Newton's method, dt <- (T - t) / (1 - v·n/c)
 
 I the hit, met at t_i; O the array's origin, D and R its displacement and rotation since the ping (`travel`), v = dD/dt,
-d the element's offset at the ping; T the time of the eigenray, n its direction at the element. What
-`vector_approximation` is measured by, and what takes its place where it does not hold.
+d the element's offset at the ping; T the time of the earliest eigenray, n its direction at the element. What
+`vector_approximation` is measured by, and what takes its place where it does not hold. Where aiming finds none, or
+there may be an earlier one, the reference tells.
 """
 import drjit as dr
+import numpy as np
 
 from .aiming import CLOSE_ENOUGH, aim
+from .arrivals import alone
+from .device import picked, upload
+from .eigenrays import eigenray
 from .travel import rotated
 from .two_point import PointState, to_hit
 
 __all__ = ["exact_return"]
 
 NEWTON_STEPS = 4               # each takes (v/c)² ~ 1e-5 of the error off
+SETTLED = 1e-13                # [s] a step that needs no other
 
 
 def exact_return(table, lib, origin_depth, displacement, elapsed, offset, travel, first):
@@ -44,40 +50,73 @@ def exact_return(table, lib, origin_depth, displacement, elapsed, offset, travel
     towards : triple of Float64 (H,) [-]
         Unit vector at the element along the ray to the hit, scene coordinates.
     """
-    time, x, y, z = _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first)
-    return time, (x, y, z)
+    time, towards, unsure = _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first)
+    dr.eval(time, towards, unsure)
+    some = dr.compress(unsure)
+    if dr.width(some):
+        place = type(displacement)(*(picked(axis, some) for axis in displacement))
+        found = _looked_for(table, origin_depth, place, picked(elapsed, some), offset, travel, picked(first, some))
+        for column, values in zip((time, *towards), found):
+            dr.scatter(column, upload(lib.Float64, values), some)
+    return time, towards
+
+
+def _looked_for(table, origin_depth, displacement, elapsed, offset, travel, first):
+    """What `_solve` solves, by the reference: time and direction, four arrays; NaN where there is no ray."""
+    time, kind = first.numpy(), type(first)
+    depth = (origin_depth - displacement.z).numpy()
+    for _ in range(NEWTON_STEPS):
+        here, across_x, across_y, *velocity = (np.broadcast_to(part.numpy(), time.shape) for part in _seen_from_element(
+            origin_depth, displacement, offset, travel, elapsed + upload(kind, np.nan_to_num(time))))
+        ray = eigenray(table.profile, here, depth, np.hypot(across_x, across_y))
+        steep = np.sin(ray.launch_angle) / table.profile.at(here)
+        step = (ray.travel_time - time) / (1 - _closing(velocity, across_x, across_y, ray.ray_parameter, steep))
+        time = time + step
+        if not np.nanmax(np.abs(step), initial=0) > SETTLED:
+            break
+    level = np.cos(ray.launch_angle) / np.maximum(np.hypot(across_x, across_y), 1e-9)
+    return time, across_x * level, across_y * level, -np.sin(ray.launch_angle)
+
+
+def _seen_from_element(origin_depth, displacement, offset, travel, passed):
+    """Of an element some time after the ping: its depth, how far the hits lie from it along x and y, its velocity."""
+    x, y, z = (part + d for part, d in zip(rotated(offset, travel.turned(passed)), travel.moved(passed)))
+    return origin_depth - z, displacement.x - x, displacement.y - y, *travel.velocity(passed)
+
+
+def _closing(velocity, across_x, across_y, ray_parameter, steep):
+    """Speed of the element against the echo, over that of sound; `steep` is the vertical slowness of the ray sent."""
+    scale = ray_parameter / ((across_x * across_x + across_y * across_y) ** 0.5 + 1e-9)
+    return -(velocity[0] * across_x + velocity[1] * across_y) * scale + velocity[2] * steep
 
 
 @dr.syntax
 def _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first):
     F = lib.Float64
     # a ray that is lost stays where it was lost: what follows from its time would be NaN, and no look-up takes that
-    found = dr.isfinite(first + elapsed)
-    time, elapsed = dr.select(found, F(first), 0), dr.select(found, F(elapsed), 0)
+    never = ~dr.isfinite(first + elapsed + dr.sum(displacement))
+    lost, single = lib.Bool(never), lib.Bool(False)
+    time, elapsed = dr.select(lost, 0, F(first)), dr.select(lost, 0, F(elapsed))
     toward_x, toward_y, toward_z = F(0), F(0), F(0)
     left = lib.UInt32(NEWTON_STEPS)
     one = dr.opaque(lib.UInt32, 1)
-    while found & (left > 0):
-        passed = elapsed + time
-        x, y, z = rotated(offset, travel.turned(passed))
-        moved, velocity = travel.moved(passed), travel.velocity(passed)
-        x, y, z = x + moved[0], y + moved[1], z + moved[2]
-        here = origin_depth - z
-        across_x, across_y = displacement.x - x, displacement.y - y
+    while left > 0:
+        here, across_x, across_y, v_x, v_y, v_z = _seen_from_element(origin_depth, displacement, offset, travel,
+                                                                     elapsed + time)
         across = dr.sqrt(across_x * across_x + across_y * across_y)
         depth = origin_depth - displacement.z
         c, moments = table.at(here)
         source, none = PointState(depth=here, speed=c, moments=moments), lib.UInt32(0)
-        sine, cosine, aimed = aim(table, lib, source, none, across, depth, found)
-        t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, depth, aimed,
+        sine, cosine, found = aim(table, lib, source, none, across, depth, ~lost)
+        t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, depth, found,
                                                       dr.opaque(F, CLOSE_ENOUGH))
         # slowness of the echo at the element: against the ray that was sent from there
-        scale = p / dr.maximum(across, 1e-9)
         steep = dr.copysign(dr.sqrt(dr.maximum(1 / (c * c) - p * p, 0)), sine)
-        closing = -(velocity[0] * across_x + velocity[1] * across_y) * scale + velocity[2] * steep
-        step = (t - time) / (1 - closing)
-        found = found & aimed & dr.isfinite(step)
-        time = dr.select(found, time + step, time)
-        toward_x, toward_y, toward_z = across_x * scale * c, across_y * scale * c, -steep * c
+        step = (t - time) / (1 - _closing((v_x, v_y, v_z), across_x, across_y, p, steep))
+        lost |= ~found | ~dr.isfinite(step)
+        single = alone(table, here, c, sine, across, depth, end_speed, end_sine, p, area)
+        time = dr.select(lost, time, time + step)
+        level = p * c / dr.maximum(across, 1e-9)
+        toward_x, toward_y, toward_z = across_x * level, across_y * level, -steep * c
         left -= one
-    return dr.select(found, time, dr.nan), toward_x, toward_y, toward_z
+    return dr.select(lost, dr.nan, time), (toward_x, toward_y, toward_z), (lost | ~single) & ~never

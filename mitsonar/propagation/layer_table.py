@@ -35,6 +35,8 @@ class LayerTable(Record):
     reference: object     # Float64 (1,): r0 [s²/m²]
     scale: object         # Float64 (1,): 1 / r0
     last: object          # UInt32 (1,): index of the last layer
+    turning: object       # Float64 (4 K,): fastest node and steepest gradient above the layer's lower side, and below
+    profile: object       # the SoundSpeedProfile it was made of
     count: int
 
     def find(self, depth):
@@ -49,6 +51,16 @@ class LayerTable(Record):
         """Depth, sound speed, gradient of layer k and the depth of its lower side (Float64)."""
         row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
         return row[0], row[1], row[2], row[3]
+
+    def turning_above(self, depth):
+        """Fastest node above depths [m/s], and the steepest gradient in which rays turn on their way up [1/s]."""
+        row = dr.gather(self.lib.Array4f64, self.turning, self.find(depth))
+        return row[0], row[1]
+
+    def turning_below(self, depth):
+        """Fastest node below depths [m/s], and the steepest gradient in which rays turn on their way down [1/s]."""
+        row = dr.gather(self.lib.Array4f64, self.turning, self.find(depth))
+        return row[2], row[3]
 
     def at(self, depth):
         """Sound speed [m/s] and the four moments M_n at each depth."""
@@ -103,8 +115,11 @@ def layer_table(profile, like):
     z = np.concatenate([[z[0] - FAR], z, [z[-1] + FAR]])
     c = np.concatenate([c[:1], c, c[-1:]])
     at_node = np.concatenate([-FAR * edge[:1], at_node, at_node[-1:] + FAR * edge[1:]])
-    rows = np.concatenate([z[:-1, None], c[:-1, None], (np.diff(c) / np.diff(z))[:, None], z[1:, None],
-                           at_node[:-1]], 1)                                                  # (layer, 8)
+    gradient = np.diff(c) / np.diff(z)
+    rows = np.concatenate([z[:-1, None], c[:-1, None], gradient[:, None], z[1:, None], at_node[:-1]], 1)  # (layer, 8)
+    down = np.maximum.accumulate([c[:-1], np.maximum(-gradient, 0)], axis=1)
+    up = np.maximum.accumulate([c[:0:-1], np.maximum(gradient[::-1], 0)], axis=1)[:, ::-1]
+    turning = np.concatenate([down, up]).T                                                    # (layer, 4)
     top, bottom = z[1], max(z[-2], z[1] + 1.0)
     bins = top + (bottom - top) * np.arange(LOOKUP_SIZE) / LOOKUP_SIZE
     lookup = np.clip(np.searchsorted(z, bins, side="right") - 1, 0, len(rows) - 1)
@@ -112,8 +127,9 @@ def layer_table(profile, like):
         lib=lib, layers=upload(lib.Float64, rows), lookup=upload(lib.UInt32, lookup.astype(np.uint32)),
         top=dr.opaque(lib.Float64, top), bins_per_metre=dr.opaque(lib.Float64, LOOKUP_SIZE / (bottom - top)),
         reference=dr.opaque(lib.Float64, reference), scale=dr.opaque(lib.Float64, 1 / reference),
-        last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows))
-    dr.eval(table.layers, table.lookup)
+        last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows), turning=upload(lib.Float64, turning),
+        profile=profile)
+    dr.eval(table.layers, table.lookup, table.turning)
     return table
 
 
