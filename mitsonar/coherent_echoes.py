@@ -132,7 +132,7 @@ class CoherentEchoes:
         ping = number + dr.opaque(mi.UInt32, first)
         point = lib.Array3f64(*(dr.gather(mi.Float64, upload(mi.Float64, axis), which) for axis in position.T))
         origin = place.origin(ping)
-        # on no surface: what is drawn in its place must not shade it
+        # it may lie on a surface, which must not hide it
         way = self.connector(place.sources, origin, place.source(ping), point, mi.Vector3f(0, 0, 0),
                              short=TARGET_RADIUS)
         source_depth, source_speed = place.medium(ping)

@@ -197,7 +197,7 @@ class Ensonification:
         """Echoes of the point targets that are seen, all points, the ways there, and their amplitudes."""
         point, strength_db, _ = zip(*self.scatterers.targets)
         point = self.lib.Array3f64(*(upload(mi.Float64, column) for column in np.array(point).T))
-        # on no surface: what is drawn in its place must not shade it
+        # it may lie on a surface, which must not hide it
         way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)
         pressure = upload(mi.Float, (10 ** (np.array(strength_db) / 20)).astype(np.float32))
         energy = dr.square(pressure) * self._way_back(sources, point, way) / way.spreading_area

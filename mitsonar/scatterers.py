@@ -16,7 +16,7 @@ from .tessellation import Grids, grid_of
 __all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
 
 PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
-TARGET_RADIUS = 0.02               # [m] about a point target that is left out of its own shadow
+TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it: it may lie on a surface
 LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
 MOST_CUTS = 32768                  # s and n² are 32-bit
 

@@ -162,7 +162,8 @@ def _check_extents(shapes):
     for shape in shapes:
         box = shape.bbox()
         extents = np.array(box.max, float) - np.array(box.min, float)
-        if not (np.isfinite(extents).all() and np.sum(extents > 0) >= 2):
+        # a point target has none: rays pass it
+        if not (np.isfinite(extents).all() and (np.sum(extents > 0) >= 2 or hasattr(shape, "target_strength_db"))):
             name = f'"{shape.id()}"' if shape.id() else f"of the kind {shape.class_name().lower()}"
             raise ValueError(f"the shape {name} has no extent; give it a radius, a length or a scale above 0")
 

@@ -3,8 +3,8 @@
 - ``position`` (point) [m]: z up
 - ``target_strength_db`` [0 dB re 1 µPa at 1 m, that is re 1 m²]
 
-It is drawn as an octahedron of 1 cm, which casts as good as no shadow. Its echo adds to those of the bed and of other
-targets as pressures do: in a sidescan's speckle its amplitudes are Rice's.
+It has no body: rays pass it, and nothing lies in its shadow. Its echo adds to those of the bed and of other targets as
+pressures do: in a sidescan's speckle its amplitudes are Rice's.
 
 .. code-block:: xml
 
@@ -20,9 +20,7 @@ from mitsonar.plugins.properties import Attributes
 
 from .grid_mesh import GridMesh, fill
 
-RADIUS = 0.01                      # [m]
-CORNERS = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
-FACES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]], np.uint32)
+FACE = np.zeros((1, 3), np.uint32)  # without any area: no ray meets it, and Mitsuba wants one
 
 
 class PointTarget(mi.Mesh):
@@ -33,9 +31,8 @@ class PointTarget(mi.Mesh):
         self.position = attributes.point("position")
         self.target_strength_db = attributes.number("target_strength_db", 0.0, minimum=-200, maximum=100, unit="dB")
         attributes.finish()
-        vertices = (self.position + RADIUS * CORNERS).astype(np.float32)
-        super().__init__("point_target", len(vertices), len(FACES), props=props, has_vertex_texcoords=True)
-        fill(self, GridMesh(vertices, FACES, np.zeros((len(vertices), 2), np.float32)))
+        super().__init__("point_target", 1, len(FACE), props=props, has_vertex_texcoords=True)
+        fill(self, GridMesh(self.position[None].astype(np.float32), FACE, np.zeros((1, 2), np.float32)))
 
     def to_string(self):
         return f"PointTarget[{self.target_strength_db:g} dB at {self.position}]"

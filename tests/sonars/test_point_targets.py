@@ -4,6 +4,7 @@ Closed form in water of one speed, to 0.01 dB (energies are float32 until they a
 """
 import numpy as np
 import pytest
+from array_scene import array_scene, buried_bed, target
 from sidescan_scene import plane, sidescan
 
 import mitsonar
@@ -66,3 +67,29 @@ def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, wh
     assert 10 * np.log10(power[side, sample]) == pytest.approx(echo_db, abs=1.5)
     assert power[1 - side].max() < 1e-6 * power[side, sample]
     assert 750 * float(signals.time[sample]) == pytest.approx(distance, abs=1500 * 1e-4)
+
+
+def test_a_point_target_hides_neither_bed_nor_targets(variant):
+    """Rays pass it: what lies behind is as loud, and nowhere in a shadow, as if it were not there."""
+    behind = {"seabed": plane(40.0), "ball": {"type": "point_target", "position": [30.0, 0.0, -30.0]}}
+    behind["top"] = {"type": "point_target", "position": [-150.0, 0.0, -23.8]}           # one depth range: the same rays
+    # on the way to the one behind, and, as good as silent, a fence of them before the bed
+    fence = {f"post{i}": {"type": "point_target", "position": [12.0, 0.0, -23.8 - 0.019 * i],
+                          "target_strength_db": -190.0} for i in range(40)}
+    alone, fenced = (mitsonar.render(sidescan({**behind, **more}, sensor={"pings": 1}, rays=20_000), 3)
+                     for more in ({}, fence))
+    heard = alone["mean_level"].values > 0
+    np.testing.assert_allclose(fenced["mean_level"].values[heard], alone["mean_level"].values[heard], atol=1e-3)
+    for name in ("hidden", "object_shadow"):
+        np.testing.assert_array_equal(fenced[name].values, alone[name].values)
+
+
+def test_elements_hear_a_target_behind_another(variant):
+    where = np.array([10.0, 0.0, -20.0]), np.array([20.0, 0.0, -30.0])
+    both, one = (mitsonar.impulse_response(array_scene({"bed": buried_bed(60.0), **{
+        f"ball{i}": target(place, strength) for i, (place, strength) in enumerate(zip(where, strengths))}}))
+        for strengths in ((-150.0, 0.0), (0.0, -150.0)))
+    first, second = (np.abs(response.values.astype(complex).sum()) for response in (one, both))
+    # spherical spreading there and back, absorption
+    assert 20 * np.log10(first / second) == pytest.approx(
+        40 * np.log10(2) + 0.030 * 2 * 10 * np.sqrt(2), abs=0.01)
