@@ -23,6 +23,7 @@ from .tessellation import FINEST_SAGITTA, Grids, grid_of
 
 __all__ = ["SmoothCells", "SmoothFacets", "too_coarse", "warn_where_too_coarse"]
 
+ROUNDED = 2e-7                     # of their distance from the origin: what float32 makes of corners
 SHARP = np.radians(30.0)           # angle between neighbours from which on an edge is one
 FLAT_ENOUGH = 1e-5                 # of the wavelength that cells may lie below a bent surface: more acts as a grating
 RESOLVED = 0.55                    # wavelengths a side, below which they do not: there is no angle that they glint at
@@ -320,7 +321,7 @@ def _outward(corner):
 def _is_convex(corner, normal, outward):
     """Whether facets are all in one plane, or the surface of a convex body."""
     points, number = np.unique(corner.reshape(-1, 3).round(6), axis=0, return_inverse=True)
-    slack = 1e-5 * np.ptp(points, axis=0).max()
+    slack = 1e-5 * np.ptp(points, axis=0).max() + ROUNDED * np.abs(points).max()
     if np.abs((points - points[0]) @ normal[0]).max() < slack:
         return True
     # a closed, connected surface is convex where it is so over every edge (van Heijenoort 1952)

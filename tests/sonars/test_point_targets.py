@@ -72,7 +72,7 @@ def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, wh
 def test_a_point_target_hides_neither_bed_nor_targets(variant):
     """Rays pass it: what lies behind is as loud, and nowhere in a shadow, as if it were not there."""
     behind = {"seabed": plane(40.0), "ball": {"type": "point_target", "position": [30.0, 0.0, -30.0]}}
-    behind["top"] = {"type": "point_target", "position": [-150.0, 0.0, -23.8]}           # one depth range: the same rays
+    behind["top"] = {"type": "point_target", "position": [-150.0, 0.0, -23.8]}    # one depth range: the same rays
     # on the way to the one behind, and, as good as silent, a fence of them before the bed
     fence = {f"post{i}": {"type": "point_target", "position": [12.0, 0.0, -23.8 - 0.019 * i],
                           "target_strength_db": -190.0} for i in range(40)}

@@ -17,6 +17,7 @@ NEEDED = {
     "seabed": {"depth": 10.0},
     "array_sonar": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
     "point_target": {"position": [0.0, 0.0, -5.0]},
+    "capped_cylinder": {"radius": 1.0, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 1.0, -5.0]},
     "impedance": {"density": 1100.0, "sound_speed": 1600.0},
     "empirical": {"filename": str(SCENES / "casts" / "summer.csv")},
     "bathymetry": {"filename": str(SCENES / "bathymetry" / "sandwaves.tif")},
