@@ -11,9 +11,11 @@ is already imported, else right after somebody imports it. So this is all it tak
     mi.set_variant("llvm_ad_mono")
     scene = mi.load_file("scenes/sidescan_flat.xml", optimize=False)
 """
+import functools
 import importlib
 import os
 import sys
+import threading
 
 from mitsonar import llvm
 
@@ -43,6 +45,11 @@ _PUBLIC = {
     "water": "mitsonar.water",
 }
 
+# NumPy and others may fail where threads import several parts of them at once, so first uses take turns. It is not the
+# lock of the plugins, which is asked for while Mitsuba is imported. None of our modules asks for this one while it is
+# imported: a module has a lock too.
+_first_use = threading.RLock()
+
 # A checkout and an editable install keep plugins/ and scenes/ beside the package, a wheel inside it.
 _beside = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 if os.path.isfile(os.path.join(_beside, "pyproject.toml")) and os.path.isdir(os.path.join(_beside, "plugins")):
@@ -52,9 +59,10 @@ if os.path.isfile(os.path.join(_beside, "pyproject.toml")) and os.path.isdir(os.
 def __getattr__(name):
     if name not in _PUBLIC:
         raise AttributeError(f"module 'mitsonar' has no attribute {name!r}; it has {', '.join(sorted(_PUBLIC))}")
-    module = importlib.import_module(_PUBLIC[name])
-    value = module if _PUBLIC[name] == f"mitsonar.{name}" else getattr(module, name)
-    globals()[name] = value
+    with _first_use:
+        module = importlib.import_module(_PUBLIC[name])
+        value = module if _PUBLIC[name] == f"mitsonar.{name}" else getattr(module, name)
+        globals()[name] = value
     return value
 
 
@@ -83,6 +91,9 @@ class _FirstImport:
             llvm.check()
             execute(module)
             if name == "mitsuba" and cls in sys.meta_path:
+                if sys.modules[name] is not module:
+                    # Mitsuba put another module in its place; a thread that waited meanwhile has got this one.
+                    module.__getattr__ = functools.partial(getattr, sys.modules[name])
                 sys.meta_path.remove(cls)
                 importlib.import_module("mitsonar.plugins").install()
 

@@ -85,11 +85,12 @@ def check():
         libLLVM that cannot compile its code.
     """
     drjit = sys.modules.get("drjit")
-    if not hasattr(drjit, "detail"):  # not imported, or just about to be
+    ask = getattr(getattr(drjit, "detail", None), "llvm_version", None)
+    if ask is None:  # not imported, or just about to be, perhaps by another thread
         if not is_ready():
             raise BackendError(remedy())
         return
-    version = drjit.detail.llvm_version()[0]
+    version = ask()[0]
     if 0 <= version < OLDEST:
         raise BackendError(f"Dr.Jit was imported before mitsonar and has loaded LLVM {version}, which cannot compile "
                            f"its code. Import mitsonar first, or set {VARIABLE} to LLVM {OLDEST} or newer.")

@@ -65,12 +65,12 @@ def opened(scene, sensor=0):
         As `render`.
     """
     sensor = operator.index(sensor)
-    if not (mi.variant() and isinstance(scene, mi.Scene)):
+    prepare()
+    if not isinstance(scene, mi.Scene):
         if not isinstance(scene, (str, os.PathLike)):
             raise TypeError(f"a scene of the variant {mi.variant()} or the path of a file was wanted, got a "
                             f"{type(scene).__name__}; load the scene after mi.set_variant")
         scene = load_file(scene)
-    prepare()
     sensors, integrator = scene.sensors(), scene.integrator()
     if not sensors:
         raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")

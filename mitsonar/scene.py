@@ -1,4 +1,5 @@
 """Load a scene file as mitsonar means it: variant set, ids kept, parameters filled in."""
+import functools
 import os
 from xml.etree import ElementTree
 
@@ -23,13 +24,16 @@ def prepare():
     """
     import drjit as dr
 
-    from . import llvm
+    from . import llvm, plugins
 
-    if mi.variant() is None or mi.variant().startswith("scalar"):
-        llvm.check()
-        mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
-    if dr.thread_count() < 2:
-        dr.set_thread_count(2)                 # with one worker Mitsuba's file readers wait for themselves for ever
+    with plugins.LOCK:                         # of several threads, the first prepares and the others wait
+        plugins.install()                      # Mitsuba can be seen before its first import has come to that
+        if mi.variant() is None or mi.variant().startswith("scalar"):
+            llvm.check()
+            mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
+        plugins.register(mi.variant())         # another thread may have set the variant just now
+        if dr.thread_count() < 2:
+            dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves for ever
 
 
 def load_file(path, /, **parameters):
@@ -74,6 +78,7 @@ def load_file(path, /, **parameters):
             raise ValueError(f"a scene's parameter cannot be called {name}, which means something to Mitsuba's loader; "
                              "rename it in the scene")
     prepare()
+    _first_scene()
     from .plugins.errors import as_exception
 
     _check_bitmaps(path)
@@ -121,6 +126,15 @@ def resolved(path, parameters):
     if top.find(".//include") is not None:
         top[:0] = [ElementTree.Element("default", name=name, value=value) for name, value in values.items()]
     return ElementTree.tostring(top, encoding="unicode")
+
+
+@functools.cache
+def _first_scene():
+    """Load nothing, alone: with the first scene Mitsuba makes its Embree device, and two of them with two at once."""
+    from . import plugins
+
+    with plugins.LOCK:
+        mi.load_dict({"type": "scene"})
 
 
 def _check_bitmaps(path):

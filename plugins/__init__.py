@@ -2,16 +2,22 @@
 
 `install` has Mitsuba register them for every JIT variant, and again after each change of variant: a plugin's base class
 exists only once a variant is set, so its module is imported then, and reloaded when the variant changes.
+
+Threads register one after the other, under `LOCK`. Nobody may import Mitsuba for the first time while holding it: the
+one who does so installs, and asks for the lock.
 """
 import importlib
 import sys
+import threading
 
 from mitsonar import llvm
 
 if __name__ != "mitsonar.plugins":
     raise ImportError("import mitsonar.plugins, not plugins: the folder is part of the package mitsonar")
 
-__all__ = ["install"]
+__all__ = ["LOCK", "install", "register"]
+
+LOCK = threading.RLock()            # of registration, and of setting the variant that it is for
 
 MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lambert", "bsdfs.sediment",
            "bsdfs.elastic", "bsdfs.empirical", "bsdfs.smooth", "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance",
@@ -20,6 +26,7 @@ MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lamber
            "shapes.targets")
 
 _installed = False
+_registered = None                  # the variant
 
 
 def install():
@@ -27,22 +34,35 @@ def install():
     global _installed
     import mitsuba as mi        # where this is the first import, it installs by itself (see mitsonar/__init__)
 
-    if _installed:
-        return
-    _installed = True
-    mi.detail.add_variant_callback(_register)
-    if mi.variant():
-        _register(None, mi.variant())
+    with LOCK:
+        if _installed:
+            return
+        _installed = True
+        mi.detail.add_variant_callback(_changed)
+        if mi.variant():
+            register(mi.variant())
 
 
-def _register(old, new):
-    if new is None or new.startswith("scalar"):
-        return                      # a scalar variant has no arrays to trace with
-    if new.startswith("llvm"):
-        llvm.check()                # Dr.Jit may have been imported, with any LLVM, before mitsonar was
-    for name in MODULES:
-        name = f"{__name__}.{name}"
-        if name in sys.modules:
-            importlib.reload(sys.modules[name])
-        else:
-            importlib.import_module(name)
+def register(variant):
+    """Register every plugin for a variant, unless that is done: whoever set the variant may not have come to it yet."""
+    global _registered
+    with LOCK:
+        if variant == _registered:
+            return
+        _registered = None
+        if variant.startswith("scalar"):
+            return                  # a scalar variant has no arrays to trace with
+        if variant.startswith("llvm"):
+            llvm.check()            # Dr.Jit may have been imported, with any LLVM, before mitsonar was
+        for name in MODULES:
+            name = f"{__name__}.{name}"
+            if name in sys.modules:
+                importlib.reload(sys.modules[name])
+            else:
+                importlib.import_module(name)
+        _registered = variant
+
+
+def _changed(old, new):
+    if new is not None:
+        register(new)

@@ -20,7 +20,7 @@ import re
 
 import numpy as np
 
-from .. import units
+from ..units import radians_from_deg
 from . import navigation_xtf, tables
 from .navigation import Navigation, Waypoints
 
@@ -117,7 +117,7 @@ def load(path):
         raise ValueError(f"{path}, line {numbers[line]}: time {columns['time'][line]} is not later than "
                          f"{columns['time'][line - 1]} before it; sort the lines and drop repeated times.")
     nothing = np.zeros(time.size)
-    angles = {name: units.radians_from_deg(values[name]) if name in values else nothing for name in ANGLES}
+    angles = {name: radians_from_deg(values[name]) if name in values else nothing for name in ANGLES}
     return Navigation(time=time, x=x, y=y, z=z,
                       heave=values.get("heave", nothing), roll=angles["roll"], pitch=angles["pitch"],
                       heading=angles["heading"] if "heading" in values else None, geographic=geographic)

@@ -1,7 +1,7 @@
 """The waterfall's picture elements: intensities averaged, then decibels, and the levels of black and white."""
 import numpy as np
 
-from .. import units
+from ..units import db_from_power, power_from_db
 from .gain import display_gain, display_window
 
 __all__ = ["NOTHING_DB", "shown_levels"]
@@ -31,9 +31,9 @@ def shown_levels(dataset, grid, tvg):
 
     def intensity(part):
         level = part["level"].values.astype(float)
-        return np.where(level > NOTHING_DB, units.power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
+        return np.where(level > NOTHING_DB, power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
 
-    image = units.db_from_power(grid.mean(dataset, intensity))
+    image = db_from_power(grid.mean(dataset, intensity))
     shown = np.isfinite(image)
     if "mean_level" in dataset:
         shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5

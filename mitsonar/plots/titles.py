@@ -1,7 +1,7 @@
 """What stands above a picture."""
 import numpy as np
 
-from .. import units
+from ..units import khz_from_hertz
 
 __all__ = ["subtitle", "title"]
 
@@ -9,7 +9,7 @@ __all__ = ["subtitle", "title"]
 def title(dataset):
     """Name the sonar and its frequency."""
     frequency = dataset.attrs.get("frequency")
-    words = f" {units.khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
+    words = f" {khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
     return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
 
 

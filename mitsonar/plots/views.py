@@ -10,8 +10,8 @@ from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from .. import units
 from ..io.files import check_writable
+from ..units import db_from_power, power_from_db
 from . import canvas
 from .fans import fan_picture
 from .grid import make_grid, stretches
@@ -173,11 +173,11 @@ def _mean(dataset, grid):
     slant_range = dataset["range"].values
     for index, (side, colour) in enumerate(canvas.SIDES.items()):
         level = dataset["level"].sel(side=side).transpose("ping", "range").values
-        power = np.where(level > NOTHING_DB, units.power_from_db(level), 0).mean(axis=0)
+        power = np.where(level > NOTHING_DB, power_from_db(level), 0).mean(axis=0)
         low, high = np.percentile(level, [10, 90], axis=0)
         axes.fill_between(slant_range, _heard(low), _heard(high), color=colour, alpha=0.15, linewidth=0,
                           label=f"{side}: 10 to 90 % of the pings")
-        axes.plot(slant_range, _heard(units.db_from_power(power)), color=colour, linewidth=1.4,
+        axes.plot(slant_range, _heard(db_from_power(power)), color=colour, linewidth=1.4,
                   linestyle="-" if index == 0 else "--", label=f"{side}: mean intensity")
     _line_axes(axes, slant_range)
     axes.set_xlabel("slant range [m]", fontsize=11)

@@ -1,0 +1,79 @@
+"""The first use may come from several threads at once: one imports, sets the variant and registers, the others wait.
+
+Each test runs in a process of its own, where nothing has been used yet, and changes threads as often as Python can.
+"""
+import ast
+import os
+import subprocess
+import sys
+
+import pytest
+from test_import_direction import ROOT, SOURCES, name_of
+
+import mitsonar
+
+AT_ONCE = """
+import sys, threading
+sys.setswitchinterval(1e-5)
+
+def at_once(works):
+    start, errors = threading.Barrier(len(works)), []
+    def run(work):
+        start.wait()
+        try:
+            work()
+        except BaseException as error:
+            errors.append(f"{type(error).__name__}: {error}")
+    threads = [threading.Thread(target=run, args=(work,)) for work in works]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return errors
+"""
+RENDERS = """
+import mitsonar
+images = []
+def render():
+    scene = mitsonar.load_file("scenes/sidescan_flat.xml", pings=1, rays=500, bins=50)
+    images.append(mitsonar.render(scene, seed=1).level.values.tobytes())
+def of_the_users_variant():
+    import mitsuba
+    mitsuba.set_variant("llvm_ad_mono")
+    render()
+print(at_once(WORKS), len(images), len(set(images)))
+"""
+WORKS = {"one use": "[render] * 8", "some set the variant": "[render, of_the_users_variant] * 4"}
+NAMES = """
+import mitsonar
+print(at_once([lambda name=name: getattr(mitsonar, name) for name in mitsonar._PUBLIC]))
+"""
+
+
+def printed(code):
+    """Run `code` in a process of its own and return what it printed."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    child = subprocess.run([sys.executable, "-c", AT_ONCE + code], cwd=ROOT, env=environment, capture_output=True,
+                           text=True, stdin=subprocess.DEVNULL, check=False, timeout=120)
+    assert child.returncode == 0, child.stderr
+    return child.stdout.strip()
+
+
+@pytest.mark.parametrize("works", WORKS)
+def test_eight_threads_may_be_the_first_to_render(works):
+    assert printed(RENDERS.replace("WORKS", WORKS[works])) == "[] 8 1"
+
+
+def test_every_name_may_be_used_first_at_the_same_time():
+    assert printed(NAMES) == "[]"
+
+
+@pytest.mark.parametrize("path", [pytest.param(path, id=name_of(path)) for path in SOURCES])
+def test_no_module_waits_for_a_first_use_while_it_is_imported(path):
+    """Whoever holds that lock may be waiting for the very module: write ``from ..units import x``, not the package."""
+    depth = len(path.relative_to(ROOT / "mitsonar").parts) if path.is_relative_to(ROOT / "mitsonar") else 0
+    asked = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and (node.module == "mitsonar" or not node.module and node.level == depth):
+            asked |= {alias.name for alias in node.names}
+    assert not asked & set(mitsonar._PUBLIC)
