@@ -21,7 +21,8 @@ def add(commands):
     sweep.add_argument("--threads", type=whole, metavar="N",
                        help="of each process, at least 2; default: the cores shared out")
     sweep.add_argument("--workers", type=whole, metavar="N", help="start a Dask cluster of N workers here instead")
-    sweep.add_argument("--scheduler", metavar="ADDRESS", help="use a running Dask cluster instead")
+    sweep.add_argument("--scheduler", metavar="ADDRESS",
+                       help="use a running Dask cluster instead; it can run any code as you")
     sweep.set_defaults(run=_sweep)
 
 

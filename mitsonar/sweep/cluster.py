@@ -2,6 +2,9 @@
 
 Dask carries jobs and answers; each of its workers has processes of its own that render, so that a render which ends its
 process costs no worker, and long kernels keep none from answering. Workers must see the same files as the runner.
+
+Whoever may talk to a scheduler or a worker may have it run any code. Those started here talk by TLS, and only to those
+who hold a key that is made for the sweep and kept in memory. Their HTTP servers cannot be left out, and serve nothing.
 """
 import logging
 import os
@@ -50,9 +53,7 @@ class Cluster:
         try:
             if scheduler is None:
                 workers, self.threads = shares(workers, threads)
-                self._own = distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
-                                                     dashboard_address=None, silence_logs=logging.CRITICAL,
-                                                     preload=[__name__])
+                self._own = _start(distributed, workers)
                 self._client = distributed.Client(self._own, set_as_default=False)
             else:
                 self.threads = shares(1, threads or THREADS)[1]
@@ -130,6 +131,17 @@ class Cluster:
         if blind:
             raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see "
                              "what is written there); give one by -o that all workers share")
+
+
+def _start(distributed, workers):
+    """Start a scheduler and workers that nobody else on this machine can use, or read."""
+    import dask
+
+    with dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}):
+        return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
+                                        security=distributed.Security.temporary(), dashboard_address=None,
+                                        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                                        silence_logs=logging.CRITICAL, preload=[__name__])
 
 
 def dask_setup(worker):
