@@ -148,7 +148,7 @@ class SidescanSensor(mi.Sensor):
         return mi.ScalarBoundingBox3f()
 
     def to_string(self):
-        return f"Sidescan[{self.frequency / 1000:g} kHz, {self.pings} pings]"
+        return f"Sidescan[{self.frequency / 1000:g} kHz, {self.platform.pings} pings]"
 
 
 mi.register_sensor("sidescan", SidescanSensor)

@@ -35,7 +35,7 @@ class PointTarget(mi.Mesh):
         fill(self, GridMesh(self.position[None].astype(np.float32), FACE, np.zeros((1, 2), np.float32)))
 
     def to_string(self):
-        return f"PointTarget[{self.target_strength_db:g} dB at {self.position}]"
+        return f"PointTarget[{self.target_strength_db:g} dB at {', '.join(f'{v:g}' for v in self.position)}]"
 
 
 mi.register_shape("point_target", PointTarget)

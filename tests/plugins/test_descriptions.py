@@ -1,0 +1,62 @@
+"""Everything registered with Mitsuba says what it is: by itself, and within the scene that holds it."""
+from pathlib import Path
+
+import pytest
+
+from mitsonar.plugins import MODULES
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SONAR = {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}}
+BED = {"type": "seabed", "depth": 10.0, "spacing": 50.0}
+# what each plugin needs to be made, and words that its description holds
+EVERY = {
+    "seawater": ({"sound_speed": 1500.0}, "1500.0"),
+    "sonar_film": ({"range": 75.0}, "75.0 m"),
+    "lambert": ({"mu_db": -21.0}, "-21"),
+    "sediment": ({"sediment": "silt"}, "silt"),
+    "elastic": ({}, "rock"),
+    "empirical": ({}, "measured"),
+    "rigid": ({}, "Rigid"),
+    "soft": ({}, "Soft"),
+    "impedance": ({"density": 1100.0, "sound_speed": 1600.0}, "1600 m/s"),
+    "windy_sea": ({"wind_speed": 7.0}, "7 m/s"),
+    "sidescan": ({"pings": 12, **SONAR}, "400 kHz, 12 pings"),
+    "array_sonar": ({"receive": "line", "receive_elements": 5, **SONAR}, "1 x 5 elements"),
+    "sonar_path": ({"rays": 777}, "777 rays"),
+    "seabed": (BED, "depth 10.0 m"),
+    "bathymetry": ({"filename": str(SCENES / "bathymetry" / "sandwaves.tif"), "resolution": 50.0}, "sandwaves.tif"),
+    "point_target": ({"position": [0.0, 1.5, -5.0], "target_strength_db": -7.0}, "-7 dB at 0, 1.5, -5"),
+    "sea_surface": ({"size": 300.0}, "300 m"),
+    "targets": ({"meshes": str(SCENES / "targets"), "species": "crate", "count": "1", "bed": BED}, "crate.targets.1"),
+}
+BASES = ("material", "smooth")         # modules of what plugins share, which register nothing
+
+
+def test_every_plugin_is_tried():
+    assert {name.rpartition(".")[2] for name in MODULES} == {*EVERY, *BASES}
+
+
+@pytest.fixture
+def made(make, tmp_path):
+    """Make a plugin of the list."""
+    def run(kind):
+        attributes = dict(EVERY[kind][0])
+        if kind == "empirical":
+            (tmp_path / "measured.csv").write_text("angle [deg],strength [dB]\n10,-40\n60,-20\n", encoding="utf-8")
+            attributes["filename"] = str(tmp_path / "measured.csv")
+        return make(kind, **{name: value for name, value in attributes.items() if name != "type"})
+    return run
+
+
+@pytest.mark.parametrize("say", [repr, str])
+@pytest.mark.parametrize("kind", EVERY)
+def test_a_plugin_says_what_it_is(made, kind, say):
+    said = say(made(kind))
+    assert EVERY[kind][1] in said and "object at 0x" not in said
+
+
+@pytest.mark.parametrize("say", [repr, str])
+@pytest.mark.parametrize("kind", ["sidescan", "array_sonar"])
+def test_a_scene_says_what_it_holds(make, made, kind, say):
+    said = say(make("scene", integrator=made("sonar_path"), sensor=made(kind), bed=made("seabed")))
+    assert all(EVERY[part][1] in said for part in ("sonar_path", kind, "seabed"))
