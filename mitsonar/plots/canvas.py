@@ -5,7 +5,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from ..io.files import replacing
@@ -13,6 +13,7 @@ from ..io.files import replacing
 DPI = 110
 PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
 KEY_HEIGHT = 24  # picture elements of a line of the legend
+BAR_FOOT, BAR_RISE = 18, 40  # picture elements: of the scale bars above the sheet's edge, and at most along the track
 SIDES = {"port": "#b3261e", "starboard": "#1b7a3d"}  # the colours of the side lights
 COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
     (0.0, "#050302"), (0.18, "#2b1306"), (0.4, "#7a3c10"), (0.6, "#b86f22"), (0.78, "#e0a548"), (0.92, "#f6dc94"),
@@ -64,7 +65,7 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
     -------
     matplotlib.figure.Figure, Axes
     """
-    left, right, bottom, top = 84, 128 if bar else 30, 62, 86
+    left, right, bottom, top = 84, 128 if bar else 30, 90, 86
     if keys:
         right += _legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
     figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
@@ -102,8 +103,6 @@ def _metres(grid, axes):
     axes.yaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10], integer=not grid.moving))
     axes.set_xlabel("port        ←        slant range [m]        →        starboard", color=INK, fontsize=11)
     along = "along track [m]" if grid.moving else "ping"
-    if grid.moving and not 0.9 < grid.stretch < 1.1:
-        along += f", scale × {grid.stretch:.2g}"
     axes.set_ylabel(f"{along}        newest →", color=INK, fontsize=11)
     axes.tick_params(colors=INK, labelsize=10, top=True, direction="out")
     for spine in axes.spines.values():
@@ -112,20 +111,34 @@ def _metres(grid, axes):
 
 
 def scale_bar(grid, axes):
-    """Draw a bar of a round length across the track, and one along it where its scale differs."""
-    width, height = (edges[-1] - edges[0] for edges in (grid.across, grid.along))
-    pixel_x, pixel_y = width / grid.width, height / grid.height
-    length = round_length(width / 7)
-    x, y = grid.across[-1] - 26 * pixel_x, grid.along[0] + 36 * pixel_y
-    line = {"color": "white", "linewidth": 3.5, "path_effects": [withStroke(linewidth=6, foreground="#000000c0")]}
-    text = {"color": "white", "fontsize": 10.5, "path_effects": [withStroke(linewidth=3, foreground="#000000c0")]}
-    axes.text(x - length / 2, y - 9 * pixel_y, f"{length:g} m", ha="center", va="top", **text)
-    corners = [(x - length, y), (x, y)]
-    if grid.moving and not 0.9 < grid.stretch < 1.1:
-        rise = round_length(height / 5)
-        corners.append((x, y + rise))
-        axes.text(x - 9 * pixel_x, y + rise / 2, f"{rise:g} m", ha="right", va="center", **text)
-    axes.plot(*zip(*corners, strict=True), solid_joinstyle="miter", solid_capstyle="butt", **line)
+    """Draw bars of round lengths across and along the track below the picture, and say how their scales differ."""
+    figure = axes.figure
+    pixel_x, pixel_y = ((edges[-1] - edges[0]) / size
+                        for edges, size in ((grid.across, grid.width), (grid.along, grid.height)))
+    length = round_length(grid.width / 7 * pixel_x)
+    right, low = axes.bbox.x1, BAR_FOOT
+    left, high = right - length / pixel_x, low
+    text = {"color": INK, "fontsize": 10.5, "va": "center", "ha": "right"}
+    if grid.moving:
+        rise = round_length(BAR_RISE * pixel_y)
+        high = low + rise / pixel_y
+        _write(figure, right + 9, 0.5 * (low + high), f"{rise:g} m", **text | {"ha": "left"})
+    figure.add_artist(Line2D(*_on_sheet(figure, [left, right, right], [low, low, high]), color=INK, linewidth=2.5,
+                             solid_joinstyle="miter", solid_capstyle="butt"))
+    _write(figure, left - 9, low, f"{length:g} m", **text)
+    if grid.moving:
+        same = abs(grid.stretch - 1) < 0.005
+        words = "same scale along and across track" if same else f"scale along track {grid.stretch:.3g} × that across"
+        _write(figure, axes.bbox.x0, low, words, **text | {"ha": "left"})
+
+
+def _on_sheet(figure, x, y):
+    """Picture elements from the lower left corner as shares of the sheet."""
+    return np.asarray(x) / figure.bbox.width, np.asarray(y) / figure.bbox.height
+
+
+def _write(figure, x, y, words, **style):
+    figure.text(*_on_sheet(figure, x, y), words, **style)
 
 
 def round_length(length):

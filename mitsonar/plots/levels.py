@@ -1,5 +1,11 @@
-"""The waterfall's picture elements: intensities averaged, then decibels, and the levels of black and white."""
+"""The waterfall's picture elements: intensities averaged, then decibels, and the levels of black and white.
+
+The sea surface, and what the water itself sends back, are some 40 dB weaker than the bed. What comes before the bed's
+first return is therefore raised by a gain of its own, in steps of 5 dB, where an echo is heard there that would else
+be dark. Records that do not say where the bed is seen, or what is noise, are shown without.
+"""
 import numpy as np
+from scipy import ndimage
 
 from ..units import db_from_power, power_from_db
 from .gain import display_gain, display_window
@@ -7,6 +13,10 @@ from .gain import display_gain, display_window
 __all__ = ["NOTHING_DB", "shown_levels"]
 
 NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
+HEARD_DB = 6.0  # above the noise: of a mean echo in the water column
+STEP_DB, MOST_DB = 5.0, 100.0  # of the water column's gain
+WHOLLY = 0.999  # of an element: one that the bed has a part in is the bed's
+DARK, BRIGHT = 0.5, 0.8  # shares of the way from black to white: raised from below the first to the second
 
 
 def shown_levels(dataset, grid, tvg):
@@ -26,6 +36,8 @@ def shown_levels(dataset, grid, tvg):
         Of black and white, from the elements that hold the seabed, if it is known where it is.
     words : str
         The gain's formula.
+    column_db : float [dB]
+        Gain of the water column beyond that, which the image has; 0 as a rule.
     """
     words = display_gain(dataset, tvg)[1]
 
@@ -35,6 +47,34 @@ def shown_levels(dataset, grid, tvg):
 
     image = db_from_power(grid.mean(dataset, intensity))
     shown = np.isfinite(image)
+    column = np.zeros_like(shown)
     if "mean_level" in dataset:
         shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
-    return image, display_window(image[shown] if shown.any() else image), words
+        if "seabed_depth" in dataset:
+            # one beside the bed's holds the skirts of its first return
+            column = ndimage.binary_erosion(grid.mean(dataset, _in_the_water) > WHOLLY, np.ones((1, 3)))
+    bed = shown & ~column
+    limits = display_window(image[bed if bed.any() else shown if shown.any() else ...])
+    column_db = _column_gain(dataset, grid, image, column, limits) if column.any() and bed.any() else 0.0
+    image[column] += column_db
+    return image, limits, words, column_db
+
+
+def _in_the_water(part):
+    """Where the bed has not been seen yet, per ping and side."""
+    return ~np.logical_or.accumulate(np.isfinite(part["seabed_depth"].values), axis=-1)
+
+
+def _column_gain(dataset, grid, image, column, limits):
+    """What makes the strongest echoes of the water column bright, [dB]."""
+    noise = dataset.attrs.get("noise_db")
+    faintest = NOTHING_DB if noise is None else noise + HEARD_DB
+    heard = grid.mean(dataset, lambda part: part["mean_level"].values > faintest) > 0.5
+    echoes = image[column & heard & np.isfinite(image)]
+    if not echoes.size:
+        return 0.0
+    (low, high), strongest = limits, np.percentile(echoes, 99)
+    if strongest > low + DARK * (high - low):
+        return 0.0
+    gain = STEP_DB * np.floor((low + BRIGHT * (high - low) - strongest) / STEP_DB)
+    return float(gain) if gain <= MOST_DB else 0.0

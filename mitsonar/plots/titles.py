@@ -13,8 +13,8 @@ def title(dataset):
     return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
 
 
-def subtitle(dataset, grid):
-    """Say how many pings and how far, how long the bins are, and the altitude."""
+def subtitle(dataset, grid, column_db=0.0):
+    """Say how many pings and how far, how long the bins are, the altitude, and the gain [dB] of the water column."""
     pings = dataset.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
              f"{_metres(grid.across[-1])} to each side"]
@@ -22,6 +22,8 @@ def subtitle(dataset, grid):
         parts.append(f"bins of {_metres(float(dataset.attrs['bin_width']))}")
     if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():
         parts.append(f"altitude {_metres(float(np.nanmean(dataset['altitude'].values)))}")
+    if column_db:
+        parts.append(f"water column + {column_db:g} dB")
     return "   ·   ".join(parts)
 
 

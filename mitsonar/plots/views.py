@@ -86,8 +86,8 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
 
 
 def _waterfall(dataset, grid, *, tvg):
-    image, limits, words = shown_levels(dataset, grid, tvg)
-    return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid), limits=limits,
+    image, limits, words, column_db = shown_levels(dataset, grid, tvg)
+    return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid, column_db), limits=limits,
                           bar=f"level{words}  [dB re 1 µPa]")[0]
 
 

@@ -16,6 +16,7 @@ from synthetic_sidescan import sidescan
 from mitsonar import plots
 from mitsonar.plots import canvas, grid
 from mitsonar.plots.gain import display_gain
+from mitsonar.plots.levels import shown_levels
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -92,7 +93,7 @@ def test_the_picture_is_upright(tmp_path):
     dataset["level"][-10:, 0, -10:] = 60
     plots.preview(dataset, tmp_path / "a.png", tvg=None)
     image = matplotlib.image.imread(tmp_path / "a.png")[..., :3].sum(axis=2)
-    box = image[90:-66, 88:-132]
+    box = image[90:-94, 88:-132]
     assert box[10, 10] > 2 and box[-10, 10] < 0.5 and box[10, -10] < 0.5
 
 
@@ -150,7 +151,7 @@ def test_rare_labels_stay_visible_in_large_surveys(tmp_path):
     dataset["label"][:] = 1
     dataset["label"][3000, 1, 15] = 2
     plots.plot(dataset, "labels", tmp_path / "a.png")
-    image = matplotlib.image.imread(tmp_path / "a.png")[90:-66, 88:, :3]
+    image = matplotlib.image.imread(tmp_path / "a.png")[90:-94, 88:, :3]
     blue = (image[..., 2] > 0.6) & (image[..., 0] < 0.3)
     assert blue[len(image) // 4:].sum() >= 20  # one ping of one bin; the legend lies above and beside
 
@@ -163,6 +164,76 @@ def test_the_legend_stands_beside_the_picture_and_on_the_sheet(count):
     legend, drawn, paper = axes.get_legend().get_window_extent(), axes.get_window_extent(), figure.bbox
     assert drawn.x1 < legend.x0 and legend.x1 < paper.x1 and paper.y0 < legend.y0 and legend.y1 < paper.y1
     assert drawn.width == pytest.approx(sheet.width)
+
+
+def with_surface(level, pings=20):
+    """A survey over 12 m of water, in which the sea surface echoes at 5 m with so many dB, above 52 dB of noise."""
+    dataset = sidescan(pings, 300)
+    at_surface = np.abs(dataset["range"] - 5) < 0.3
+    for name in ("level", "mean_level"):
+        dataset[name] = dataset[name].where(~at_surface, level).transpose("ping", "side", "range").astype(np.float32)
+    return dataset.assign(seabed_depth=dataset["depth"].where(dataset["label"] == 1)).assign_attrs(noise_db=52.0)
+
+
+def test_a_preview_shows_the_faint_echoes_of_the_water_column():
+    """The surface at 90 dB, 55 dB under the bed, is brighter than the middle of the scale; the bed stays as it was."""
+    dataset = with_surface(90.0)
+    laid = grid.make_grid(dataset)
+    image, (low, high), _, column_db = shown_levels(dataset, laid, "seabed")
+    plain, limits, _, none = shown_levels(dataset.drop_vars("seabed_depth"), laid, "seabed")
+    surface = np.abs(np.abs(np.linspace(*laid.across[[0, -1]], laid.width)) - 5) < 0.2
+    assert 0 < column_db <= 100 and column_db % 5 == 0 and none == 0
+    assert (image[:, surface] > 0.5 * (low + high)).all() and (plain[:, surface] < limits[0]).all()
+    raised = image != plain
+    np.testing.assert_allclose(image[raised] - plain[raised], column_db)
+    assert not raised[:, np.abs(np.linspace(*laid.across[[0, -1]], laid.width)) > 12.3].any()
+
+
+@pytest.mark.parametrize("level", [52.0, 15.0, 160.0])
+def test_a_water_column_of_noise_or_of_strong_echoes_gets_no_gain(level):
+    """As loud as the noise, fainter, or as bright as the bed: raised it would be grain, or no brighter."""
+    dataset = with_surface(level)
+    assert shown_levels(dataset, grid.make_grid(dataset), "seabed")[3] == 0
+
+
+def drawn(dataset, monkeypatch):
+    """The figure that a preview saves."""
+    figures = []
+    monkeypatch.setattr(canvas, "save", lambda figure, path: figures.append(figure))
+    plots.preview(dataset, "a.png")
+    figures[0].canvas.draw()
+    return figures[0]
+
+
+def test_the_gain_of_the_water_column_is_told(monkeypatch):
+    words = [[text.get_text() for text in drawn(dataset, monkeypatch).texts] for dataset in
+             (with_surface(90.0), with_surface(15.0))]
+    assert any("water column + " in text for text in words[0]) and not any("water column" in text for text in words[1])
+
+
+@pytest.mark.parametrize(("dataset", "scale"), [
+    (sidescan(20, 50), "scale along track "), (sidescan(1000, 50, interval=0.05), "same scale along and across track"),
+    (sidescan(5000, 50), "scale along track "), (sidescan(20, 50, speed=0.0), None)])
+def test_scale_bars_stand_beside_the_picture_and_the_aspect_is_told(dataset, scale, monkeypatch):
+    figure, laid = drawn(dataset, monkeypatch), grid.make_grid(dataset)
+    axes = figure.axes[0]
+    assert not axes.texts and len(axes.lines) == 1                 # of the data only the track's line is covered
+    (bar,) = figure.artists
+    parts = [part.get_window_extent() for part in (bar, *figure.texts)]
+    for part in parts:
+        assert not part.overlaps(axes.bbox) and figure.bbox.x0 <= part.x0 and part.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= part.y0 and part.y1 <= figure.bbox.y1
+        assert not part.overlaps(axes.xaxis.label.get_window_extent())
+    words = [text.get_text() for text in figure.texts]
+    x, y = bar.get_transform().transform(np.array(bar.get_data()).T).T
+    metre = laid.width / np.ptp(laid.across)
+    assert f"{np.ptp(x) / metre:.3g} m" in words
+    told = [text for text in words if "scale" in text]
+    if scale is None:
+        assert not told and np.ptp(y) == 0
+    else:
+        assert f"{np.ptp(y) / metre / laid.stretch:.3g} m" in words and told[0].startswith(scale)
+        assert f"{laid.stretch:.3g} ×" in told[0] or abs(laid.stretch - 1) < 0.005
 
 
 def test_gain_for_the_seabed_flattens_a_level_lambert_bed():
