@@ -1,17 +1,20 @@
 """Load a scene file as mitsonar means it: variant set, ids kept, parameters filled in."""
 import functools
 import os
+import threading
 from xml.etree import ElementTree
 
 import mitsuba as mi
 
+from . import scene_files
+from .io.files import check_readable
 from .io.scenes import filled, root, text
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
 TAKEN = ("path", "parallel", "optimize")       # arguments of Mitsuba's own loader
-WANTED = "give the path of a Mitsuba XML file"
+_LOADING = threading.RLock()       # the folder in which files are looked for is Mitsuba's, one for all threads
 
 
 def prepare():
@@ -57,21 +60,19 @@ def load_file(path, /, **parameters):
     PermissionError
         If it may not be read.
     ValueError
-        If the scene or a parameter is wrong; names file, line and attribute.
+        If the scene, a file that it names or a parameter is wrong; names file, line and attribute.
     TypeError
         If a parameter's value is of a kind that cannot be written in XML.
 
     Notes
     -----
     Meshes stay apart even if they share a material (``optimize=False``), because their ids are the labels of the image.
+    What the scene names is checked before Mitsuba opens it (`scene_files`), which ``mi.load_file`` does not do.
     """
     path = os.fspath(path)
     if not os.path.exists(path):
-        raise FileNotFoundError(f"scene file {path} does not exist; {WANTED}")
-    if os.path.isdir(path):
-        raise ValueError(f"scene file {path} is a folder; {WANTED}")
-    if not os.access(path, os.R_OK):
-        raise PermissionError(f"scene file {path} may not be read by you; change its permissions")
+        raise FileNotFoundError(f"scene file {path} does not exist; give the path of a Mitsuba XML file")
+    check_readable(path, "the scene", "a Mitsuba XML file")
     values = {name: text(name, value) for name, value in parameters.items()}
     for name in TAKEN:
         if name in values:
@@ -81,10 +82,11 @@ def load_file(path, /, **parameters):
     _first_scene()
     from .plugins.errors import as_exception
 
-    _check_bitmaps(path)
     try:
-        scene = mi.load_file(path, optimize=False, **values)
-    except RuntimeError as error:
+        with _LOADING:
+            scene_files.check(path, values)
+            scene = mi.load_file(path, optimize=False, **values)
+    except (RuntimeError, UnicodeDecodeError) as error:
         raise _naming_parameters(as_exception(error), path) from None
     if not isinstance(scene, mi.Scene):
         raise ValueError(f"{path} holds no scene but a single object; put it into <scene version=\"3.0.0\">")
@@ -135,20 +137,6 @@ def _first_scene():
 
     with plugins.LOCK:
         mi.load_dict({"type": "scene"})
-
-
-def _check_bitmaps(path):
-    """Refuse bitmaps without a file, which end the process in Mitsuba 3.9."""
-    try:
-        elements = ElementTree.parse(path).getroot().iter("texture")
-    except ElementTree.ParseError:
-        return                                     # Mitsuba says so, with the line
-    for element in elements:
-        inside = {(child.tag, child.get("name")) for child in element}
-        if element.get("type") == "bitmap" and not inside & {("string", "filename"), ("ref", "bitmap")}:
-            name = element.get("name") or element.get("id") or ""
-            raise ValueError(f'{path}: the bitmap "{name}" has no filename; write <string name="filename" '
-                             'value="..."/> into it')
 
 
 def _naming_parameters(error, path):

@@ -117,6 +117,9 @@ class Geometry:
                 continue
             vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
             face = parameters["faces"].numpy().reshape(-1, 3)
+            if face.max(initial=0) >= len(vertex):     # in a scene that Mitsuba itself loaded, or made in Python
+                raise ValueError(f'a face of the mesh "{shape.id()}" names vertex {face.max()}, and the vertices count '
+                                 f"from 0 to {len(vertex) - 1}; repair the mesh")
             rows[index, 1:] = first_face, 1, self.textured and shape.has_vertex_texcoords()
             texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
                              else np.zeros((len(vertex), 2), np.float32))

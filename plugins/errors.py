@@ -35,7 +35,9 @@ def plain(error):
         error = error.__cause__  # Dr.Jit hides what a plugin raised behind its own message
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    text, place, plugin = _TAG.sub("", str(error), count=1) if _TAG.match(str(error)) else str(error), "", ""
+    # what Mitsuba quotes of a damaged file may be no text
+    text = error.object.decode(errors="replace") if isinstance(error, UnicodeDecodeError) else str(error)
+    text, place, plugin = _TAG.sub("", text, count=1) if _TAG.match(text) else text, "", ""
     if match := _SYNTAX.match(text):
         return f"{_at(match['file'] or 'scene', match['line'])}: the XML is broken: {match['what']}"
     while match := next(filter(None, (wrapper.match(text) for wrapper in _WRAPPERS)), None):

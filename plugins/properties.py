@@ -94,6 +94,8 @@ class Attributes:
         if not os.path.isfile(path):
             if os.path.isdir(path):
                 raise self.error(f'{name} names the folder "{value}"; give the name of a file.')
+            if os.path.exists(path):
+                raise self.error(f'{name} names "{value}", a device or a pipe; give the name of a file.')
             raise self.error(f'{name} names the file "{value}", which is not there; it is looked for beside the scene, '
                              "then where you are.")
         if not os.access(path, os.R_OK):

@@ -2,6 +2,7 @@
 
 A reader never meets half a file, and a failure (disk full, exception, Ctrl-C) leaves an older file of that name as it
 was. `check_writable` asks the questions that can be asked before the work; `replacing` does the writing.
+`check_readable` is asked before anything is opened: a pipe or a device may have nothing to read for ever, or no end.
 """
 import contextlib
 import errno
@@ -11,6 +12,37 @@ from pathlib import Path
 
 FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
         errno.EFBIG: "the file grew past the largest size allowed here"}
+
+
+def check_readable(path, what="", wanted="a file"):
+    """Check that ``path`` is an ordinary file that can be read, before it is opened.
+
+    Parameters
+    ----------
+    path : str or path
+    what : str
+        What errors call the file: "the mesh".
+    wanted : str
+        What errors ask for: "a mesh".
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is a folder, a device, a pipe or a socket.
+    PermissionError
+        If it may not be read.
+    """
+    name = f"cannot read {what}{' ' if what else ''}{path}"
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"{name}: there is no such file; check the name.")
+    if os.path.isdir(path):
+        raise ValueError(f"{name}: it is a folder; give the path of {wanted}.")
+    if not os.path.isfile(path):
+        raise ValueError(f"{name}: it is a device or a pipe; give the path of {wanted}.")
+    if not os.access(path, os.R_OK):
+        raise PermissionError(f"{name}: you may not read it; change its permissions.")
 
 
 def check_writable(path):

@@ -1,12 +1,18 @@
 """Scene files as text: found by name, parsed, their ``$parameters`` filled in as Mitsuba does it."""
 import numbers
 import os
-from importlib.resources import files
+from importlib import resources
 from xml.etree import ElementTree
 
 import numpy as np
 
-__all__ = ["filled", "find", "root", "text"]
+from . import files
+
+__all__ = ["check", "filled", "find", "root", "text"]
+
+LARGEST = 100_000_000              # bytes
+DEEPEST = 200                      # elements within elements; Mitsuba's reader calls itself for each
+MOST_INCLUDED = 1000               # files
 
 
 def find(name):
@@ -29,12 +35,12 @@ def find(name):
     if os.path.isfile(name):
         return name
     if os.path.dirname(name) == "":
-        shipped = files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
+        shipped = resources.files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
         if shipped.is_file():                          # also where a sweep has made a folder of that name
             return str(shipped)
     if os.path.exists(name):
         return name
-    known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in files("mitsonar.scenes").iterdir()
+    known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in resources.files("mitsonar.scenes").iterdir()
                              if entry.name.endswith(".xml")))
     raise FileNotFoundError(f"scene {name} does not exist; give the path of a Mitsuba XML file or one of: {known}")
 
@@ -44,13 +50,65 @@ def root(path):
 
     Raises
     ------
+    FileNotFoundError, PermissionError
+        If there is no such file, or it may not be read.
     ValueError
-        If the file is no XML.
+        If it is no ordinary file, too large, or no XML.
     """
+    files.check_readable(path, "the scene", "a Mitsuba XML file")
+    if os.path.getsize(path) > LARGEST:
+        raise ValueError(f"the scene {path} has {os.path.getsize(path):,} bytes; give at most {LARGEST:,}")
     try:
         return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
-        raise ValueError(f"{path}: the XML is broken: {error}") from None
+        what = str(error).partition(": line ")[0]
+        raise ValueError(f"{path}, line {error.position[0]}: the XML is broken: {what}") from None
+
+
+def check(path, values):
+    """Check all files that are opened while a scene is parsed: itself, what it includes, and spectra.
+
+    Parameters
+    ----------
+    path : str
+    values : dict of str to str
+        Of its parameters.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, ValueError
+        As `root`, for any of them; those that are not there are left to Mitsuba, which says where they are named. If
+        elements are nested too deep for its reader.
+    """
+    known, folders, seen = dict(values), [os.path.dirname(path)], set()
+
+    def walk(file):
+        if file in seen:
+            return
+        seen.add(file)
+        if len(seen) > MOST_INCLUDED:
+            raise ValueError(f"{path}: it includes more than {MOST_INCLUDED} files")
+        waiting = [(root(file), 1)]                # in the order of the document, which is that of Mitsuba's reader
+        while waiting:
+            element, depth = waiting.pop()
+            if depth > DEEPEST:
+                raise ValueError(f"{file}: more than {DEEPEST} elements are nested in one another; flatten them")
+            waiting += [(child, depth + 1) for child in reversed(element)]
+            if element.tag == "default":
+                known.setdefault(element.get("name"), filled(element.get("value", ""), known))
+            elif element.tag == "path":
+                folders.insert(0, os.path.join(os.path.dirname(file), filled(element.get("value", ""), known)))
+            elif element.get("filename"):
+                name = filled(element.get("filename"), known)
+                beside = [os.path.dirname(file)] if element.tag == "include" else []
+                found = next((found for folder in (*beside, *folders, "")
+                              if os.path.exists(found := os.path.join(folder, name))), None)
+                if found and element.tag == "include":
+                    walk(found)
+                elif found:
+                    files.check_readable(found, f"what <{element.tag}> names,")
+
+    walk(path)
 
 
 def filled(template, values):

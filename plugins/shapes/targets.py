@@ -162,7 +162,7 @@ def _files(attributes, text):
         else:
             paths = [str(resolve(name.strip())) for name in text.split(",")]
         for path in paths:
-            meshes.check(path)
+            meshes.check_target(path)
     except (ValueError, OSError) as error:
         raise attributes.error(f"{error}.") from None
     known = {}
@@ -190,7 +190,7 @@ def _body(attributes, path):
     stem, suffix = os.path.splitext(os.path.basename(path))
     try:
         mesh = mi.load_dict({"type": suffix[1:].lower(), "filename": path}, parallel=False, optimize=False)
-    except RuntimeError as error:
+    except (RuntimeError, UnicodeDecodeError) as error:
         said = plain(error).removeprefix('object "root": ')
         raise attributes.error(f"the mesh {path} cannot be read ({said}); export it again, in triangles.") from None
     try:

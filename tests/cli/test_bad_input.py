@@ -131,7 +131,7 @@ SCENES = {
     "mesh that is not there": ([(END, '<shape type="ply"><string name="filename" value="no.ply"/></shape></scene>')],
                                'ply: Error while loading PLY file "no.ply": file not found'),
     "mesh that is none": ([(END, '<shape type="ply"><string name="filename" value="scene.xml"/></shape></scene>')],
-                          'PLY file "scene.xml"'),
+                          "ply: the mesh scene.xml is damaged, or no PLY file of triangles: it does not begin"),
     "scene without version": ([(' version="3.0.0"', "")], 'must begin with <scene version="3.0.0">'),
     "broken XML": ([("</sensor>", "")], "the XML is broken"),
     "XML that only Mitsuba reads": ([(END, "<!-- a -- b --></scene>")], "the XML is broken"),

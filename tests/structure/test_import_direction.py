@@ -28,6 +28,7 @@ FLOORS = """
     ensonification fan_truth array_station array_survey array_signals
     survey
     plugins
+    scene_files
     scene rendering elements
     plots doctor
     published
