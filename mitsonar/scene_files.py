@@ -1,8 +1,9 @@
 """The files that a scene names, checked before Mitsuba opens them.
 
 Mitsuba's readers believe what they read: a mesh whose face names a vertex that is not there is read and written outside
-memory. So the scene is parsed first, by Mitsuba's own parser, with parameters filled in and included files followed,
-and each file that an object names is looked at here, before any object is made.
+memory, and as much memory is taken as the header of a picture claims. So the scene is parsed first, by Mitsuba's own
+parser, with parameters filled in and included files followed, and each file that an object names is looked at here,
+before any object is made.
 """
 import os
 import re
@@ -10,11 +11,12 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-from .io import files, meshes, scenes
+from .io import files, meshes, pictures, scenes
 
 __all__ = ["check"]
 
 MESHES = ("ply", "obj", "serialized", "linearcurve", "bsplinecurve")
+PICTURES, VOLUMES = ("bitmap", "envmap"), ("gridvolume", "sdfgrid")
 # their readers take memory or write outside of it as the file says, and none of them is of use to sound
 REFUSED = ("ellipsoids", "ellipsoidsmesh", "measured", "measured_polarized")
 TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
@@ -33,8 +35,8 @@ def check(path, values):
     Raises
     ------
     ValueError
-        If a file is a folder, a device or a pipe, or is no mesh that Mitsuba can read without harm; names the
-        place in the scene.
+        If a file is a folder, a device or a pipe, or is no mesh or picture that Mitsuba can read without harm; names
+        the place in the scene.
     RuntimeError
         Of Mitsuba's parser.
 
@@ -88,6 +90,10 @@ def _check_node(node, resolver):
     if kind in MESHES:
         index = props["shape_index"] if "shape_index" in props else 0
         meshes.check(path, kind, index if isinstance(index, int) else 0)
+    elif kind in PICTURES:
+        pictures.check(path)
+    elif kind in VOLUMES:
+        pictures.check_volume(path)
     else:
         files.check_readable(path)
 

@@ -21,7 +21,7 @@ import numpy as np
 import OpenEXR
 import xarray
 
-from .files import replacing
+from .files import check_readable, replacing
 
 CONFIG = "mitsonar:config"
 FORMAT = 1
@@ -242,12 +242,32 @@ def _strict(value, where):
     raise ValueError(f"cannot write {where} as EXR: it is a {type(value).__name__}; use plain JSON values.")
 
 
+def header(path):
+    """Read the header of the first part of an OpenEXR file, of ours or not.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    dict
+        As the library gives it, ``channels`` and ``dataWindow`` among it.
+
+    Raises
+    ------
+    ValueError
+        If it is no OpenEXR file, or cut short.
+    """
+    try:
+        return OpenEXR.File(str(path), header_only=True).header(0)
+    except (RuntimeError, ValueError, TypeError, IndexError) as error:
+        raise ValueError("it is not an OpenEXR file, or is cut short") from error
+
+
 def _config_of(path):
     """Find a file and read its header."""
-    if not os.path.exists(path):
-        raise FileNotFoundError(f"cannot read {path}: there is no such file; check the name.")
-    if os.path.isdir(path):
-        raise ValueError(f"cannot read {path}: it is a folder; give the name of an OpenEXR file.")
+    check_readable(path, wanted="an OpenEXR file")
     return _config(path, path)
 
 
@@ -255,10 +275,9 @@ def _config(path, name):
     """Read and check the header of one of our files; ``name`` is what a person calls it."""
     remedy = "give an EXR file that mitsonar wrote"
     try:
-        file = OpenEXR.File(str(path), header_only=True)
-    except RuntimeError as error:
-        raise ValueError(f"cannot read {name}: it is not an OpenEXR file, or is cut short; {remedy}.") from error
-    text = file.header(0).get(CONFIG)
+        text = header(path).get(CONFIG)
+    except ValueError as error:
+        raise ValueError(f"cannot read {name}: {error}; {remedy}.") from error
     if text is None:
         raise ValueError(f"cannot read {name}: this OpenEXR file has no attribute {CONFIG}; {remedy}.")
     try:

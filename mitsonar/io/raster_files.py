@@ -57,6 +57,8 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
 
     if not os.path.exists(path):
         raise ValueError("there is no such file.")
+    if not os.path.isfile(path):
+        raise ValueError("it is a folder, a device or a pipe; give a file.")
     is_array = str(path).endswith(".npy")
     if is_array != (spacing is not None):
         raise ValueError("an .npy array needs the spacing of its nodes." if is_array else

@@ -11,7 +11,7 @@ import os
 import numpy as np
 import xarray as xr
 
-from .files import check_writable, replacing
+from .files import check_readable, check_writable, replacing
 
 __all__ = ["read", "write"]
 
@@ -68,8 +68,7 @@ def read(path):
     ValueError
         If it holds no signals of mitsonar.
     """
-    with open(path, "rb"):
-        pass                           # says plainly that there is no such file, or that it may not be read
+    check_readable(path, "the signals", "a netCDF file")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             dataset.load()

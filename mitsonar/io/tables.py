@@ -39,9 +39,12 @@ def records(path, what):
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"cannot read the {what} {path}: there is no such file; check the name.")
+    if not path.is_file():
+        raise ValueError(f"cannot read the {what} {path}: it is not a text file, but a folder or a device; give a CSV "
+                         "file.")
     try:
         text = path.read_text(encoding="utf-8-sig").splitlines()
-    except (UnicodeDecodeError, IsADirectoryError):
+    except UnicodeDecodeError:
         raise ValueError(f"cannot read the {what} {path}: it is not a text file; give a CSV file.") from None
     kept = [(number, line) for number, line in enumerate(text, 1) if line.strip() and not line.startswith("#")]
     if len(kept) < 2:

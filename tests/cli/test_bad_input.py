@@ -82,7 +82,7 @@ SCENES = {
     "bitmap that is not there": ([('<float name="mu_db" value="-27"/>', BITMAP.format("no.png"))],
                                  'bitmap: cannot open "no.png": no such file or directory.'),
     "bitmap that is none": ([('<float name="mu_db" value="-27"/>', BITMAP.format("scene.xml"))],
-                            "line 13: bitmap: the file is cut short, or no picture"),
+                            "line 13: bitmap: the picture scene.xml is cut short, or no picture"),
     "mesh attribute without a name": ([('<float name="mu_db" value="-27"/>',
                                         '<texture type="mesh_attribute" name="mu_db"/>')], "name is missing."),
     "something nested": ([('<float name="mu_db" value="-27"/>', '<shape type="cube"/>')],

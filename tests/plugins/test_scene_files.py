@@ -98,6 +98,14 @@ def test_a_mesh_from_elsewhere_is_refused_when_rendered(load):
         mitsonar.render(scene)
 
 
+def test_a_texture_that_claims_more_than_a_memory_holds_is_refused(load, tmp_path):
+    from test_pictures import png_of
+
+    (tmp_path / "huge.png").write_bytes(png_of(20000, 20000))
+    with pytest.raises(ValueError, match="line 10: bitmap: the picture .*huge.png cannot be read: Image size"):
+        load(BITMAP.format("$mesh"), mesh="huge.png")
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
 @pytest.mark.parametrize("body", [
     SHAPE.format("{}"), SHAPE.replace('"ply"', '"obj"'), BITMAP, TARGETS, '<include filename="{}"/>',

@@ -215,7 +215,7 @@ def array(tmp_path, values):
     (lambda t: t / "none.tif", {}, "none.tif: there is no such file"),
     (text_file, {}, r"survey.bag: this is not a bathymetry grid that GDAL can read \(.*not recognized"),
     (broken_hdf5, {}, r"survey.bag: this is not a bathymetry grid that GDAL can read \(not recognized"),
-    (lambda t: t, {}, "this is not a bathymetry grid that GDAL can read"),
+    (lambda t: t, {}, "it is a folder, a device or a pipe; give a file"),
     (lambda t: make(t / "a.tif"), {"band": 2}, "there is no band 2; the file has 1 unnamed"),
     (lambda t: make(t / "a.tif"), {"vertical": "up"}, 'vertical is "up"; it must be'),
     (lambda t: make(t / "a.tif"), {"resolution": 0.0}, "resolution is 0.0 m"),

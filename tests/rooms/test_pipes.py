@@ -1,0 +1,29 @@
+"""A pipe nobody writes to, a device without end and a folder: every reader refuses them, none waits."""
+import os
+
+import pytest
+
+from mitsonar.io import arrays, bathymetry, casts, exr, files, meshes, pictures, scenes, signals, tables, tracks
+
+READERS = {"array": arrays.read, "bathymetry": bathymetry.read, "cast": casts.read, "exr": exr.read,
+           "attributes": exr.attributes, "mesh": lambda path: meshes.check(path, "ply"), "target": meshes.check_target,
+           "picture": pictures.check, "volume": pictures.check_volume, "scene": scenes.root, "signals": signals.read,
+           "table": lambda path: tables.records(path, "table"), "track": tracks.read}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_readers_refuse_what_is_no_ordinary_file(tmp_path, read, kind):
+    path = tmp_path / "it.ply"
+    {"pipe": os.mkfifo, "device": lambda path: path.symlink_to("/dev/zero"), "folder": os.mkdir}[kind](path)
+    with pytest.raises(ValueError, match=r"it\.ply.*(folder|device|pipe|not a file)"):
+        read(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read every file")
+def test_files_that_may_not_be_read(tmp_path):
+    path = tmp_path / "locked"
+    path.touch(mode=0)
+    with pytest.raises(PermissionError, match="cannot read the mesh .*locked: you may not read it"):
+        files.check_readable(path, "the mesh")
