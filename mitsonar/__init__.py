@@ -25,6 +25,8 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "load_file": "mitsonar.scene",
     "render": "mitsonar.rendering",
+    "read": "mitsonar.io.reading",
+    "write": "mitsonar.io.reading",
     "impulse_response": "mitsonar.elements",
     "element_signals": "mitsonar.elements",
     "BackendError": "mitsonar.llvm",

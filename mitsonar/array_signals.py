@@ -98,7 +98,7 @@ def _labelled(values, survey, pings, name, unit, *, transmitters):
     coords["ping_time"] = ("ping", track.time[pings], {"units": "s"})
     return xr.DataArray(values, dims=("ping", "tx", "rx", "sample"), coords=coords, name=name,
                         attrs={"units": unit, "frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
-                               "sound_speed": survey.sound_speed(pings[0])})
+                               "sound_speed": survey.sound_speed(pings[0]), "pulse": survey.pulse.numbers})
 
 
 def _doppler(survey, ping):

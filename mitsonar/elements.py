@@ -4,6 +4,7 @@ import operator
 import numpy as np
 
 from .array_signals import LEAD, pair_responses, received_signals
+from .io.records import SonarSignals
 from .plugins.errors import as_exception
 from .propagation.vector_approximation import DIFFERENCES
 from .rendering import checked_seed, opened, provenance
@@ -40,11 +41,11 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
 
     Returns
     -------
-    xarray.DataArray
-        (ping, tx, rx, sample), complex64: pressure per unit pressure at 1 m. ``time`` [s] of the samples since the
-        transmission, element positions ``tx_x`` ... ``rx_z`` [m] in the body frame, and of the pings ``x``, ``y``,
-        ``z``, ``roll``, ``pitch``, ``heading`` and ``ping_time``. The attribute ``kernel_energy`` is what the kernel
-        makes of the energy of an echo of amplitude a: Σ|h|² = kernel_energy |a|², 0.792 with the default.
+    SonarSignals
+        An `xarray.DataArray` (ping, tx, rx, sample), complex64: pressure per unit pressure at 1 m. ``time`` [s] of the
+        samples since the transmission, element positions ``tx_x`` ... ``rx_z`` [m] in the body frame, and of the pings
+        ``x``, ``y``, ``z``, ``roll``, ``pitch``, ``heading`` and ``ping_time``. The attribute ``kernel_energy`` is what
+        the kernel makes of the energy of an echo of amplitude a: Σ|h|² = kernel_energy |a|², 0.792 with the default.
 
     Raises
     ------
@@ -57,8 +58,8 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     paths = _known_paths(survey, paths)
     array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
                            paths=paths, progress=progress)
-    return array.assign_attrs(kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
-                              **provenance(scene, sensor))
+    return _told(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
+                 **provenance(scene, sensor))
 
 
 def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
@@ -77,10 +78,10 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
 
     Returns
     -------
-    xarray.DataArray
-        (ping, tx, rx, sample), complex64 [µPa], tx of size 1: the whole transmit array. An echo of delay t begins at
-        time t, later by the element's own delay where the receive array is steered or focused. Coordinates as of
-        `impulse_response`, and ``rx_weight``, ``rx_delay`` [s].
+    SonarSignals
+        An `xarray.DataArray` (ping, tx, rx, sample), complex64 [µPa], tx of size 1: the whole transmit array; with its
+        ``pulse``. An echo of delay t begins at time t, later by the element's own delay where the receive
+        array is steered or focused. Coordinates as of `impulse_response`, and ``rx_weight``, ``rx_delay`` [s].
 
     Notes
     -----
@@ -100,13 +101,18 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     paths = _known_paths(survey, paths)
     array = received_signals(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
                              paths=paths, progress=progress)
-    return array.assign_attrs(kernel=kernel, return_path=return_path, **provenance(scene, sensor))
+    return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor))
 
 
 def pings(scene, *, sensor=0):
     """Number of pings of a scene's sensor with arrays."""
     scene, sensor, integrator = opened(scene, sensor)
     return integrator.array_survey(scene, sensor).track.pings
+
+
+def _told(array, **attributes):
+    """Signals that say where they come from."""
+    return SonarSignals.of(array.assign_attrs(attributes))
 
 
 def _known(kernel, return_path):

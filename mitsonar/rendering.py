@@ -6,6 +6,8 @@ import os
 import mitsuba as mi
 
 from . import __version__
+from .alterations import altered
+from .io.records import SonarImage
 from .plugins.errors import as_exception
 from .scene import load_file, prepare
 
@@ -20,7 +22,7 @@ def render(scene, seed=0, *, sensor=0, progress=None):
     Parameters
     ----------
     scene : mitsuba.Scene, or str or path
-        As `mitsonar.load_file` or `mi.load_file` give it, or the name of its file.
+        As `mitsonar.load_file` or `mi.load_file` give it, or what `mitsonar.load_file` takes.
     seed : int
         Of everything random: ray directions, speckle, noise. The same scene and seed give the same bytes.
         From 0 to 4294967295.
@@ -31,11 +33,11 @@ def render(scene, seed=0, *, sensor=0, progress=None):
 
     Returns
     -------
-    xarray.Dataset
-        For a sidescan over (ping, side, range): ``level`` [dB re 1 µPa], ``mean_level``, and ground truth from the same
-        rays (``label``, ``class``, ``share`` of every shape, ``hidden`` and ``object_shadow``, ``layover``, ``depth``,
-        ``seabed_x``, ``seabed_y``, ``seabed_depth``, ``shadow``, ``rays``); axes, units, resolved scene, objects and
-        versions in coordinates and attributes.
+    SonarImage
+        An `xarray.Dataset`; for sidescans over (ping, side, range): ``level`` [dB re 1 µPa], ``mean_level``, and ground
+        truth from the same rays (``label``, ``class``, ``share`` of every shape, ``hidden`` and ``object_shadow``,
+        ``layover``, ``depth``, ``seabed_x``, ``seabed_y``, ``seabed_depth``, ``shadow``, ``rays``); axes, units,
+        resolved scene, objects and versions in coordinates and attributes.
 
     Raises
     ------
@@ -52,8 +54,7 @@ def render(scene, seed=0, *, sensor=0, progress=None):
         image = integrator.dataset(scene, sensor, seed, progress)
     except RuntimeError as error:
         raise as_exception(error) from error
-    image.attrs.update(provenance(scene, sensor))
-    return image
+    return SonarImage.of(image.assign_attrs(provenance(scene, sensor)))
 
 
 def opened(scene, sensor=0):
@@ -98,6 +99,8 @@ def provenance(scene, sensor):
     if bed is not None:
         origin, crs = bed.local_origin, getattr(bed, "crs", None)
     known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
+    loaded = getattr(sensor, "loaded", None)
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
-    return {**known, "versions": {"mitsonar": __version__, **versions},
+    return {**known, "altered": None if loaded is None else altered(scene, loaded),
+            "versions": {"mitsonar": __version__, **versions},
             "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}

@@ -7,8 +7,9 @@ from xml.etree import ElementTree
 import mitsuba as mi
 
 from . import scene_files
+from .alterations import held
 from .io.files import check_readable
-from .io.scenes import filled, root, text
+from .io.scenes import filled, find, root, text
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
@@ -45,7 +46,7 @@ def load_file(path, /, **parameters):
     Parameters
     ----------
     path : str or path
-        Mitsuba XML.
+        Mitsuba XML, or the name of a scene that comes with mitsonar, such as ``sidescan_flat``.
     **parameters
         Values for the scene's ``$parameters``: numbers, strings, true or false, paths, or lists of these.
 
@@ -69,9 +70,7 @@ def load_file(path, /, **parameters):
     Meshes stay apart even if they share a material (``optimize=False``), because their ids are the labels of the image.
     What the scene names is checked before Mitsuba opens it (`scene_files`), which ``mi.load_file`` does not do.
     """
-    path = os.fspath(path)
-    if not os.path.exists(path):
-        raise FileNotFoundError(f"scene file {path} does not exist; give the path of a Mitsuba XML file")
+    path = find(os.fspath(path))
     check_readable(path, "the scene", "a Mitsuba XML file")
     values = {name: text(name, value) for name, value in parameters.items()}
     for name in TAKEN:
@@ -90,10 +89,11 @@ def load_file(path, /, **parameters):
         raise _naming_parameters(as_exception(error), path) from None
     if not isinstance(scene, mi.Scene):
         raise ValueError(f"{path} holds no scene but a single object; put it into <scene version=\"3.0.0\">")
+    values_now = held(scene)
     provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():
         if hasattr(sensor, "provenance"):
-            sensor.provenance = provenance
+            sensor.provenance, sensor.loaded = provenance, values_now
     return scene
 
 

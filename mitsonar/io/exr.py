@@ -22,6 +22,7 @@ import OpenEXR
 import xarray
 
 from .files import check_readable, replacing
+from .records import SonarImage
 
 CONFIG = "mitsonar:config"
 FORMAT = 1
@@ -90,7 +91,8 @@ def read(path):
 
     Returns
     -------
-    xarray.Dataset
+    SonarImage
+        An `xarray.Dataset`.
 
     Raises
     ------
@@ -119,7 +121,7 @@ def read(path):
         values = stacked.view(np.int32) if kind.kind == "i" else stacked
         values = values.astype(kind).reshape([sizes[dim] for dim in order])
         variables[name] = xarray.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
-    return xarray.Dataset(variables, coords, config["attrs"])
+    return SonarImage(variables, coords, config["attrs"])
 
 
 def attributes(path):

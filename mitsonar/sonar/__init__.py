@@ -5,11 +5,11 @@ from .axes import body_direction
 from .beam_patterns import beam_pattern, directivity_index_db, element_directivity_index_db
 from .directivity import Aperture, length_for_beam_width
 from .presets import presets
-from .pulses import PULSES, Pulse, cw, hfm, lfm, sampled
+from .pulses import PULSES, Pulse, cw, hfm, lfm, pulse_of, sampled
 from .sidescan import Sidescan
 from .track import Track
 
 __all__ = ["Aperture", "Array", "PULSES", "Pulse", "Sidescan", "Track", "beam_pattern", "body_direction", "cw",
            "cylindrical_array", "directivity_index_db", "element_array", "element_directivity_index_db", "hfm",
-           "length_for_beam_width", "lfm", "line_array", "mills_cross", "planar_array", "presets", "sampled",
-           "spherical_array"]
+           "length_for_beam_width", "lfm", "line_array", "mills_cross", "planar_array", "presets", "pulse_of",
+           "sampled", "spherical_array"]

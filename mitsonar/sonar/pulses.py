@@ -18,7 +18,7 @@ from scipy.fft import fftfreq, fftshift, ifftshift
 from scipy.interpolate import CubicSpline
 from scipy.signal import ZoomFFT, get_window, resample_poly
 
-__all__ = ["PULSES", "Pulse", "cw", "hfm", "lfm", "sampled"]
+__all__ = ["PULSES", "Pulse", "cw", "hfm", "lfm", "pulse_of", "sampled"]
 
 WINDOW_NODES = 8193                # of a window's table: linear between them is good to 1e-7
 STEPS_PER_CYCLE = 32               # of Simpson's rule at the highest frequency in sight: -90 dB
@@ -66,6 +66,15 @@ class Pulse:
                              f"the carrier; give a duration in seconds of {1 / self.frequency:.2g} or more.")
         if self.window is not None:
             _window_table(self.window)
+
+    @property
+    def numbers(self) -> dict | None:
+        """Plain values that `pulse_of` makes this pulse of again; None of a sampled one."""
+        if self.kind not in PULSES:
+            return None
+        window = list(self.window) if isinstance(self.window, tuple) else self.window
+        sweep = {} if self.sweep is None else {"bandwidth": self.sweep[1] - self.sweep[0]}
+        return {"kind": self.kind, "frequency": self.frequency, "duration": self.duration, **sweep, "window": window}
 
     # ------------------------------------------------------------------------------------------------ in time
     def envelope(self, time, doppler=1.0):
@@ -294,6 +303,29 @@ def sampled(frequency, samples, sampling_rate):
 
 
 PULSES = {"cw": cw, "lfm": lfm, "hfm": hfm}  # those that numbers in a scene describe
+
+
+def pulse_of(numbers: dict) -> Pulse:
+    """Make a pulse of what its ``numbers`` said.
+
+    Parameters
+    ----------
+    numbers : dict
+        ``kind``, ``frequency`` [Hz], ``duration`` [s], ``bandwidth`` [Hz] of a sweep, ``window``.
+
+    Raises
+    ------
+    ValueError
+        If they describe no pulse.
+    """
+    arguments = {name: value for name, value in numbers.items() if name != "kind"}
+    if isinstance(arguments.get("window"), list):
+        arguments["window"] = tuple(arguments["window"])
+    try:
+        return PULSES[numbers["kind"]](**arguments)
+    except (KeyError, TypeError):
+        raise ValueError(f"{numbers} describe no pulse; give kind ({', '.join(PULSES)}), frequency, duration, window, "
+                         "and of a sweep bandwidth.") from None
 
 
 # ---------------------------------------------------------------------------------------------------- inside

@@ -4,6 +4,7 @@ Closed forms: CW and LFM transforms (sinc; Fresnel integrals' energy T), HFM pha
 Bias: Simpson's rule is wrong by less than 1e-4 of the largest value; a spectrum kept to ∓32/T misses 1e-6 of ∫|S|⁴. An
 LFM pulse's spectrum is not quite flat: its effective length is 1/B only to some 1/(BT), here 1e-3 at BT = 200.
 """
+import json
 import pickle
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from scipy.fft import fftfreq
 from scipy.special import fresnel
 
-from mitsonar.sonar import PULSES, cw, hfm, lfm, sampled
+from mitsonar.sonar import PULSES, cw, hfm, lfm, pulse_of, sampled
 
 FAMILY = {
     "cw": cw(1e5, 1e-3),
@@ -163,3 +164,17 @@ def test_impossible_sweeps_are_refused(make, bandwidth):
 def test_impossible_samples_are_refused(samples, rate):
     with pytest.raises(ValueError, match="sampled pulse"):
         sampled(1e5, samples, rate)
+
+
+@pytest.mark.parametrize("name", [name for name in FAMILY if name != "sampled"])
+def test_numbers_make_the_same_pulse_again(name):
+    pulse = FAMILY[name]
+    again = pulse_of(json.loads(json.dumps(pulse.numbers)))
+    assert again.numbers == pulse.numbers and np.array_equal(again.sampled_at(1e5), pulse.sampled_at(1e5))
+
+
+def test_what_describes_no_pulse_is_refused():
+    assert FAMILY["sampled"].numbers is None
+    for numbers in ({}, {"kind": "chirp"}, {**FAMILY["lfm"].numbers, "colour": 1}):
+        with pytest.raises(ValueError, match=r"describe no pulse; give kind \(cw, lfm, hfm\)"):
+            pulse_of(numbers)

@@ -52,7 +52,7 @@ def same_bits(a, b):
 def test_round_trip_is_identical(dataset, tmp_path):
     exr.write(dataset, tmp_path / "a.exr")
     back = exr.read(tmp_path / "a.exr")
-    xarray.testing.assert_identical(back, dataset)
+    assert back.identical(dataset)
     assert list(back.variables) == list(dataset.variables)
     for name in dataset.variables:
         same_bits(back[name], dataset[name])
@@ -74,7 +74,7 @@ def test_views_and_the_dataset_itself_are_untouched(tmp_path):
     part = whole.isel(ping=slice(1, None, 2), range=slice(None, None, -3))
     before = part.copy(deep=True)
     exr.write(part, tmp_path / "a.exr")
-    xarray.testing.assert_identical(exr.read(tmp_path / "a.exr"), before)
+    assert exr.read(tmp_path / "a.exr").identical(before)
     xarray.testing.assert_identical(part, before)
 
 

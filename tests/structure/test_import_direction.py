@@ -18,7 +18,7 @@ FLOORS = """
     signal
     imaging
     io
-    shape_labels trace scene_objects
+    shape_labels trace scene_objects alterations
     tessellation
     materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays element_beams
     smooth_facets

@@ -197,7 +197,8 @@ def point_signals(recording, values, points, method):
 def _labelled(recording, values, dims, method):
     given = recording.signals
     kept = {name: value for name, value in given.coords.items() if value.dims in ((), ("ping",))}
-    return xr.DataArray(values, dims=dims, coords=kept, name=given.name, attrs={**given.attrs, "beamformer": method})
+    attrs = {**given.attrs, "beamformer": method}
+    return type(given)(values, dims=dims, coords=kept, name=given.name, attrs=attrs)     # beams can do what signals can
 
 
 def uniform_line(position, wavelength):

@@ -1,0 +1,58 @@
+"""Which values of a scene were altered through ``mi.traverse`` since it was loaded.
+
+What a scene holds is kept as it was loaded: Dr.Jit's arrays are never written in place while somebody else holds them,
+so keeping them costs no copy, and one that is still the same variable needs no look at its numbers.
+"""
+import drjit as dr
+import mitsuba as mi
+
+__all__ = ["altered", "held"]
+
+
+def held(scene: "mi.Scene") -> dict:
+    """Keep every value that ``mi.traverse`` shows, by its name."""
+    parameters = mi.traverse(scene)
+    values = ((name, _numbers(parameters[name])) for name in parameters.keys())
+    # under names of their own, which stay when others are written to
+    return {name: type(value)(value) if dr.is_array_v(value) else value for name, value in values}
+
+
+def altered(scene: "mi.Scene", before: dict) -> list[str]:
+    """Names of the values that are not as they were.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    before : dict
+        Of `held`.
+
+    Returns
+    -------
+    list of str
+        Sorted.
+    """
+    parameters = mi.traverse(scene)
+    now, then = set(parameters.keys()), set(before)
+    return sorted({*(now ^ then), *(name for name in now & then
+                                    if not _same(_numbers(parameters[name]), before[name]))})
+
+
+def _numbers(value):
+    """The value, or the matrix of a transform."""
+    return getattr(value, "matrix", value)
+
+
+def _same(value, other):
+    if type(value) is not type(other):
+        return False
+    if not dr.is_array_v(value):
+        return bool(value == other)
+    if dr.shape(value) != dr.shape(other):
+        return False
+    if dr.is_tensor_v(value):
+        value, other = value.array, other.array
+    if dr.is_jit_v(value) and dr.depth_v(value) == 1 and value.index == other.index:
+        return True
+    value, other = dr.detach(value), dr.detach(other)
+    # numbers that are none count as alike
+    return bool(dr.all((value == other) | ((value != value) & (other != other)), axis=None))

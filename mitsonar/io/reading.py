@@ -1,0 +1,112 @@
+"""Any file that mitsonar wrote, read by its content; images and signals, written as the file's name asks."""
+import json
+import os
+
+import numpy as np
+import xarray as xr
+
+from . import exr, netcdf
+from .records import SonarImage, SonarSignals
+
+__all__ = ["read", "write"]
+
+HEAD = 8                           # bytes that tell kinds of files
+ZARR = ("zarr.json", ".zmetadata", ".zgroup")
+KINDS = ".exr (images), .nc (images, signals)"
+
+
+def read(path):
+    """Read a file that mitsonar wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks).
+
+    Returns
+    -------
+    SonarImage, SonarSignals, dict, list or numpy.ndarray
+        Images are an `xarray.Dataset`, signals an `xarray.DataArray`, pictures (row, column) or (row, column, channel).
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is of another kind, damaged, or not of mitsonar.
+    """
+    if os.path.isdir(path):
+        return _zarr(path)
+    with open(path, "rb") as stream:
+        head = stream.read(HEAD)
+    if head.startswith(b"\x76\x2f\x31\x01"):
+        return exr.read(path)
+    if head.startswith(b"\x89HDF"):
+        return netcdf.read(path)
+    if head.startswith(b"\x89PNG"):
+        return _picture(path)
+    if os.path.splitext(path)[1] in (".json", ".jsonl"):
+        return _json(path)
+    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON or PNG; give a file that mitsonar wrote.")
+
+
+def write(record: xr.Dataset | xr.DataArray, path):
+    """Write an image or signals, whole or not at all.
+
+    Parameters
+    ----------
+    record : xarray.Dataset or xarray.DataArray
+        As the verbs of mitsonar give them, or what xarray made of these.
+    path : str or path
+        Ending in .exr (images) or .nc (images and signals).
+
+    Raises
+    ------
+    ValueError
+        If the name ends in neither, or the record does not go into such a file.
+    OSError
+        If the file cannot be written there.
+    """
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix == ".nc":
+        netcdf.write(record, path)
+    elif suffix == ".exr" and isinstance(record, xr.Dataset):
+        exr.write(record, path)
+    elif suffix == ".exr":
+        raise ValueError(f"cannot write {path}: signals are no image; give a name that ends in .nc.")
+    else:
+        raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in one of {KINDS}.")
+
+
+def _zarr(path):
+    if not any(os.path.exists(os.path.join(path, name)) for name in ZARR):
+        raise ValueError(f"cannot read {path}: it is a folder, and not one of Zarr; give a file inside it.")
+    try:
+        with xr.open_zarr(path) as dataset:
+            dataset.load()
+    except ImportError:
+        raise ValueError(f"cannot read {path}: Zarr is not installed; pip install zarr.") from None
+    variables = list(dataset.data_vars.values())
+    if len(variables) == 1 and variables[0].dtype.kind == "c":
+        return SonarSignals.of(variables[0])
+    return SonarImage.of(dataset)
+
+
+def _picture(path):
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            return np.asarray(picture)
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"cannot read {path}: the picture is damaged or too large ({error}).") from None
+
+
+def _json(path):
+    try:
+        with open(path, encoding="utf-8") as stream:
+            if os.path.splitext(path)[1] == ".jsonl":
+                return [json.loads(line) for line in stream]
+            return json.load(stream)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"cannot read {path}: it is no JSON ({error}).") from None

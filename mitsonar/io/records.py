@@ -1,0 +1,132 @@
+"""Images and signals as xarray has them, and able to go into netCDF files.
+
+netCDF knows neither dictionaries nor truth values, nothing that stands for None, and no complex numbers. So the
+attributes that are no plain value go as JSON in text that begins with "json:", and complex values as the variables
+``real`` and ``imag``. xarray reads such files without mitsonar; `mitsonar.read` gives what was written, bit for bit.
+Zarr holds all of it by itself.
+"""
+import json
+
+import numpy as np
+import xarray as xr
+
+from ..sonar.pulses import Pulse, pulse_of
+
+__all__ = ["SonarImage", "SonarSignals", "decoded", "encoded"]
+
+JSON = "json:"                     # marks an attribute that was no plain value
+ENGINE = "h5netcdf"
+
+
+class SonarImage(xr.Dataset):
+    """An `xarray.Dataset` that can be written to netCDF as it is."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset):
+        """Give the dataset as an image."""
+        return cls(dataset.data_vars, dataset.coords, dataset.attrs)
+
+    def to_netcdf(self, path=None, *arguments, **options):
+        """Write to netCDF-4; arguments are those of `xarray.Dataset.to_netcdf`, the engine h5netcdf if not given."""
+        return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
+
+
+class SonarSignals(xr.DataArray):
+    """An `xarray.DataArray` of element signals, responses or beams that can be written to netCDF as it is."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, array: xr.DataArray):
+        """Give the array as signals."""
+        return cls(array.variable, array.coords, name=array.name)
+
+    @property
+    def pulse(self) -> Pulse:
+        """What was transmitted.
+
+        Raises
+        ------
+        ValueError
+            If the attributes do not say.
+        """
+        if self.attrs.get("pulse") is None:
+            raise ValueError("these signals do not say which pulse was transmitted; take that of the scene's sensor.")
+        return pulse_of(self.attrs["pulse"])
+
+    def to_netcdf(self, path=None, *arguments, **options):
+        """Write to netCDF-4 as `encoded` says; arguments are those of `xarray.DataArray.to_netcdf`."""
+        return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
+
+
+def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
+    """Give a dataset that netCDF can hold.
+
+    Parameters
+    ----------
+    record : xarray.Dataset or xarray.DataArray
+        The latter becomes the variables ``real`` and ``imag``, or ``values`` where it is not complex; its name becomes
+        the attribute ``name``. A pulse in its attributes is also sampled, as ``replica_real`` and ``replica_imag``.
+
+    Raises
+    ------
+    TypeError
+        If an attribute cannot be written as JSON.
+    """
+    attrs = {key: _plain(value) for key, value in record.attrs.items()}
+    if isinstance(record, xr.DataArray):
+        parts = {"real": np.real, "imag": np.imag} if np.iscomplexobj(record) else {"values": np.asarray}
+        units = {"units": record.attrs.get("units", "1")}
+        variables = {name: (record.dims, part(record.values), units) for name, part in parts.items()}
+        return xr.Dataset({**variables, **_replica(record)}, record.coords, {"name": record.name or "signals", **attrs})
+    plain = xr.Dataset(record.data_vars, record.coords, attrs)
+    for name, variable in record.variables.items():
+        plain[name].attrs = {key: _plain(value) for key, value in variable.attrs.items()}
+    return plain
+
+
+def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
+    """Give back what `encoded` was given."""
+    dataset = dataset.assign_coords({name: (coord.dims, coord.values.astype(str), coord.attrs)
+                                     for name, coord in dataset.coords.items() if coord.dtype.kind not in "biufmMU"})
+    attrs = {key: _value(value) for key, value in dataset.attrs.items()}
+    if {"real", "imag"} <= set(dataset):
+        signals = (dataset["real"] + 1j * dataset["imag"]).astype(np.result_type(dataset["real"], np.complex64))
+    elif set(dataset) - {"replica_real", "replica_imag"} == {"values"}:
+        signals = dataset["values"]
+    else:
+        image = SonarImage(dataset.data_vars, dataset.coords, attrs)
+        for variable in image.variables.values():
+            variable.attrs = {key: _value(value) for key, value in variable.attrs.items()}
+        return image
+    signals.name, signals.attrs = attrs.pop("name", None), attrs
+    return SonarSignals.of(signals)
+
+
+def _replica(record):
+    """The samples of the pulse at the signals' rate."""
+    pulse, rate = (record.attrs.get(name) for name in ("pulse", "sampling_rate"))
+    if pulse is None or rate is None:
+        return {}
+    samples = pulse_of(pulse).sampled_at(rate)
+    about = {"long_name": "transmitted envelope", "sampling_rate": rate}
+    return {f"replica_{part}": ("replica", getattr(samples, part), about) for part in ("real", "imag")}
+
+
+def _plain(value):
+    if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        return value
+    return JSON + json.dumps(value)
+
+
+def _value(value):
+    if isinstance(value, str) and value.startswith(JSON):
+        return json.loads(value[len(JSON):])
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _engine(arguments, options):
+    """The options with an engine, unless one is given by name or place."""
+    return options if len(arguments) > 3 else {"engine": ENGINE, **options}

@@ -1,0 +1,66 @@
+"""`mitsonar.read` knows by its content any file that mitsonar wrote, and says what it is if it is none."""
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_sidescan import sidescan
+
+import mitsonar
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_text_and_pictures(tmp_path):
+    from mitsonar.labelling.pictures import write_png
+
+    (tmp_path / "annotations.json").write_text('{"images": []}\n')
+    (tmp_path / "manifest.jsonl").write_text('{"index": 0}\n{"index": 1}\n')
+    mask = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
+    write_png(mask, tmp_path / "mask.png")
+    assert mitsonar.read(tmp_path / "annotations.json") == {"images": []}
+    assert mitsonar.read(tmp_path / "manifest.jsonl") == [{"index": 0}, {"index": 1}]
+    assert np.array_equal(mitsonar.read(tmp_path / "mask.png"), mask)
+
+
+@pytest.mark.parametrize("name, content, sentence", [
+    ("a.csv", b"a,b\n1,2\n", "it is no EXR, netCDF, JSON or PNG; give a file that mitsonar wrote"),
+    ("empty", b"", "it is no EXR, netCDF, JSON or PNG"),
+    ("a.json", b'{"a": ', "it is no JSON"),
+    ("a.json", b"\xff\xfe", "it is no JSON"),
+    ("a.json", b"[" * 100_000, "it is no JSON"),
+    ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(40), "the picture is damaged"),
+    ("a.nc", b"\x89HDF\r\n\x1a\n" + bytes(40), "is no netCDF-4 file"),
+    ("a.exr", b"\x76\x2f\x31\x01" + bytes(40), "is cut short"),
+])
+def test_other_files_are_refused(tmp_path, name, content, sentence):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=sentence):
+        mitsonar.read(tmp_path / name)
+
+
+def test_folders_that_are_no_records(tmp_path):
+    with pytest.raises(ValueError, match="a folder, and not one of Zarr; give a file inside it"):
+        mitsonar.read(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        mitsonar.read(tmp_path / "none.nc")
+
+
+def test_an_image_of_every_kind_of_attribute(tmp_path):
+    from mitsonar.io.records import SonarImage
+
+    image = SonarImage.of(sidescan(4, 6)).assign_attrs(none=None, yes=True, nested={"a": [1, None]}, empty=[])
+    image.to_netcdf(tmp_path / "a.nc")
+    assert json.dumps(mitsonar.read(tmp_path / "a.nc").attrs) == json.dumps(image.attrs)
+    assert image.isel(ping=slice(2)).to_netcdf().tobytes()[:4] == b"\x89HDF"        # parts of it, and without a name
+
+
+def test_rooms_of_files_need_no_import_of_their_own():
+    text = ("import mitsonar; print(mitsonar.io.exr.read.__name__, mitsonar.io.signals.write.__name__, "
+            "sorted(set(dir(mitsonar.io)) & {'casts', 'exr', 'netcdf', 'signals', 'tracks'}))")
+    said = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert said == "read write ['casts', 'exr', 'netcdf', 'signals', 'tracks']\n"
+    with pytest.raises(AttributeError, match="'mitsonar.io' has no attribute 'exrr'; it has .*exr"):
+        _ = mitsonar.io.exrr
