@@ -101,6 +101,8 @@ def provenance(scene, sensor):
     known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
     loaded = getattr(sensor, "loaded", None)
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
-    return {**known, "altered": None if loaded is None else altered(scene, loaded),
+    way = getattr(getattr(sensor, "platform", None), "way", None)
+    sailed = {} if way is None else {"course_sailed": way[0], "course_planned": way[1]}
+    return {**known, **sailed, "altered": None if loaded is None else altered(scene, loaded),
             "versions": {"mitsonar": __version__, **versions},
             "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}

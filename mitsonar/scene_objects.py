@@ -1,10 +1,14 @@
 """What an image says about the things in its scene: the boxes of objects, and which seabed they lie on."""
+import warnings
+
 import mitsuba as mi
 import numpy as np
 
 from .shape_labels import class_name, fingerprint
 
-__all__ = ["described"]
+__all__ = ["described", "unseen"]
+
+MOST_NAMES = 5                     # told of what no ping sees
 
 
 def described(geometry):
@@ -46,6 +50,29 @@ def described(geometry):
                             **placed.get(named.names[label], {})}
                for label, (low, high) in sorted(boxes.items()) if label in named.objects}
     return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
+
+
+def unseen(image):
+    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        With ``share``, ``object_shadow``, and the attributes of `described`.
+
+    Returns
+    -------
+    list of str
+        Their names.
+    """
+    heard = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
+             *np.unique(image["object_shadow"].values).tolist()}
+    names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in heard]
+    if names:
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        warnings.warn(f"no ping sees {', '.join(names[:MOST_NAMES])}{more}: out of range, beyond the track, hidden or "
+                      "buried", stacklevel=2)
+    return names
 
 
 def _whole(shape):

@@ -99,6 +99,7 @@ class Geometry:
         if not shapes:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
         _check_extents(shapes)
+        _check_merged(shapes)
         self.scene = scene
         self.named = ShapeLabels(shapes)
         self.labels = self.named.names
@@ -159,6 +160,13 @@ class Geometry:
         """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
         return [(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
+
+
+def _check_merged(shapes):
+    """Refuse meshes that Mitsuba has joined into one without a name: their labels are gone."""
+    if any(type(shape) is mi.Mesh and shape.class_name() == "Mesh" and not shape.id() for shape in shapes):
+        raise ValueError("Mitsuba has merged meshes of one material in this scene, and their names with them; load it "
+                         "by mitsonar.load_file, or by mi.load_file or mi.load_dict with optimize=False")
 
 
 def _check_extents(shapes):

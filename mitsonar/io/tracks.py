@@ -4,11 +4,11 @@
     0.0,431000.0,5200000.0,-8.0,0.2,-1.0,270.0
 
 ``time`` in seconds, or as ISO 8601 (``2012-08-21T10:11:12.5Z``; UTC where no offset is given), which becomes seconds
-since 1970; ``x`` east and ``y`` north [m], or in their place ``latitude`` and ``longitude`` on WGS 84 [degrees] (or
-``lat``, ``lon``); ``z`` up [m] or, in its place, ``depth`` positive down [m]; ``heave`` [m], positive up, optional, is
-added to z; the angles in degrees, optional (0, but the heading then is the course), named with or without the suffix
-``_deg``. A heading beside latitudes counts from true north. Columns stand in any order, others are ignored, and so are
-empty lines and those starting with #. Commas, semicolons or tabs divide them.
+since 1970; ``x`` east and ``y`` north [m] (or ``easting``, ``northing``), or in their place ``latitude`` and
+``longitude`` on WGS 84 [degrees] (or ``lat``, ``lon``); ``z`` up [m] or, in its place, ``depth`` positive down [m];
+``heave`` [m], positive up, optional, is added to z; the angles in degrees, optional (0, but the heading then is the
+course), named with or without the suffix ``_deg``. A heading beside latitudes counts from true north. Columns stand in
+any order, others are ignored, and so are empty lines and those starting with #. Commas, semicolons or tabs divide them.
 
 Without ``time`` the lines are way points: x and y, or latitude and longitude, and z or depth if they say it.
 
@@ -27,7 +27,8 @@ from .navigation import Navigation, Waypoints
 __all__ = ["load", "read", "waypoints"]
 
 ANGLES = ("roll", "pitch", "heading")
-DEGREES = {"lat": "latitude", "lon": "longitude"}
+DEGREES = {"lat": "latitude", "lon": "longitude", "long": "longitude"}
+METRES = {"easting": "x", "eastings": "x", "east": "x", "northing": "y", "northings": "y", "north": "y"}
 LARGEST_DEG = {"roll": 180, "pitch": 90, "latitude": 90, "longitude": 360}
 INSTANT = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?\s*(Z|[+-]\d\d:?\d\d)?", re.IGNORECASE)
 POINT = re.compile(r"([\d.]+)\s*([NS])[\s]+([\d.]+)\s*([EW])(?:\s+(\S+))?", re.IGNORECASE)
@@ -183,6 +184,8 @@ def _columns(path):
     names = [name.removesuffix("_deg") if name.removesuffix("_deg") in (*ANGLES, *DEGREES, *DEGREES.values()) else name
              for name in names]
     names = [DEGREES.get(name, name) for name in names]
+    if not {"x", "y", "latitude", "longitude"} & {*names}:       # where several say the place, the others count
+        names = [METRES.get(name, name) for name in names]
     in_degrees = not {"x", "y"} <= {*names} and {"latitude", "longitude"} & {*names}
     place = ["latitude", "longitude"] if in_degrees else ["x", "y"]
     height = "depth" if "depth" in names and "z" not in names else "z"
@@ -193,7 +196,7 @@ def _columns(path):
         if count > 1 or (name in wanted and count == 0):
             raise ValueError(f"cannot read the track {path}: the column {name} is "
                              f"{'given twice' if count else 'missing'}; the header has {', '.join(names)} and needs "
-                             "time, x and y (or latitude and longitude) and z (or depth).")
+                             "time, x and y (or easting and northing, or latitude and longitude) and z (or depth).")
     if "z" in names and "depth" in names:
         raise ValueError(f"cannot read the track {path}: it has both z and depth; keep one of the two.")
     wanted += [name for name in (*ANGLES, "heave") if name in names]

@@ -143,7 +143,7 @@ class SonarPath(mi.SamplingIntegrator):
         image = sidescan.image(echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window,
                                labels=survey.labels, class_of=class_of, paths=survey.paths.names, noise_db=noise_db,
                                speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
-        return image.assign_attrs(**_described(classes, class_of, survey.geometry))
+        return _described(image, classes, class_of, survey.geometry)
 
     def _fan(self, scene, sensor, seed, progress):
         """The picture that an array's beams make, with the truth of its bins."""
@@ -158,7 +158,7 @@ class SonarPath(mi.SamplingIntegrator):
         classes, class_of = classes_of(survey.labels)
         image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
                           class_of=class_of, known={name: np.stack([one[name] for one in known]) for name in known[0]})
-        return image.assign_attrs(**_described(classes, class_of, survey.geometry))
+        return _described(image, classes, class_of, survey.geometry)
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
@@ -179,11 +179,12 @@ class SonarPath(mi.SamplingIntegrator):
         return f"SonarPath[{self.rays} rays]"
 
 
-def _described(classes, class_of, geometry):
-    """What an image says of its scene."""
-    return {"classes": {str(number): name for number, name in classes.items()},
-            "label_class": {str(label): number for label, number in class_of.items()},
-            **scene_objects.described(geometry)}
+def _described(image, classes, class_of, geometry):
+    """The image with what it says of its scene."""
+    image = image.assign_attrs(classes={str(number): name for number, name in classes.items()},
+                               label_class={str(label): number for label, number in class_of.items()},
+                               **scene_objects.described(geometry))
+    return image.assign_attrs(unseen=scene_objects.unseen(image))
 
 
 def _cell_size(plan):

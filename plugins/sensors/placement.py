@@ -132,15 +132,45 @@ def check_near(geometry, position, crs):
     ValueError
         If all are more than 10 km away, as in a wrong zone; the distance and the coordinate system are named.
     """
-    low, high = (np.asarray(corner, float) for corner in geometry.horizontal_bounds)
-    beside = np.maximum(np.maximum(low - position, position - high), 0)
-    away = np.hypot(*beside.T)
+    away = _away(geometry, position)
     nearest = int(np.argmin(away))
     if away[nearest] > FAR:
         x, y = position[nearest]
         raise ValueError(f"the track lies {away[nearest] / 1000:.0f} km away from the seabed, at x = {x:.0f} m, "
                          f"y = {y:.0f} m of it in {crs.splitlines()[0] if crs else 'its coordinates'}; check zone and "
                          "hemisphere, and that latitude and longitude are not swapped")
+
+
+def check_local(geometry, position, origin):
+    """Refuse positions (P, 2) [m] in the scene's own coordinates of which none lies near it, such as eastings.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    position : (P, 2) [m]
+    origin : (2,) [m] or None
+        Easting and northing of the scene's origin.
+
+    Raises
+    ------
+    ValueError
+        If all are more than 10 km away.
+    """
+    away = _away(geometry, position)
+    if away.min() <= FAR:
+        return
+    x, y = position[int(np.argmin(away))]
+    there = origin is not None and _away(geometry, position - origin).min() <= FAR
+    remedy = ("they are eastings and northings of the bathymetry: write georeferenced true" if there else "if they are "
+              "eastings and northings, write georeferenced true, over a bathymetry that has a geographic origin")
+    raise ValueError(f"the track lies {away.min() / 1000:.0f} km away from the seabed, at x = {x:.0f} m, y = {y:.0f} m "
+                     f"of the scene; {remedy}")
+
+
+def _away(geometry, position):
+    """Distance [m] of positions (P, 2) from the scene's bounds, seen from above."""
+    low, high = (np.asarray(corner, float) for corner in geometry.horizontal_bounds)
+    return np.hypot(*np.maximum(np.maximum(low - position, position - high), 0).T)
 
 
 def check(geometry, track):

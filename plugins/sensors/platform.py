@@ -23,6 +23,7 @@ squares [0] of random motion about ``motion_period`` [8 s], realised by ``motion
 starboard, down" [m] of the sonar from where the track leads, turned by the attitude.
 """
 import logging
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,6 +87,8 @@ class Platform:
     ----------
     frame : Frame or None
         Where a track in degrees lays the origin of a scene that does not say it itself.
+    way : (float, float) or None [m]
+        Sailed and planned, of the course or recorded track that was laid last.
     """
 
     def __init__(self, attributes, pings=400):
@@ -113,7 +116,7 @@ class Platform:
         except ValueError as error:
             raise attributes.error(str(error)) from None
         self._check(attributes, path, text.strip())
-        self.frame = None
+        self.frame = self.way = None
         if self.record is not None and self.record.geographic:
             self.frame = middle(self.record) if self.origin is None else Frame.about(*self.origin)
 
@@ -185,9 +188,9 @@ class Platform:
         if self.record is None:
             voyage = self._straight(geometry, interval)
         elif isinstance(self.record, Waypoints):
-            voyage = self._sailed(geometry, interval, self._frame(origin, crs))
+            voyage = self._sailed(geometry, interval, self._frame(origin, crs), origin)
         else:
-            voyage = self._recorded(geometry, interval, self._frame(origin, crs))
+            voyage = self._recorded(geometry, interval, self._frame(origin, crs), origin)
         if self.random_motion.moves or np.any(self.offset):
             trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
             voyage = Voyage.of(trajectory, voyage.track.time)
@@ -213,12 +216,13 @@ class Platform:
                 **{name: np.repeat(getattr(track, name), 2) for name in ("roll", "pitch", "heading")}))
         return Voyage(track=track, trajectory=Trajectory(lead=lead))
 
-    def _sailed(self, geometry, interval, frame):
+    def _sailed(self, geometry, interval, frame, origin):
         places = self.record.placed(frame)
-        _refuse_far(geometry, places, frame)
+        _refuse_far(geometry, places, frame, origin)
         course = Course(places, self.turn_radius)
         pings = self._count(course.length / self.speed, interval, "the way points take")
         time = interval * np.arange(pings)
+        self._tell_cut("course", self.speed * time[-1], course.length, course.length / self.speed, interval, pings)
         z = np.full(pings, -(self.depth or 0.0)) if self.record.z is None else np.interp(
             self.speed * time, course.marks, self.record.z)
 
@@ -230,13 +234,16 @@ class Platform:
             trajectory = sailed(placement.lifted(geometry, trajectory.track(time), self.altitude).position[:, 2])
         return Voyage.of(trajectory, time)
 
-    def _recorded(self, geometry, interval, frame):
+    def _recorded(self, geometry, interval, frame, origin):
         recorded = self.record.placed(frame, self.depth or 0.0)
-        _refuse_far(geometry, recorded.position, frame)
+        _refuse_far(geometry, recorded.position, frame, origin)
         lasting = recorded.time[-1] - recorded.time[0]
         pings = self._count(lasting, interval, "the track lasts") if recorded.pings > 1 else 1
         time = np.minimum(recorded.time[0] + interval * np.arange(pings), recorded.time[-1])
         trajectory = Trajectory(lead=Recorded.through(recorded))
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(recorded.position[:, :2], axis=0).T))])
+        if recorded.pings > 1:
+            self._tell_cut("track", np.interp(time[-1], recorded.time, along), along[-1], lasting, interval, pings)
         if self.altitude:
             # it follows the seabed, not the z that was recorded, and heaves as recorded
             lifted = placement.lifted(geometry, trajectory.track(time), self.altitude)
@@ -253,6 +260,14 @@ class Platform:
             raise ValueError(f"{what} {lasting:.3g} s, which is more than {MOST_PINGS} pings {interval:.4f} s apart; "
                              "check its times and places, or say how many pings")
         return pings
+
+    def _tell_cut(self, what, sailed, planned, lasting, interval, pings):
+        """Keep how far [m] it goes, and tell if that is not all because of ``pings``."""
+        self.way = float(sailed), float(planned)
+        whole = int(lasting / interval + 1e-9) + 1
+        if pings < whole:
+            warnings.warn(f"the {what} is cut by pings, {pings}: {sailed:.0f} of {planned:.0f} m are sailed; "
+                          f"{whole} pings are all of it", stacklevel=2)
 
     def _interval(self, shortest):
         """Time between pings [s]; the last echo of one must be in before the next."""
@@ -283,7 +298,9 @@ def _at_height(track, z):
     return replace(track, position=np.column_stack([track.position[:, :2], z]))
 
 
-def _refuse_far(geometry, position, frame):
+def _refuse_far(geometry, position, frame, origin):
     """Refuse a track from another part of the world by what may be wrong with it."""
     if frame is not None:
         placement.check_near(geometry, position[:, :2], frame.crs)
+    else:
+        placement.check_local(geometry, position[:, :2], origin)

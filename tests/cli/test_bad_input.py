@@ -165,7 +165,7 @@ FILES = {
     "cast that is none": ("cast", "c.csv", b"\x00\xff\xfe" * 50, "none of the formats known"),
     "missing cast": ("cast", None, "", 'cast names the file "missing.csv", which is not there'),
     "track outside": ("track", "t.csv", HEADER + "0,0,0,-9,0,0,0\n9,0,900,-9,0,0,0\n", "track outside the bathymetry"),
-    "track far away": ("track", "t.csv", HEADER + "0,4e5,5e6,-9,0,0,0\n9,4e5,5e6,-9,0,0,0\n", "x = 400000.0 m"),
+    "track far away": ("track", "t.csv", HEADER + "0,4e5,5e6,-9,0,0,0\n9,4e5,5e6,-9,0,0,0\n", "at x = 400000 m, "),
     "track below the seabed": ("track", "t.csv", HEADER + "0,0,0,-99,0,0,0\n", "sonar below the seabed: at ping 0"),
     "track in the air": ("track", "t.csv", HEADER + "0,0,0,9,0,0,0\n", "line 2: z = 9 m is above the sea surface"),
     "track with a word": ("track", "t.csv", HEADER + "0,0,here,-9,0,0,0\n", "line 2: y is 'here'"),

@@ -47,6 +47,23 @@ def test_parameters_and_seed_reach_the_file(folder, accepted):
     assert dataset.attrs["parameters"] == {"pings": "3", "speckle": "FALSE"} and dataset.attrs["file"] == "scene.xml"
 
 
+def test_what_is_cut_or_never_seen_is_told(folder, capfd):
+    import mitsonar
+
+    course = '<string name="waypoints" value="0 -30, 0 30"/> <float name="altitude" value="10"/>'
+    box = '<shape type="cube" id="box.1"><transform name="to_world"><translate x="90" z="-29"/></transform></shape>'
+    text = (folder / "scene.xml").read_text()
+    (folder / "scene.xml").write_text(text.replace('<boolean name="speckle"', f"{course}<boolean name=\"speckle\"")
+                                      .replace("</scene>", f"{box}</scene>"))
+    assert cli.main(["render", "scene.xml", "-o", "o.exr", "-D", "pings=11"]) == 0
+    assert capfd.readouterr().err.splitlines() == [
+        "mitsonar: the course is cut by pings, 11: 2 of 60 m are sailed; 365 pings are all of it",
+        "mitsonar: no ping sees box.1: out of range, beyond the track, hidden or buried"]
+    told = mitsonar.read("o.exr").attrs
+    assert told["course_sailed"] == pytest.approx(10 * 0.08 * 4 * 1852 / 3600) and told["course_planned"] == 60
+    assert told["unseen"] == ["box.1"]
+
+
 def test_same_bytes_from_command_and_call_and_any_number_of_threads(folder, accepted):
     import drjit as dr
 

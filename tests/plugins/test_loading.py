@@ -235,7 +235,7 @@ def test_mitsubas_own_load_and_render_of_an_array(variant):
     import mitsuba as mi
 
     small = {"elements": "4", "range": "12", "cell": "0.1", "pings": "2"}
-    image = mi.render(mi.load_file(str(SCENES / "forward_looking.xml"), **small), seed=3)
+    image = mi.render(mi.load_file(str(SCENES / "forward_looking.xml"), optimize=False, **small), seed=3)
     wanted = mitsonar.render(mitsonar.load_file(SCENES / "forward_looking.xml", **small), seed=3)["level"].values
     assert wanted.shape[:2] == (2, 121)
     assert np.array_equal(image, wanted.reshape(-1, wanted.shape[-1], 1))
@@ -246,7 +246,7 @@ def test_mitsubas_own_load_and_render(variant, name):
     import mitsuba as mi
 
     file = str(SCENES / f"{name}.xml")
-    scene = mi.load_file(file, **{key: str(value) for key, value in SMALL.items()})
+    scene = mi.load_file(file, optimize=False, **{key: str(value) for key, value in SMALL.items()})
     image = mi.render(scene, seed=3)
     assert isinstance(image, mi.TensorXf) and image.shape == (2, 80, 1)
     wanted = mitsonar.render(mitsonar.load_file(file, **SMALL), seed=3)
@@ -281,6 +281,21 @@ def test_shapes_that_share_a_material_keep_their_labels(tmp_path, scene_file):
               + ply.format("one", SCENES / "meshes/boulder.ply") + ply.format("two", SCENES / "meshes/tyre.ply"))
     scene_file.write_text(TEXT.replace("</scene>", f"{shapes}</scene>"), encoding="utf-8")
     assert set(mitsonar.render(scene_file).attrs["labels"].values()) == {"bed", "one", "two"}
+
+
+@pytest.mark.parametrize("ask", [
+    lambda mi, scene: mi.render(scene), lambda mi, scene: mitsonar.render(scene),
+    lambda mi, scene: mitsonar.element_signals(scene)], ids=["mi.render", "render", "element_signals"])
+def test_meshes_that_mitsuba_merged_are_refused(variant, ask):
+    import mitsuba as mi
+
+    from mitsonar.plugins.errors import plain
+
+    scene = mi.load_file(str(SCENES / "sidescan_targets.xml"), **{key: str(value) for key, value in SMALL.items()})
+    with pytest.raises((ValueError, RuntimeError)) as caught:       # Mitsuba's own verb wraps what a plugin raises
+        ask(mi, scene)
+    assert "merged meshes of one material in this scene, and their names with them; load it by mitsonar.load_file" in (
+        plain(caught.value))
 
 
 def test_a_surveys_origin_outlives_mitsubas_merging(variant):

@@ -72,6 +72,26 @@ def test_way_points_are_cut_after_the_pings_only_if_written(sensor):
     assert voyage(sensor(**course)).track.pings == 25 and voyage(sensor(**course, pings=7)).track.pings == 7
 
 
+def test_a_course_cut_by_pings_says_how_far_it_goes(sensor):
+    course = sensor(waypoints="0 0, 0 50", depth=5.0, ping_rate_hz=1.0, pings=7)
+    with pytest.warns(UserWarning, match="the course is cut by pings, 7: 12 of 50 m are sailed; 25 pings are all"):
+        voyage(course)
+    assert course.platform.way == pytest.approx((6 * 4 * KNOT, 50.0))
+
+
+def test_a_track_cut_by_pings_says_how_far_it_goes(sensor, file):
+    path = file("time,x,y,z\n0,0,0,-5\n10,0,30,-5\n20,40,30,-5\n")
+    with pytest.warns(UserWarning, match="the track is cut by pings, 16: 50 of 70 m are sailed; 21 pings are all"):
+        voyage(sensor(track=path, ping_rate_hz=1.0, pings=16))
+
+
+@pytest.mark.parametrize("pings", [{}, {"pings": 25}, {"pings": 90}])
+def test_a_course_sailed_to_its_end_is_no_matter(sensor, recwarn, pings):
+    course = sensor(waypoints="0 0, 0 50", depth=5.0, ping_rate_hz=1.0, **pings)
+    voyage(course)
+    assert not recwarn.list and course.platform.way == pytest.approx((49.4, 50.0), abs=0.1)
+
+
 def test_corners_jump_and_do_not_spin(sensor):
     laid = voyage(sensor(waypoints="0 0, 0 40, 40 40", depth=5.0, turn_radius=0.0, ping_rate_hz=2.0))
     assert not laid.turn_rate.any() and np.unique(np.round(np.rad2deg(laid.track.heading), 9)).tolist() == [0, 90]
@@ -141,6 +161,19 @@ def test_an_image_tells_where_its_track_was(sensor, file, make):
 def test_tracks_of_another_place(sensor, file, text, where, words):
     with pytest.raises(ValueError, match=words):
         voyage(sensor(track=file(text)), where)
+
+
+@pytest.mark.parametrize("columns", ["time,easting,northing,depth", "time,x,y,depth"])
+def test_eastings_and_northings(sensor, file, columns):
+    path = file(f"{columns}\n0,554010,4178020,9\n20,554030,4178020,9\n")
+    assert voyage(sensor(track=path, georeferenced=True), UTM).track.position[0].tolist() == [10, 20, -9]
+    with pytest.raises(ValueError, match="km away from the seabed, at x = 554010 m, .* are eastings and northings of "
+                                         "the bathymetry: write georeferenced true"):
+        voyage(sensor(track=path), UTM)
+    with pytest.raises(ValueError, match="if they are eastings and northings, write georeferenced true, over a bathym"):
+        voyage(sensor(track=path))
+    with pytest.raises(ValueError, match="write georeferenced true"):
+        voyage(sensor(waypoints="554000 4178000, 554040 4178000", depth=5.0), UTM)
 
 
 # ---- XTF

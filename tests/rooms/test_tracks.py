@@ -25,8 +25,11 @@ def written(folder, text, encoding="utf-8"):
     "# towed by hand\n" + PLAIN.replace("\n", "\n\n") + "# end\n",
     PLAIN.replace("roll,pitch,heading", "Roll_deg,PITCH_DEG,heading_deg"),
     PLAIN.replace("z,", "depth,").replace("-3", "3"),
+    PLAIN.replace("x,y", "Easting,NORTHING"),
+    PLAIN.replace("x,y", "east,north"),
     "note,heading,pitch,roll,z,y,x,time\na,350,-20,10,-3,2,1,0\n\"b,c\",370,0,0,-3.5,4,2,0.5\n",
-], ids=["plain", "crlf", "bom", "semicolon", "tab", "blanks", "comments", "suffixes", "depth", "shuffled"])
+], ids=["plain", "crlf", "bom", "semicolon", "tab", "blanks", "comments", "suffixes", "depth", "easting", "east",
+        "shuffled"])
 def test_spellings_of_one_track(text, tmp_path):
     track = tracks.read(written(tmp_path, text))
     np.testing.assert_array_equal(track.time, [0, 0.5])
@@ -38,6 +41,12 @@ def test_attitude_is_optional(tmp_path):
     track = tracks.read(written(tmp_path, "x,y,depth,time\n431000.25,5200000.5,7,3\n"))
     assert track.pings == 1 and not track.roll.any() and not track.pitch.any() and not track.heading.any()
     np.testing.assert_array_equal(track.position, [[431000.25, 5200000.5, -7]])
+
+
+@pytest.mark.parametrize("columns", ["lat,lon", "LAT,Long", "latitude,longitude_deg"])
+def test_degrees_by_any_name_go_before_eastings(columns, tmp_path):
+    record = tracks.load(written(tmp_path, f"time,{columns},easting,northing,z\n0,54,8,431000,5200000,-1\n"))
+    assert record.geographic and (record.y[0], record.x[0]) == (54, 8)
 
 
 @pytest.mark.parametrize(("first", "second", "step"), [
