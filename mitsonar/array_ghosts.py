@@ -15,17 +15,15 @@ from .bounces import Bounces
 from .echoes import Echoes, Leg
 from .materials import bistatic_strength
 from .paths import Paths
-from .propagation.device import arrays_of, upload
+from .propagation.device import arrays_of
 from .scatterers import TARGET_RADIUS
 from .scattering.cells import gaussian, hashed
-from .signal.echoes import Absorption
 from .water_echoes import WaterEchoes
 
 __all__ = ["ArrayGhosts"]
 
 GHOST_SALT, WATER_SALT = 0x3C6EF372, 0x78DDE6E4
 FAINTEST = 1e-12                   # of the strongest of its kind: weaker echoes are dropped
-JUST_BELOW = 1e-4                  # [m] where the surface is met from below
 
 
 class ArrayGhosts:
@@ -36,7 +34,7 @@ class ArrayGhosts:
     geometry : Geometry
     tracer, connector, free_rays
         Of the scene and its water.
-    profile, absorption : SoundSpeedProfile, AbsorptionColumn
+    sights : Sights
     loss_db : signal.echoes.Absorption
     frequency : float [Hz]
     window : (float, float) [s]
@@ -44,36 +42,29 @@ class ArrayGhosts:
     volume : water.VolumeScattering or None
     """
 
-    def __init__(self, geometry, tracer, connector, free_rays, profile, absorption, loss_db, *, frequency, window,
-                 max_depth, volume):
+    def __init__(self, geometry, tracer, connector, free_rays, sights, loss_db, *, frequency, window, max_depth,
+                 volume):
         self.geometry, self.tracer, self.connector, self.free_rays = geometry, tracer, connector, free_rays
         self.frequency, self.max_depth, self.loss_db = frequency, max_depth, loss_db
         self.lib = arrays_of(mi.Float)
         self.paths = Paths(max_depth, surface=geometry.surface_label > 0, volume=volume is not None)
-        self.mirror = geometry.surface_mirrors
-        deepest = max(geometry.depth_range[1], 1.0)
-        self.folded_db = Absorption(absorption.mirrored(), profile.mirrored(), deepest, mi.Float,
-                                    top=-deepest) if self.mirror else None
-        self.bounces = Bounces(free_rays, loss_db, self.folded_db, frequency=frequency, paths=self.paths,
-                               surface_label=geometry.surface_label, mirror=self.mirror,
+        self.sights = sights
+        self.bounces = Bounces(free_rays, loss_db, sights.folded_db, frequency=frequency, paths=self.paths,
+                               surface_label=geometry.surface_label, mirror=sights.mirror, targets=geometry.targets(),
                                single=False) if max_depth > 1 else None
         self.water = None if volume is None else WaterEchoes(volume, connector, loss_db, window)
 
     # ---- one scatterer, by way of the mirror
 
     def overhead(self, sources, origin):
-        """The echo of a flat surface straight above: half the pressure of a wave that comes from a point there."""
-        if not self.mirror:
-            return
-        point = self.lib.Array3f64(origin.x, origin.y, dr.opaque(self.lib.Float64, -JUST_BELOW))
-        way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=0.0)
-        energy = 0.25 * self._absorbed(self._direct_db(origin, point, way)) / way.spreading_area
-        yield from self._made(energy, (-dr.sqrt(energy), dr.zeros(mi.Float, 1)), Leg.along(way, origin, point), None,
-                              way.free, "s")
+        """The echo of a flat surface straight above."""
+        if self.sights.mirror:
+            echoes, free = self.sights.overhead(sources, origin, mi.UInt32(0))
+            yield from self._made(echoes.energy, echoes.amplitude, echoes.out, None, free, "s")
 
     def of_cells(self, sources, origin, hits, way, cells, area):
         """Echoes of lit cells by way of the mirror: there, back, and both; `area` [m²] that each stands for."""
-        if self.mirror and self.max_depth > 1:
+        if self.sights.mirror and self.max_depth > 1:
             def strength(out, back, lit):
                 seen = hits.seen_along(out)
                 return bistatic_strength(seen, -back.arrival_direction, lit, self.frequency)[0] * area
@@ -82,33 +73,23 @@ class ArrayGhosts:
 
     def of_targets(self, sources, origin, point, way, pressure):
         """Echoes of point targets by way of the mirror."""
-        if self.mirror and self.max_depth > 1:
+        if self.sights.mirror and self.max_depth > 1:
             nothing = dr.zeros(mi.Float, dr.width(pressure))
             yield from self._by_the_mirror(sources, origin, point, mi.Vector3f(0, 0, 0), way,
                                            lambda out, back, lit: dr.square(pressure), (nothing + 1, nothing),
                                            short=TARGET_RADIUS)
 
     def _by_the_mirror(self, sources, origin, point, normal, way, strength, amplitude, short=0.0):
-        start = origin + dr.zeros(type(origin), dr.width(way.travel_time))
-        folded = self.free_rays.connect(start, mi.Vector3f(0, 0, 0), point, normal, way.exists, folded=True,
-                                        short=short)
-        image = type(origin)(origin.x, origin.y, -origin.z)
-        direct_leg, folded_leg = Leg.along(way, origin, point), Leg.along(folded, image, point, folded=True)
-        direct_db = 0.5 * self._direct_db(origin, point, way)
-        folded_db = 0.5 * self.folded_db(mi.Float(origin.z), mi.Float(-point.z), folded.arc_length,
-                                         mi.Float(folded.ray_parameter))
-        ratio = mi.Float(way.sound_speed / sources.state.gather(self.lib, mi.UInt32(0))[1])
-        ends = {False: (way, direct_leg, direct_db), True: (folded, folded_leg, folded_db)}
-        for first, last in ((False, True), (True, False), (True, True)):
-            if 1 + first + last > self.max_depth:
-                continue
-            (out, out_leg, out_db), (back, back_leg, back_db) = ends[first], ends[last]
-            lit = out.free & back.free
-            energy = strength(out, back, lit) * ratio * ratio * self._absorbed(out_db + back_db) / (
-                out.spreading_area * back.spreading_area)
-            root = dr.sqrt(dr.maximum(energy, 0)) * (1.0 if first == last else -1.0)
-            yield from self._made(energy, tuple(root * part for part in amplitude), out_leg,
-                                  None if first == last else back_leg, lit, "sbs" if first == last else "bs")
+        none = mi.UInt32(0)
+        ends = {False: self.sights.of(sources, origin, none, point, way),
+                True: self.sights(sources, origin, none, point, normal, folded=True, short=short)}
+        for first, last, sign in self.sights.ways():
+            out, back = ends[first], ends[last]
+            lit = out.way.free & back.way.free
+            energy = strength(out.way, back.way, lit) * out.gain * back.gain
+            root = dr.sqrt(dr.maximum(energy, 0)) * sign
+            yield from self._made(energy, tuple(root * part for part in amplitude), out.leg,
+                                  None if first == last else back.leg, lit, "sbs" if first == last else "bs")
 
     # ---- rays, and points of the water
 
@@ -122,8 +103,8 @@ class ArrayGhosts:
         speed = dr.opaque(mi.Float, float(self.tracer.profile.at(-np.ravel(origin.z.numpy())[0])))
         row_key = dr.opaque(mi.UInt32, (key ^ GHOST_SALT) & 0xFFFFFFFF)
 
-        def homeward(point, normal, active):
-            return self.connector(sources, origin, mi.UInt32(0), point, normal, active)
+        def homeward(point, normal, active, short=0.0):
+            return self.connector(sources, origin, mi.UInt32(0), point, normal, active, short=short)
 
         for number, ghosts in enumerate(self.bounces(hits, solid_angle, start, speed, strata, row_key, homeward)):
             energy = ghosts.energy * self._absorbed(ghosts.loss_db)

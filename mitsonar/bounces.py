@@ -13,6 +13,9 @@ near i.
 (Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
 A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
 
+A point target is an end of its own, with its strength T in place of σ_j A_j ΔΩ_j / sin θ_j, A_j spreading area of the
+way there: each ray is connected to one of them, drawn evenly, and the path counts both ways round.
+
 What only mirrors cannot be an end of a connection. Smooth targets send rays on, and what they hit is connected to the
 sonar; paths that begin at a smooth target count the other way round too, for none can be drawn that ends there (and so
 those that begin and end at one, with something rough between, are left out). A flat sea surface is unfolded
@@ -27,12 +30,14 @@ import numpy as np
 from .echoes import Leg
 from .materials import bistatic_strength, scattered
 from .paths import Paths
+from .propagation.device import arrays_of, upload
+from .scatterers import TARGET_RADIUS
 
 __all__ = ["Bounces", "Ghosts"]
 
 EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
 GRAZING = 1e-6                     # sine below which nothing is lit
-PARTNER_SALT, LOBE_SALT = 0x2C1B3C6D, 0x297A2D39
+PARTNER_SALT, LOBE_SALT, TARGET_SALT = 0x2C1B3C6D, 0x297A2D39, 0x5F356495
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +100,37 @@ class _Ends:
                         for field in fields(self) for value in [getattr(self, field.name)]})
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Point:
+    """Point targets, one a ray, as the sonar sees them."""
+
+    valid: object
+    point: object
+    label: object
+    leg: object
+    worth: object                  # T (c_j / c_0)² / A_j, over the chance that this one was drawn [-]
+    loss_db: object
+    code: object
+
+
+class _Targets:
+    """Point targets on the device."""
+
+    def __init__(self, targets):
+        position, strength_db, label = (np.array(column) for column in zip(*targets))
+        self.count = len(label)
+        self._position = [upload(mi.Float64, axis) for axis in position.T]
+        self._strength = upload(mi.Float, (self.count * 10 ** (strength_db / 10)).astype(np.float32))
+        self._label = upload(mi.UInt32, label.astype(np.uint32))
+
+    def drawn(self, chance):
+        """Position, strength over its chance, and label of targets drawn evenly."""
+        count = dr.opaque(mi.UInt32, self.count)
+        which = dr.minimum(mi.UInt32(chance * mi.Float(count)), count - 1)
+        point = arrays_of(mi.Float).Array3f64(*(dr.gather(mi.Float64, axis, which) for axis in self._position))
+        return point, dr.gather(mi.Float, self._strength, which), dr.gather(mi.UInt32, self._label, which)
+
+
 class Bounces:
     """Make the ghosts of a scene.
 
@@ -109,12 +145,15 @@ class Bounces:
         Label of the sea surface, 0 if there is none.
     mirror : bool
         Whether it is flat.
+    targets : sequence
+        Point targets, as `trace.Geometry.targets` gives them.
     single : bool
         Make those of one bounce with the mirror before or after it as well: arrays make theirs of cells.
     """
 
     def __init__(self, free_rays, absorption, folded_absorption, *, frequency, paths, surface_label, mirror,
-                 single=True):
+                 targets=(), single=True):
+        self.targets = _Targets(targets) if targets else None
         self.free_rays, self.absorption, self.folded_absorption = free_rays, absorption, folded_absorption
         self.frequency, self.paths, self.mirror, self.single = frequency, paths, mirror, single
         self.surface = dr.opaque(mi.UInt32, surface_label)
@@ -144,6 +183,7 @@ class Bounces:
         """
         most = self.paths.max_depth
         views = {1: self._first(hits, solid_angle, origin)}             # by bounces made so far
+        points = self._points(origin, source_speed, strata, key, homeward) if self.targets else {}
         if self.mirror:
             views[2] = self._folded(views[1], origin)
             if self.single:
@@ -158,6 +198,12 @@ class Bounces:
                             yield ghosts
                             if self._smooth and bounces > made:
                                 yield self._reversed(ghosts, a, origin)
+                for more, target in points.items():
+                    for folded in (False, True)[:len(views)]:
+                        if bounces + folded + more <= most:
+                            ghosts = self._at_target(a, target, folded)
+                            yield ghosts
+                            yield self._turned(ghosts, a, origin)
                 if bounces + 1 < most or self._smooth:
                     a, mirrored = self._on(a, strata, key ^ mi.UInt32(LOBE_SALT + bounces))
                     if bounces == made:
@@ -227,6 +273,43 @@ class Bounces:
         code = _joined(code, b.code)
         return self._ghosts(energy, a, b, a.between + way.travel_time, code, active, loss_db)
 
+    def _points(self, origin, source_speed, strata, key, homeward):
+        """A point target for every ray, seen straight and by way of the mirror, by bounces made so far."""
+        _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
+        chance, _ = mi.sample_tea_32(within, key ^ mi.UInt32(TARGET_SALT))
+        point, strength, label = self.targets.drawn(_unit(chance))
+        none, seen = mi.Vector3f(0, 0, 0), {}
+        for folded in (False, True)[:1 + (self.mirror and self.paths.max_depth > 2)]:
+            place, code = origin, dr.ones(mi.UInt32, strata.rays)
+            if folded:
+                way = self.free_rays.connect(origin, none, point, none, folded=True, short=TARGET_RADIUS)
+                place, code = type(origin)(origin.x, origin.y, -origin.z), Paths.extended(code, mi.Bool(True))
+            else:
+                way = homeward(point, none, mi.Bool(True), TARGET_RADIUS)
+            ratio = mi.Float(way.sound_speed) / source_speed
+            target = _Point(valid=way.free, point=point, label=label, leg=Leg.along(way, place, point, folded=folded),
+                            worth=strength * ratio * ratio / way.spreading_area,
+                            loss_db=self._loss_db(-place.z, -point.z, way, folded),
+                            code=Paths.extended(code, mi.Bool(False)))
+            leg = [value for name, value in vars(target.leg).items() if name != "folded"]
+            dr.eval([value for name, value in vars(target).items() if name != "leg"], leg)
+            seen[1 + folded] = target
+        return seen
+
+    def _at_target(self, ends, target, folded):
+        """From the ends to point targets, straight or by way of the mirror, and home."""
+        active = ends.valid & target.valid
+        way = self.free_rays.connect(ends.point, ends.normal, target.point, mi.Vector3f(0, 0, 0), active,
+                                     folded=folded, short=TARGET_RADIUS)
+        active &= way.free
+        strength, sine = bistatic_strength(ends, way.launch_direction, active, self.frequency)
+        energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * target.worth
+        energy /= way.spreading_area + ends.patch * (1 / np.pi)
+        code = Paths.extended(ends.code, mi.Bool(True)) if folded else ends.code
+        start = ends.point.z if folded else -ends.point.z
+        return self._ghosts(energy, ends, target, ends.between + way.travel_time, _joined(code, target.code), active,
+                            self._loss_db(start, -target.point.z, way, folded))
+
     def _on(self, ends, strata, key):
         """Bounce once more, and whether that was a mirror's."""
         first, second = mi.sample_tea_32(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
@@ -269,9 +352,12 @@ class Bounces:
 
     def _reversed(self, ghosts, ends, origin):
         """The same paths the other way round, of those that began at a smooth target."""
+        return replace(self._turned(ghosts, ends, origin), active=ghosts.active & ends.first_smooth)
+
+    def _turned(self, ghosts, ends, origin):
+        """The same paths the other way round."""
         z = ghosts.out.offset.z + (-origin.z if ghosts.out.folded else origin.z)
-        return replace(ghosts, out=ghosts.back, back=ghosts.out, label=ends.first_label, depth=mi.Float(-z),
-                       active=ghosts.active & ends.first_smooth)
+        return replace(ghosts, out=ghosts.back, back=ghosts.out, label=ends.first_label, depth=mi.Float(-z))
 
     def _ghosts(self, energy, out, back, between, code, active, loss_db=0.0):
         active = active & (energy > 0) & dr.isfinite(energy)

@@ -1,4 +1,5 @@
-"""Echoes of a sidescan that have a phase: smooth surfaces and point targets, summed before they are squared.
+"""Echoes of a sidescan that have a phase: smooth surfaces, point targets, and a flat surface, summed before they are
+squared.
 
     z(t) = Σ_i a_i Π((t - τ_i) / T),    a_i = 10^(SL/20) b_t b_r e_i e^(-i2πf₀τ_i)
 
@@ -7,12 +8,18 @@ transmitting face where it left and of the receiving one where it comes back fro
 centred on its echo as those of `imaging.sidescan` are. z is sampled some times to a pulse; what a bin keeps of it is
 the mean of |z|², and the mean of z over every stretch of the bin in which the bed's echo is one (a pulse, or the bin
 where that is shorter): with these the bed's random echo adds to z as pressures do.
+
+Under a surface that mirrors, targets are seen by way of it too (`sights`). Its own echo from straight above comes half
+from either side, or as Fresnel's integral has it where the platform rolls: each face hears its own side.
 """
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from scipy.special import fresnel
 
-from .echoes import Echoes, Leg
+from .echoes import Echoes
 from .imaging.sidescan import pulse_cells
 from .propagation.device import arrays_of, upload
 from .scatterers import TARGET_RADIUS
@@ -34,20 +41,18 @@ class CoherentEchoes:
     Parameters
     ----------
     survey : survey.Survey
-    connector : connection.Connector
-    absorption : callable
-        As `signal.echoes.Absorption`.
+    sights : Sights
+    tracer : trace.Tracer
     """
 
-    def __init__(self, survey, connector, absorption):
-        self.survey, self.connector, self.absorption = survey, connector, absorption
+    def __init__(self, survey, sights, tracer):
+        self.survey, self.sights = survey, sights
         self.lib = arrays_of(mi.Float)
         sonar, window = survey.sonar, survey.window
         fastest = float(np.max(survey.profile.sound_speed))
-        self.smooth = SmoothTargets(connector, absorption, frequency=sonar.frequency,
+        self.smooth = SmoothTargets(sights, tracer, frequency=sonar.frequency,
                                     resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0,
-                                    farthest=0.5 * (window[1] + sonar.pulse_length) * fastest,
-                                    bounces=survey.max_depth)
+                                    farthest=0.5 * (window[1] + sonar.pulse_length) * fastest)
         self.targets = survey.geometry.targets()
         # where a pulse began at once, each of its edges would find a zone of its own on a bent surface: the k of
         # Kirchhoff's integral is that of the carrier. Samples of some cycles round them off.
@@ -63,7 +68,7 @@ class CoherentEchoes:
         self.turns_per_second = dr.opaque(mi.Float64, sonar.frequency)
 
     def __bool__(self):
-        return bool(self.smooth) or bool(self.targets)
+        return bool(self.smooth) or bool(self.targets) or self.sights.mirror
 
     def __call__(self, place, ping, source):
         """Sum the echoes of some pings.
@@ -104,8 +109,10 @@ class CoherentEchoes:
     def _echoes(self, place, ping, source, first):
         """Yield the numbers of pings (from `first` on 0), of shapes, the echoes, and the depth they come from."""
         position, rotation = self.survey.track.position[ping], self.survey.track.rotation()[ping]
+        if self.sights.mirror:
+            yield from self._overhead(place, position, rotation, first)
         if self.targets:
-            yield self._of_targets(place, len(ping), first)
+            yield from self._of_targets(place, len(ping), first)
         if self.smooth:
             yield from self.smooth(place.sources, position, source, self._worth_a_look(position, rotation))
 
@@ -131,38 +138,59 @@ class CoherentEchoes:
         which = index - number * dr.opaque(mi.UInt32, len(position))
         ping = number + dr.opaque(mi.UInt32, first)
         point = lib.Array3f64(*(dr.gather(mi.Float64, upload(mi.Float64, axis), which) for axis in position.T))
-        origin = place.origin(ping)
-        # it may lie on a surface, which must not hide it
-        way = self.connector(place.sources, origin, place.source(ping), point, mi.Vector3f(0, 0, 0),
-                             short=TARGET_RADIUS)
-        source_depth, source_speed = place.medium(ping)
-        loss_db = self.absorption(source_depth, mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
+        origin, source = place.origin(ping), place.source(ping)
         strength = dr.gather(mi.Float, upload(mi.Float, (10 ** (strength_db / 20)).astype(np.float32)), which)
-        pressure = (strength * mi.Float(way.sound_speed) / (source_speed * way.spreading_area)
-                    * dr.exp(loss_db * float(-np.log(10) / 20)))
-        pressure = dr.select(way.free & dr.isfinite(pressure), pressure, 0)
-        leg, nothing = Leg.along(way, origin, point), dr.zeros(mi.Float, dr.width(pressure))
-        echoes = Echoes(out=leg, back=leg, between=dr.zeros(mi.Float64, dr.width(pressure)),
-                        energy=dr.square(pressure), amplitude=(pressure, nothing))
-        return number, dr.gather(mi.UInt32, upload(mi.UInt32, label.astype(np.uint32)), which), echoes
+        label = dr.gather(mi.UInt32, upload(mi.UInt32, label.astype(np.uint32)), which)
+        # it may lie on a surface, which must not hide it
+        ends = {folded: self.sights(place.sources, origin, source, point, mi.Vector3f(0, 0, 0), folded=folded,
+                                    short=TARGET_RADIUS)
+                for folded in {False} | {back for _, back, _ in self.sights.ways()}}
+        nothing = dr.zeros(mi.Float, dr.width(strength))
+        for there, back, sign in [(False, False, 1.0), *self.sights.ways()]:
+            out, home = ends[there], ends[back]
+            pressure = strength * dr.sqrt(out.gain * home.gain) * sign
+            pressure = dr.select(out.way.free & home.way.free & dr.isfinite(pressure), pressure, 0)
+            yield number, label, Echoes(
+                out=out.leg, back=home.leg, between=dr.zeros(mi.Float64, dr.width(pressure)),
+                energy=dr.square(pressure), amplitude=(pressure, nothing), path=("b", "bs", "sbs")[there + back])
 
-    def _heard(self, place, first, number, label, echoes):
-        """What the faces hear of echoes: NumPy arrays, of those within the record and on the face's side."""
+    def _overhead(self, place, position, rotation, first):
+        """The echo of a flat surface, as the faces of either side hear it."""
+        number = dr.arange(mi.UInt32, len(position))
+        ping = number + dr.opaque(mi.UInt32, first)
+        echoes, free = self.sights.overhead(place.sources, place.origin(ping), place.source(ping))
+        # how far the platform's middle plane meets the surface from straight above, in Fresnel's units
+        height, up = np.maximum(-position[:, 2], 1e-3), rotation[:, 2]
+        aside = height * up[:, 1] / np.maximum(np.hypot(up[:, 0], up[:, 2]), 1e-9)
+        sine, cosine = fresnel(aside * np.sqrt(4 / (self.survey.sonar.wavelength * height)))
+        starboard = 0.5 + (cosine - 1j * sine) / (1 - 1j)
+        label = dr.full(mi.UInt32, self.survey.geometry.surface_label, len(position))
+        for side, share in ((-1.0, 1 - starboard), (1.0, starboard)):
+            real, imaginary = (upload(mi.Float, part.astype(np.float32)) for part in (share.real, share.imag))
+            pressure = dr.select(free, echoes.amplitude[0], 0)
+            yield number, label, replace(echoes, amplitude=(pressure * real, pressure * imaginary)), side
+
+    def _heard(self, place, first, number, label, echoes, side=None):
+        """What the faces hear of echoes: NumPy arrays, of those within the record and on the face's side.
+
+        `side` is -1 where it is port's face that hears them, 1 for starboard's; None: that which they come from.
+        """
         ping = number + dr.opaque(mi.UInt32, first)
         delay = echoes.out.travel_time + echoes.between + echoes.back.travel_time
         pressure, along, sides = self.pressure, mi.Float(1), []
         for leg, (length, height) in zip((echoes.out, echoes.back), self.faces):
-            body = place.body(ping, leg.launch_direction)
+            body = place.body(ping, leg.sent_towards)
             across = body.z * self.depression[0] - abs(body.y) * self.depression[1]
             along *= sinc(body.x * length)
             pressure = pressure * sinc(across * height)
-            sides.append(body.y > 0)
+            sides.append(body.y > 0 if side is None else dr.full(mi.Bool, side > 0, dr.width(body)))
         cycles = delay * self.turns_per_second
         sine, cosine = dr.sincos(mi.Float(cycles - dr.floor(cycles)) * float(-2 * np.pi))
         real, imaginary = echoes.amplitude
         real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
         pressure = pressure * along
-        depth = -mi.Float(place.origin(ping).z + echoes.back.offset.z)
+        start = place.origin(ping).z
+        depth = -mi.Float((-start if echoes.back.folded else start) + echoes.back.offset.z)
         row = 2 * number + dr.select(sides[0], mi.UInt32(1), mi.UInt32(0))
         columns = {"row": row, "label": label, "delay": delay, "real": real * pressure, "depth": depth,
                    "imaginary": imaginary * pressure, "in_beam": along * along > BEAM_EDGE,

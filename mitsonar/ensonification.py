@@ -21,6 +21,7 @@ from .free_rays import FreeRays
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .scatterers import TARGET_RADIUS
+from .sights import Sights
 from .signal.echoes import Absorption
 from .smooth_targets import SmoothTargets
 from .trace import Tracer
@@ -72,12 +73,16 @@ class Ensonification:
         self.tracer = Tracer(geometry, profile, max_range=self.farthest)
         self.connector, self.free_rays = Connector(self.tracer), FreeRays(self.tracer)
         self.loss_db = Absorption(absorption, profile, max(geometry.depth_range[1], 1.0), mi.Float)
-        self.smooth = SmoothTargets(self.connector, self.loss_db, frequency=frequency, resolution=resolution,
-                                    reach=margin, farthest=self.farthest, bounces=max_depth)
+        deepest = max(geometry.depth_range[1], 1.0)
+        folded_db = Absorption(absorption.mirrored(), profile.mirrored(), deepest, mi.Float,
+                               top=-deepest) if geometry.surface_mirrors else None
+        sights = Sights(self.connector, self.free_rays, self.loss_db, folded_db, max_depth=max_depth)
+        self.smooth = SmoothTargets(sights, self.tracer, frequency=frequency, resolution=resolution, reach=margin,
+                                    farthest=self.farthest)
         self.drawn_rays = DrawnRays(profile, window=window, rays=rays, pattern=self.pattern,
                                     surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
-        self.ghosts = ArrayGhosts(geometry, self.tracer, self.connector, self.free_rays, profile, absorption,
-                                  self.loss_db, frequency=frequency, window=window, max_depth=max_depth, volume=volume)
+        self.ghosts = ArrayGhosts(geometry, self.tracer, self.connector, self.free_rays, sights, self.loss_db,
+                                  frequency=frequency, window=window, max_depth=max_depth, volume=volume)
 
     @property
     def pattern(self):

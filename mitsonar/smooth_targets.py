@@ -13,6 +13,8 @@ optics has it, until they meet the next smooth facet. There the tube's footprint
 φ with the corners' ways in between, the pressure as high as keeps the power in the tube; so do the third facet's
 footprint, and so on. Legs in between are straight. All orders of facets are there, for all are lit: a dihedral's two,
 a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas Propag. 25, 406.)
+
+Under a flat surface all of it is seen straight and by way of the mirror (`sights`).
 """
 from dataclasses import dataclass, fields
 
@@ -79,9 +81,9 @@ class SmoothTargets:
 
     Parameters
     ----------
-    connector : connection.Connector
-    loss_db : callable
-        As `signal.echoes.Absorption`.
+    sights : Sights
+        How they are seen; its bounces are the most facets, and mirrors, that an echo may have met.
+    tracer : trace.Tracer
     frequency : float [Hz]
     resolution : float [m]
         c / 2B: what ranges are told apart.
@@ -89,14 +91,12 @@ class SmoothTargets:
         How far elements lie from the sources, out and back together.
     farthest : float [m]
         Range beyond which nothing matters.
-    bounces : int
-        Most facets that an echo may have met.
     """
 
-    def __init__(self, connector, loss_db, *, frequency, resolution, reach, farthest, bounces):
-        self.connector, self.tracer, self.loss_db = connector, connector.tracer, loss_db
+    def __init__(self, sights, tracer, *, frequency, resolution, reach, farthest):
+        self.sights, self.tracer, self.loss_db = sights, tracer, sights.loss_db
         self.lib = arrays_of(mi.Float)
-        self.frequency, self.bounces = float(frequency), int(bounces)
+        self.frequency, self.bounces = float(frequency), sights.max_depth
         self.resolution, self.reach, self.farthest = float(resolution), float(reach), float(farthest)
         profile, geometry = self.tracer.profile, self.tracer.geometry
         slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
@@ -133,8 +133,13 @@ class SmoothTargets:
             return
         place = _Places(self.lib, np.asarray(origins, float), source)
         yield from self._single(sources, place, choose)
+        for there, back, sign in self.sights.ways():
+            if there <= back:                        # the others are these the other way round
+                yield from self._single(sources, place, choose, there, back, sign)
         if self.bounces > 1 and not self.facets.convex:
-            yield from self._several(sources, place, choose)
+            yield from self._several(sources, place, choose, False)
+            if self.sights.mirror and self.bounces > 2:
+                yield from self._several(sources, place, choose, True)
 
     def edges(self, origin):
         """Longest side of cells of every facet as seen from an origin (3,), (F,) [m], and which facets may be."""
@@ -150,16 +155,21 @@ class SmoothTargets:
         hidden = facets.outward * plane < -BEHIND * facets.side
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
 
-    def _blocks(self, places, tubes, choose):
+    def _blocks(self, places, tubes, choose, views):
         """Lists of cells as (place, facet, s, n, m): to be lit as a whole and integrated over in m² parts.
 
-        Those that `tubes` start from are smaller, and of one part.
+        Those that `tubes` start from are smaller, and of one part. `views` are those that they are seen in, straight
+        or by way of the mirror.
         """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
-            edge, seen = self.edges(origin)
-            if choose is not None:
-                seen &= choose(number, facets.centre, facets.radius)
+            edge, seen = np.inf, np.ones(len(facets), bool)
+            for folded in views:
+                image = np.array([1, 1, -1 if folded else 1])
+                there, visible = self.edges(origin * image)
+                edge, seen = np.minimum(edge, there), seen & visible
+                if choose is not None:
+                    seen &= choose(number, facets.centre * image, facets.radius)
             seen = np.flatnonzero(seen)
             if tubes:
                 bent = facets.bent[seen]
@@ -182,53 +192,63 @@ class SmoothTargets:
                 yield from _listed(np.concatenate(runs))
                 runs = []
 
-    def _single(self, sources, places, choose):
-        """Echoes of one bounce."""
-        for number, facet, s, n, parts in self._blocks(places, False, choose):
+    def _single(self, sources, places, choose, there=False, back=False, sign=1.0):
+        """Echoes of one facet, seen straight or by way of the mirror."""
+        path = {0: "b", 1: "bs", 2: "sbs"}[there + back]
+        for number, facet, s, n, parts in self._blocks(places, False, choose, {there, back}):
             cells = self.facets.cells(facet, s, n)
             origin, source = places(number)
-            way = self.connector(sources, origin, source, cells.point, cells.normal)
-            direction, radius = way.arrival_direction, dr.sqrt(way.spreading_area)
-            active = way.free & (way.travel_time < self.longest) & dr.isfinite(radius)
-            wavenumber = self.turn_rate / mi.Float(way.sound_speed)
-            mean = mean_sent_back(self.facets, cells, parts, direction, radius, wavenumber, active)
-            pressure = (self._gain(sources, source, origin, cells.point, way) * wavenumber * cells.area
-                        * float(0.5 / np.pi))
-            factor = self._coefficient(facet, cells.point, direction, way.sound_speed, active)
-            yield from _sent(number, self.facets.facts(facet)[2], Leg.along(way, origin, cells.point), None,
-                             dr.zeros(mi.Float64, dr.width(s)), _turned(factor, mean, pressure), "b", active)
+            sights = [self.sights(sources, origin, source, cells.point, cells.normal, folded=folded)
+                      for folded in sorted({there, back})]
+            ways = [sight.way for sight in sights]
+            active = mi.Bool(True)
+            for way in ways:
+                active &= way.free & dr.isfinite(way.spreading_area)
+            active &= ways[0].travel_time + ways[-1].travel_time < 2 * self.longest
+            wavenumber = self.turn_rate / mi.Float(ways[0].sound_speed)
+            waves = [(way.arrival_direction, dr.sqrt(way.spreading_area)) for way in ways]
+            mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
+            gain = sights[0].gain if len(sights) == 1 else dr.sqrt(sights[0].gain * sights[1].gain)
+            pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
+            # what is not specular is told by both angles: the same both ways
+            factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
+                       for way, (direction, _) in zip(ways, waves)]
+            factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
+            for out, home in [(0, None)] if len(sights) == 1 else [(0, 1), (1, 0)]:
+                yield from _sent(number, self.facets.facts(facet)[2], sights[out].leg,
+                                 None if home is None else sights[home].leg, dr.zeros(mi.Float64, dr.width(s)),
+                                 _turned(factor, mean, pressure), path, active)
 
-    def _several(self, sources, places, choose):
-        """Echoes of more bounces."""
-        for number, facet, s, n, _ in self._blocks(places, True, choose):
+    def _several(self, sources, places, choose, folded):
+        """Echoes of more facets, of tubes that start straight or by way of the mirror."""
+        for number, facet, s, n, _ in self._blocks(places, True, choose, {folded}):
             cells = self.facets.cells(facet, s, n)
             origin, source = places(number)
-            way = self.connector(sources, origin, source, cells.point, cells.normal)
+            sight = self.sights(sources, origin, source, cells.point, cells.normal, folded=folded)
+            way = sight.way
             direction, radius = way.arrival_direction, dr.sqrt(way.spreading_area)
             tube = _Tube(
                 active=way.free & (way.travel_time < self.longest) & dr.isfinite(radius), place=number, facet=facet,
                 point=cells.point, corners=cells.corners, area=cells.area,
                 ways=[further(corner, direction, radius) for corner in cells.corners],
                 directions=[direction, *(dr.normalize(radius * direction + corner) for corner in cells.corners)],
-                pressure=dr.sqrt(self._gain(sources, source, origin, cells.point, way)),
+                pressure=dr.sqrt(sight.gain),
                 reflected=(dr.ones(mi.Float, dr.width(s)), dr.zeros(mi.Float, dr.width(s))),
-                between=dr.zeros(mi.Float64, dr.width(s)), out=Leg.along(way, origin, cells.point))
+                between=dr.zeros(mi.Float64, dr.width(s)), out=sight.leg)
             tube, path = self._reflected(tube, way.sound_speed), "b"
-            while len(path) < self.bounces:
+            while len(path) + folded < self.bounces:
                 tube = self._on(sources, tube, way)
                 if tube is None:
                     break
                 origin, source = places(tube.place)
-                way = self.connector(sources, origin, source, tube.point, self.facets.flat_normal(tube.facet))
-                tube, path = self._reflected(tube, way.sound_speed), path + "b"
-                yield from self._sent_back(sources, places, tube, way, path)
-
-    def _gain(self, sources, source, origin, point, way):
-        """Power at the end of a leg over that 1 m from its beginning: (c_h / c_0) 10^(-ᾱ L / 10) / A."""
-        _, source_speed, _ = sources.state.gather(self.lib, source)
-        loss_db = self.loss_db(mi.Float(-origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
-        return (mi.Float(way.sound_speed / source_speed) / way.spreading_area
-                * dr.exp(loss_db * float(-np.log(10) / 20)))
+                normal, path, ends = self.facets.flat_normal(tube.facet), path + "b", {}
+                for back in (False, True)[:1 + (self.sights.mirror and len(path) + folded < self.bounces)]:
+                    ends[back] = self.sights(sources, origin, source, tube.point, normal, folded=back)
+                way = ends[False].way
+                tube = self._reflected(tube, way.sound_speed)
+                for back, sight in ends.items():
+                    name = "s" * (folded and back) + path + "s" * (folded or back)
+                    yield from self._sent_back(tube, sight, name, 1.0 if back == folded else -1.0)
 
     def _normal(self, facet, point):
         """Of the surface that facets stand for, at points of them."""
@@ -250,9 +270,9 @@ class SmoothTargets:
         changed = {"reflected": (a * real - b * imaginary, a * imaginary + b * real)}
         return _Tube(**{field.name: getattr(tube, field.name) for field in fields(tube)} | changed)
 
-    def _sent_back(self, sources, places, tube, way, path):
-        """What the footprints of tubes send back along `way`."""
-        origin, source = places(tube.place)
+    def _sent_back(self, tube, sight, path, sign):
+        """What the footprints of tubes send back to where they are seen from."""
+        way = sight.way
         normal, towards, back = self._normal(tube.facet, tube.point), tube.directions[0], way.arrival_direction
         wavenumber = self.turn_rate / mi.Float(way.sound_speed)
         in_cosine, out_cosine = dr.dot(normal, towards), dr.dot(normal, back)
@@ -261,10 +281,10 @@ class SmoothTargets:
         radius = dr.sqrt(way.spreading_area)
         mean = phase_mean(*(-wavenumber * (way_there + further(corner, back, radius))
                             for way_there, corner in zip(tube.ways, tube.corners)))
-        pressure = tube.pressure * dr.sqrt(self._gain(sources, source, origin, tube.point, way))
-        pressure *= wavenumber * float(0.25 / np.pi) * abs(in_cosine + out_cosine) * tube.area
-        yield from _sent(tube.place, self.facets.facts(tube.facet)[2], tube.out, Leg.along(way, origin, tube.point),
-                         tube.between, _turned(tube.reflected, mean, pressure), path, active)
+        pressure = tube.pressure * dr.sqrt(sight.gain)
+        pressure *= wavenumber * float(sign * 0.25 / np.pi) * abs(in_cosine + out_cosine) * tube.area
+        yield from _sent(tube.place, self.facets.facts(tube.facet)[2], tube.out, sight.leg, tube.between,
+                         _turned(tube.reflected, mean, pressure), path, active)
 
     def _on(self, sources, tube, way):
         """Mirror tubes and follow them to the next smooth facet: the tubes that meet one, or None."""

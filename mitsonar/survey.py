@@ -27,6 +27,7 @@ from .imaging.sidescan import mean_intensity, pulse_shares
 from .materials import scattering_strength
 from .paths import Paths
 from .propagation.device import arrays_of, upload
+from .sights import Sights
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .signal.origins import WORDS
 from .sonar.directivity import sinc
@@ -191,8 +192,15 @@ class _Block:
             farthest=0.5 * sonar.sound_speed * survey.window[1],
             shown=partial(mean_intensity, shares=pulse_shares(survey.bin_length, sonar.pulse_length)))
         self.connector = Connector(self.tracer)
-        self.coherent = CoherentEchoes(survey, self.connector, self.absorption)
-        self.bounces = self._bounces(deepest) if survey.max_depth > 1 else None
+        mirror, free_rays = geometry.surface_mirrors, FreeRays(self.tracer)
+        folded = Absorption(survey.absorption.mirrored(), survey.profile.mirrored(), deepest, mi.Float,
+                            top=-deepest) if mirror else None
+        sights = Sights(self.connector, free_rays, self.absorption, folded, max_depth=survey.max_depth)
+        self.coherent = CoherentEchoes(survey, sights, self.tracer)
+        self.bounces = Bounces(
+            free_rays, self.absorption, folded, frequency=sonar.frequency, paths=survey.paths,
+            surface_label=geometry.surface_label, mirror=mirror,
+            targets=geometry.targets()) if survey.max_depth > 1 else None
         self.water = None
         if survey.volume is not None:
             self.water = WaterEchoes(survey.volume, self.connector, self.absorption, survey.window)
@@ -297,21 +305,13 @@ class _Block:
             hits = replace(hits, valid=hits.valid & (hits.label != self.surface))
         return hits, behind
 
-    def _bounces(self, deepest):
-        survey, geometry = self.survey, self.survey.geometry
-        mirror = geometry.surface_mirrors
-        folded = Absorption(survey.absorption.mirrored(), survey.profile.mirrored(), deepest, mi.Float,
-                            top=-deepest) if mirror else None
-        return Bounces(FreeRays(self.tracer), self.absorption, folded, frequency=survey.sonar.frequency,
-                       paths=survey.paths, surface_label=geometry.surface_label, mirror=mirror)
-
     def _add_ghosts(self, place, ray, hits, sums):
         """Add what bounced more than once: p² = 10^(SL/10) B_t B_r e²."""
         source_depth, source_speed = place.medium(ray.ping)
         origin, source = place.origin(ray.ping), place.source(ray.ping)
 
-        def homeward(point, normal, active):
-            return self.connector(place.sources, origin, source, point, normal, active)
+        def homeward(point, normal, active, short=0.0):
+            return self.connector(place.sources, origin, source, point, normal, active, short=short)
 
         strata = Strata(self.lib, place.rows, *self.second_grid)
         key = dr.gather(mi.UInt32, place.key, ray.row) ^ dr.opaque(

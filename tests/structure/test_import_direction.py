@@ -20,7 +20,8 @@ FLOORS = """
     io
     shape_labels trace scene_objects alterations
     tessellation
-    materials connection water_echoes scatterers echoes free_rays paths bounces array_ghosts drawn_rays element_beams
+    materials connection water_echoes scatterers echoes free_rays sights paths bounces array_ghosts drawn_rays
+    element_beams
     smooth_facets
     smooth_parts
     smooth_targets
