@@ -3,6 +3,9 @@
 GDAL reads most of them. What it would read wrongly or not at all comes in other ways: of a BAG of variable resolution
 it shows the coarse overview unless asked for the refinements, of netCDF axes it asks for attributes that many files
 lack, and of text grids it takes words, and what is missing, for 0.
+
+Files are opened as one of `DRIVERS`, formats that hold their grid themselves, whatever the file's name. GDAL knows more
+by their content: descriptions that send it to other files or over the network, which a survey must not.
 """
 import contextlib
 import os
@@ -17,6 +20,11 @@ from .rasters import MOST_NODES, source_crs
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topography", "height", "altitude", "band1")
+DRIVERS = ("GTiff", "BAG", "netCDF", "HDF5", "S102", "AAIGrid", "GRASSASCIIGrid", "XYZ", "ZMap", "ISG", "GSAG", "GSBG",
+           "GS7BG", "EHdr", "ENVI", "HFA", "RST", "SAGA", "RRASTER", "PCRaster", "USGSDEM", "DTED", "SRTMHGT", "GRIB",
+           "GPKG", "BT", "Leveller", "Terragen", "HF2", "SIGDEM", "NWT_GRD", "NWT_GRC", "PNG", "JPEG", "GIF", "BMP")
+_COMPANIONS = (".ovr", ".msk")              # files of coarser copies and masks, which GDAL opens as anything they are
+_RASTERS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"EHFA")
 _stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 
 
@@ -83,7 +91,8 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
                 raise ValueError(f'variable is "{variable}", but only netCDF files hold variables; leave it out.')
             yield raster, source_crs(raster, crs)
         except (rasterio.errors.RasterioError, CPLE_BaseError) as error:    # of rasterio's own, and GDAL's as they are
-            reason = " ".join(str(error.__cause__ or error).replace(f"'{path}'", "").split()).rstrip(".")
+            reason = str(error.__cause__ or error).replace(f"'{os.path.abspath(path)}'", "")
+            reason = " ".join(reason.split()).rstrip(".")
             raise ValueError(f"this is not a {what} that GDAL can read ({reason}).") from None
         except OSError as error:
             raise ValueError(f"the file cannot be read ({error.strerror or error}).") from None
@@ -113,12 +122,17 @@ def _hushed(path):
 def _by_gdal(path, variable):
     import rasterio
 
-    raster = rasterio.open(path)
+    _check_companions(path)
+    raster = _open(path)
+    if raster.tags(ns="OVERVIEWS"):
+        raster.close()
+        raise ValueError("the file names another one for its coarser copies; leave that out (gdaladdo writes copies "
+                         "into the file or beside it).")
     if raster.driver == "BAG":
         refined = raster.tags().get("HAS_SUPERGRIDS") == "TRUE"
         raster.close()
         # The finest resolution of the refinements, by linear interpolation within each.
-        return rasterio.open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
+        return _open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
     if raster.driver != "netCDF":
         return raster
     _refuse_cut_classic(path)
@@ -135,7 +149,26 @@ def _by_gdal(path, variable):
         raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(map(str, parts)) or "none"}.')
     name = f'netcdf:"{path}":{variable}' if variable else path
     # Axes called other than the conventions have it, or without their attributes, are axes all the same.
-    return rasterio.open(name, IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
+    return rasterio.open(name, driver="netCDF", IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
+
+
+def _open(path, **options):
+    import rasterio
+    from rasterio.io import DatasetReader
+
+    with rasterio.Env():                       # which rasterio.open makes as well, but it takes one driver, not several
+        # by its whole path: GDAL takes some relative names for addresses
+        return DatasetReader(os.path.abspath(path), driver=list(DRIVERS), **options)
+
+
+def _check_companions(path):
+    folder, name = os.path.split(os.path.abspath(path))
+    wanted = {f"{known}{suffix}".lower() for known in (name, os.path.splitext(name)[0]) for suffix in _COMPANIONS}
+    for beside in os.listdir(folder):
+        if beside.lower() in wanted and os.path.isfile(os.path.join(folder, beside)):
+            with open(os.path.join(folder, beside), "rb") as file:
+                if not file.read(4).startswith(_RASTERS):
+                    raise ValueError(f"{beside}, which lies beside the file, is no raster; remove it.")
 
 
 def _refuse_cut_classic(path):
@@ -169,9 +202,8 @@ def _array_as_raster(path, spacing):
 
 
 def _ascii_as_raster(path):
-    import rasterio
-
-    with rasterio.open(path) as header:          # GDAL knows the keys, and a .prj beside the file
+    _check_companions(path)
+    with _open(path) as header:                  # GDAL knows the keys, and a .prj beside the file
         rows, columns = header.shape
         check_size(rows, columns)
         heights = ascii_grid.read_values(path, rows, columns)

@@ -1,5 +1,7 @@
 """Rasters as `bathymetry` needs them: checked, in metres, upright, and cut to a part."""
 import contextlib
+import os
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,6 +89,9 @@ def crs_of(text):
     from rasterio.errors import CRSError
 
     try:
+        # GDAL would fetch an address, and read a file
+        if re.match(r"\s*(\w+:)?[/\\]", str(text)) or os.path.exists(str(text)):
+            raise CRSError
         return CRS.from_user_input(text)
     except CRSError:
         raise ValueError(f'"{text}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None

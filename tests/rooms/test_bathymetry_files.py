@@ -396,7 +396,7 @@ HEADER = "ncols {}\nnrows {}\nxllcorner 0\nyllcorner 0\ncellsize 100\n"
     (text(".asc", HEADER.format(3, 2) + "1 2 3\n4 5 6 7\n"), {}, "more numbers than the 2 x 3"),
     (text(".asc", HEADER.format(3, -2) + "1 2 3\n"), {}, "GDAL can read"),
     (text(".asc", HEADER.format(3, "two") + "1 2 3\n"), {}, "GDAL can read"),
-    (lambda folder: (folder / "bed.xyz").mkdir() or folder / "bed.xyz", {}, "GDAL can read"),
+    (lambda folder: (folder / "bed.xyz").mkdir() or folder / "bed.xyz", {}, "it is a folder"),
     (text(".xyz", ""), {}, "holds no soundings"),
     (text(".xyz", "# only\n# comments\n"), {}, "holds no soundings"),
     (text(".xyz", "500000 5000000\n500002 5000000\n"), {}, 'line 1, "500000 5000000", does not hold x, y and z'),
