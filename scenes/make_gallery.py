@@ -47,7 +47,7 @@ def snippet(image, colours):
         mask = np.array(Image.fromarray(255 * mask[rows, columns]).resize(size, Image.Resampling.BOX)) > 127
         rim = ndimage.binary_dilation(mask) & ~mask
         shown[rim] = colours[each.class_name if each.kind == HIGHLIGHT else None]
-    return (255 * shown[::-1]).astype(np.uint8)
+    return (255 * shown).astype(np.uint8)
 
 
 def middle(found, frame):

@@ -27,8 +27,10 @@ def add(commands):
                         help="of a piece of an annotation; smaller ones are dropped; default: 8")
     labels.add_argument("--classes", metavar="NAMES",
                         help="of objects, numbered in this order; default: those of the images; \"cylinder, tyre\"")
-    labels.add_argument("--tile", type=_size, metavar="PINGSxBINS", help="cut the pictures, as 512x512")
+    labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
+                        help="cut the pictures, as 512x512; of arrays BINSxBEAMS")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
+    labels.add_argument("--drop-empty", action="store_true", help="leave out pictures and tiles without annotations")
     labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels with their gain [dB]; default: found for each image; --window=60,90")
@@ -50,14 +52,16 @@ def _labels(arguments):
         coco=arguments.coco, yolo=arguments.yolo, masks=arguments.masks, threshold=arguments.threshold,
         classes=None if arguments.classes is None else [name.strip() for name in arguments.classes.split(",")],
         above_noise_db=arguments.above_noise, smallest=arguments.smallest, tile=arguments.tile,
-        overlap=arguments.overlap, tvg=None if arguments.tvg == "none" else arguments.tvg, window=arguments.window,
-        split=None if arguments.split is None else read_shares(arguments.split), split_seed=arguments.split_seed,
-        split_by=arguments.split_by)
+        overlap=arguments.overlap, drop_empty=arguments.drop_empty,
+        tvg=None if arguments.tvg == "none" else arguments.tvg,
+        window=arguments.window, split=None if arguments.split is None else read_shares(arguments.split),
+        split_seed=arguments.split_seed, split_by=arguments.split_by)
     with Progress("images", "labelling") as progress:
         counts = write(arguments.images, output, rules, progress)
-    black = counts.pop("in the black")
+    black, empty = counts.pop("in the black"), counts.pop("empty")
     print(", ".join(f"{count} {kind[:-1] if count == 1 else kind}" for kind, count in counts.items())
-          + f"; {black} more where the picture is black all around" * bool(black), file=sys.stderr)
+          + f"; {black} more where the picture is black all around" * bool(black)
+          + f"; {empty} empty picture{'s' * (empty != 1)} left out" * bool(empty), file=sys.stderr)
     announce(output)
 
 

@@ -16,7 +16,7 @@ def add(commands):
                            "layover, depth or rays")
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
-                      help="which ping the view `ping` shows; default: the middle one")
+                      help="which ping the view `ping` shows (default: the middle one), or a fan (the first)")
     plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
     plot.set_defaults(run=_plot)
 

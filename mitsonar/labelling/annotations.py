@@ -109,12 +109,12 @@ def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=
                     if piece is None:
                         continue
                     row, column, mask = piece
-                    far = column == 0 if part.mirrored else column + mask.shape[1] == part.stop - part.start
-                    near = column + mask.shape[1] == part.stop - part.start if part.mirrored else column == 0
+                    touched = {"top": row == 0, "bottom": row + mask.shape[0] == frame.height, "left": column == 0,
+                               "right": column + mask.shape[1] == part.stop - part.start}
                     own.append(Annotation(
                         kind=kind, label=seen.label, name=seen.name, class_name=seen.class_name, side=part.name,
                         row=row, column=part.start + column, mask=mask,
-                        truncated=bool(row == 0 or row + mask.shape[0] == frame.height or far or near and near_is_cut)))
+                        truncated=any(met and (edge != part.near or near_is_cut) for edge, met in touched.items())))
     return found
 
 

@@ -1,11 +1,14 @@
 """The pictures of a record, as programs that learn from images see them: rows, columns, and tiles of them.
 
-A sidescan is one picture, laid out as in its EXR: a row per ping, the oldest on top; port mirrored, then starboard. Of
-an array every ping is a picture of its own: a row per beam, a column per range. A picture element is a bin.
+They are the way up that previews are. A sidescan is one picture: a row per ping, the newest on top; port mirrored, then
+starboard. Of an array every ping is a picture of its own: a row per range, the farthest on top, or at the bottom where
+the fan looks down; a column per beam, in their order. A picture element is a bin.
 """
 from dataclasses import dataclass
 
 import numpy as np
+
+from ..plots.fans import looks_down
 
 __all__ = ["Frame", "Part", "Tile", "frames", "tiles"]
 
@@ -20,14 +23,14 @@ class Part:
         ``port``, ``starboard``, or empty where there are no sides.
     start, stop : int
         Columns.
-    mirrored : bool
-        Near range is on the right.
+    near : {'left', 'right', 'top', 'bottom'}
+        On which edge the nearest range is.
     """
 
     name: str
     start: int
     stop: int
-    mirrored: bool
+    near: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +54,11 @@ class Frame:
     def lay(self, values):
         """Lay out an array over the dimensions of ``level`` as (height, width)."""
         if self.ping is not None:
-            return values[self.ping]
+            laid = values[self.ping].T
+            return laid if self.parts[0].near == "top" else laid[::-1]
         if values.ndim == 2:
-            return values
-        return np.concatenate([values[:, side, ::-1] if part.mirrored else values[:, side]
+            return values[::-1]
+        return np.concatenate([values[::-1, side, ::-1] if part.near == "right" else values[::-1, side]
                                for side, part in enumerate(self.parts)], axis=1)
 
 
@@ -89,16 +93,17 @@ def frames(dataset, name="the dataset"):
     """
     dims, shape = dataset["level"].dims, dataset["level"].shape
     if dims == ("ping", "beam", "range"):
-        part = Part(name="", start=0, stop=shape[2], mirrored=False)
-        return [Frame(ping=ping, parts=(part,), height=shape[1], width=shape[2]) for ping in range(shape[0])]
+        part = Part(name="", start=0, stop=shape[1], near="top" if looks_down(dataset) else "bottom")
+        return [Frame(ping=ping, parts=(part,), height=shape[2], width=shape[1]) for ping in range(shape[0])]
     if dims == ("ping", "range"):
-        return [Frame(ping=None, parts=(Part(name="", start=0, stop=shape[1], mirrored=False),), height=shape[0],
+        return [Frame(ping=None, parts=(Part(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
                       width=shape[1])]
     if dims != ("ping", "side", "range"):
         raise ValueError(f"{name} has levels over {', '.join(map(str, dims))}; pictures are made of (ping, side, "
                          "range), (ping, range) and (ping, beam, range).")
     bins = shape[2]
-    parts = tuple(Part(name=str(side), start=number * bins, stop=(number + 1) * bins, mirrored=str(side) == "port")
+    parts = tuple(Part(name=str(side), start=number * bins, stop=(number + 1) * bins,
+                       near="right" if str(side) == "port" else "left")
                   for number, side in enumerate(dataset["side"].values))
     return [Frame(ping=None, parts=parts, height=shape[0], width=shape[1] * bins)]
 

@@ -26,6 +26,8 @@ class Labels:
         Pings and columns of a tile; None: whole pictures.
     overlap : float
         Share of a tile that its neighbour repeats.
+    drop_empty : bool
+        Leave out pictures, or tiles of them, that have no annotation.
     tvg : {'seabed', 'target', None}
     window : (float, float) or None [dB]
         Levels of black and white; None: found for each image.
@@ -50,6 +52,7 @@ class Labels:
     smallest: int = 8
     tile: object = None
     overlap: float = 0.0
+    drop_empty: bool = False
     tvg: object = "seabed"
     window: object = None
     split: object = None
@@ -88,4 +91,5 @@ class Labels:
         """The rules as JSON, for the files."""
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
-                "tile": self.tile and list(self.tile), "overlap": self.overlap, "tvg": self.tvg}
+                "tile": self.tile and list(self.tile), "overlap": self.overlap,
+                "drop_empty": self.drop_empty, "tvg": self.tvg}

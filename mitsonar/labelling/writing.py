@@ -7,6 +7,7 @@ import json
 import os
 import secrets
 import shutil
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -49,14 +50,21 @@ def write(places, folder, labels, progress=None):
     Returns
     -------
     dict of str, int
-        How many ``pictures``, ``highlights`` and ``shadows`` were written, and annotations left ``in the black``.
+        How many ``pictures``, ``highlights`` and ``shadows`` were written, annotations left ``in the black``, and
+        pictures without annotations that were left out as ``empty``.
 
     Raises
     ------
     FileNotFoundError, ValueError, PermissionError
-        If the images cannot be read, labelled or split, or the folder cannot be made.
+        If the images cannot be read, labelled or split, the folder cannot be made, or empty pictures are to be left
+        out and a subset has no others.
     OSError
         If the disk fills up; nothing is left behind.
+
+    Warns
+    -----
+    UserWarning
+        If YOLO's training and validation are the same pictures, for want of a split into both.
     """
     if os.path.isdir(folder):
         if os.listdir(folder):
@@ -79,6 +87,8 @@ def write(places, folder, labels, progress=None):
                 progress(done, len(sources))
         writer.summary({name: sorted({group for group, home in zip(groups, homes, strict=True) if home == name})
                         for name in labels.split or ()})
+    if writer.note:
+        warnings.warn(writer.note, stacklevel=2)
     return {"pictures": len(writer.names), **writer.counts}
 
 
@@ -126,8 +136,8 @@ class _Writer:
     def __init__(self, folder, labels, numbers):
         self.folder, self.labels, self.numbers = folder, labels, numbers
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
-        self.names, self.annotated = {}, 0
-        self.counts = {"highlights": 0, "shadows": 0, "in the black": 0}
+        self.names, self.annotated, self.note = {}, 0, ""
+        self.counts = {"highlights": 0, "shadows": 0, "in the black": 0, "empty": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
                      *[f"masks/{kind}" for kind in ("instance", "class", "shadow")] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
@@ -160,6 +170,9 @@ class _Writer:
         if name in self.names:
             raise ValueError(f"two pictures would both be called {name}; rename an EXR, or do them one after "
                              "the other.")
+        if self.labels.drop_empty and not found:
+            self.counts["empty"] += 1
+            return
         self.names[name] = number = len(self.names) + 1
         write_png(picture, self.folder / "images" / f"{name}.png")
         for each in found:
@@ -193,6 +206,11 @@ class _Writer:
     def summary(self, groups):
         """Write what is said of all images; `groups` are those of each subset."""
         split, files = self.labels.split, {}
+        bare = [name for name, subset in self.subsets.items() if not subset.images]
+        if bare:
+            of = f" of the subset {bare[0]}" * bool(split)
+            raise ValueError(f"no picture{of} has an annotation, and empty ones are to be left out; keep them, or give "
+                             "images with objects.")
         for name, subset in self.subsets.items():
             if self.labels.coco:
                 about = {"description": "sonar images", "subset": name if split else "all", **self.labels.rules}
@@ -213,14 +231,18 @@ class _Writer:
             self._lists()
 
     def _lists(self):
-        """The lists of YOLO's subsets; without a split both that it asks for are all the images."""
+        """The lists of YOLO's subsets; one that it asks for and the split lacks is the first, which is said."""
         for name, subset in self.subsets.items():
             text = "".join(f"./images/{image['file_name']}\n" for image in subset.images)
             (self.folder / f"{name}.txt").write_text(text, encoding="utf-8")
         lists = {name: f"{name}.txt" for name in self.subsets}
+        lacking, first = [name for name in ("train", "val") if name not in lists], next(iter(lists))
+        if lacking:
+            self.note = (f"{' and '.join(lacking)} of data.yaml {'is' if len(lacking) == 1 else 'are'} {first}.txt: "
+                         "what is trained on cannot validate; split the images (--split train=0.8,val=0.2).")
         # programs that read it insist on both
-        lists = {"train": next(iter(lists.values())), "val": next(iter(lists.values())), **lists}
-        (self.folder / "data.yaml").write_text(yolo.data_yaml(lists, self.numbers), encoding="utf-8")
+        lists = {"train": lists[first], "val": lists[first], **lists}
+        (self.folder / "data.yaml").write_text(yolo.data_yaml(lists, self.numbers, self.note), encoding="utf-8")
 
 
 @contextlib.contextmanager

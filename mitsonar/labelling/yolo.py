@@ -41,7 +41,7 @@ def line(annotation, form, numbers, height, width):
     return " ".join([str(numbers[annotation.category] - 1), *(f"{value:.6g}" for value in values.ravel())])
 
 
-def data_yaml(lists, numbers):
+def data_yaml(lists, numbers, note=""):
     """Give the text of ``data.yaml``.
 
     Parameters
@@ -49,12 +49,14 @@ def data_yaml(lists, numbers):
     lists : dict of str, str
         What each subset's images are, relative to the file: a list or a folder.
     numbers : dict of str, int
+    note : str
+        A comment on its first line.
 
     Returns
     -------
     str
     """
-    lines = [f"{subset}: {place}" for subset, place in lists.items()]
+    lines = [f"# {note}"] * bool(note) + [f"{subset}: {place}" for subset, place in lists.items()]
     lines += ["names:", *(f"  {number - 1}: {json.dumps(name, ensure_ascii=False)}"
                           for name, number in numbers.items())]
     return "\n".join(lines) + "\n"

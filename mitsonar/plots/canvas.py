@@ -67,7 +67,7 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
     """
     left, right, bottom, top = 84, 128 if bar else 30, 90, 86
     if keys:
-        right += _legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
+        right += legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
     figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
     box = np.array([left, bottom, grid.width, grid.height]) / np.tile(figure.get_size_inches() * DPI, 2)
     axes = figure.add_axes(box, facecolor=PAPER)
@@ -79,7 +79,7 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
     _metres(grid, axes)
     scale_bar(grid, axes)
     if keys:
-        _legend(axes, keys, grid.height)
+        legend(axes, keys, grid.height)
     if bar:
         room = figure.add_axes([box[0] + box[2] + 18 / figure.bbox.width, box[1], 16 / figure.bbox.width, box[3]])
         key = figure.colorbar(drawn, cax=room, extend=bar_extend, extendfrac=0.02)
@@ -89,8 +89,8 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
     return figure, axes
 
 
-def _legend(axes, keys, height):
-    """A legend to the right of the axes, in as many columns as that height asks for."""
+def legend(axes, keys, height):
+    """Put a legend to the right of the axes, in as many columns as that height asks for."""
     columns = -(-len(keys) * KEY_HEIGHT // height)
     return axes.legend(handles=list(keys), loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=1.0, fontsize=10,
                        ncols=columns, facecolor=PAPER, edgecolor=FAINT, labelcolor=INK)

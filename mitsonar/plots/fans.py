@@ -6,12 +6,14 @@ middle: to starboard and ahead for a level fan, whose α is the azimuth; to star
 import os
 
 import numpy as np
+from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
+from scipy import ndimage
 
 from ..io.files import check_writable
 from . import canvas
 
-__all__ = ["fan", "fan_picture"]
+__all__ = ["fan", "fan_picture", "looks_down"]
 
 SIZE = 900                         # picture elements of the larger side of the fan
 DARKEST, BRIGHTEST = 5.0, 99.7     # percentiles of the first and the last colour
@@ -51,7 +53,7 @@ def fan(beams, path, *, ping=0, tvg=True, limits=None, title="", subtitle=""):
           facing=facing, right=right)
 
 
-def fan_picture(dataset, path, *, ping=0, tvg=True):
+def fan_picture(dataset, path, *, ping=0, tvg=True, what="", marks=(), keys=()):
     """Draw one ping of what `mitsonar.render` gives of an array: its `fan`, or the levels of a single beam over range.
 
     Parameters
@@ -60,25 +62,44 @@ def fan_picture(dataset, path, *, ping=0, tvg=True):
         ``level`` (ping, beam, range) [dB re 1 µPa].
     path, ping, tvg
         As of `fan`.
+    what : str
+        What is marked, for the title; empty: nothing is, and levels are in colour.
+    marks : iterable of (bool array (beam, range), colour)
+        Samples to be outlined on grey levels.
+    keys : sequence of matplotlib artists
+        Of the legend of what is marked.
 
     Raises
     ------
     ValueError
-        If there is no such ping, or the file is of another kind.
+        If there is no such ping, something is to be marked in a single beam, or the file is of another kind.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
     _check_ping(ping, dataset.sizes["ping"])
     if dataset.sizes["beam"] == 1:
+        if what:
+            raise ValueError(f"the {what} are outlined on a fan; this array has a single beam.")
         _draw_beam(dataset, path, ping)
         return
-    direction = np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
+    direction = _directions(dataset)
     facing = _way(direction.mean(0))
     attrs = dataset.attrs
     words = f"ping {int(dataset['ping'][ping])}, {attrs['frequency'] / 1000:g} kHz, {dataset.sizes['beam']} beams"
     _draw(dataset["beam"].values, dataset["range"].values, dataset["level"].values[ping], path, tvg=tvg,
           facing=facing, right=_way(direction[-1] - direction[0], facing),
-          title=os.path.splitext(attrs.get("file") or "array_sonar")[0], subtitle=words)
+          title=os.path.splitext(attrs.get("file") or "array_sonar")[0] + f": {what}" * bool(what), subtitle=words,
+          marks=marks if what else None, keys=keys)
+
+
+def looks_down(dataset):
+    """Tell whether a dataset of beams is drawn from the end, ranges growing downwards."""
+    return "beam_z" in dataset.coords and _way(_directions(dataset).mean(0)) == "down"
+
+
+def _directions(dataset):
+    """Of the beams (B, 3), body frame."""
+    return np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
 
 
 def _draw_beam(dataset, path, ping):
@@ -96,7 +117,7 @@ def _draw_beam(dataset, path, ping):
     canvas.save(figure, path)
 
 
-def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle, facing, right):
+def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle, facing, right, marks=None, keys=()):
     canvas.file_format(path)
     check_writable(path)
     if tvg:
@@ -106,9 +127,13 @@ def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle,
     low, high = limits or (np.percentile(shown, DARKEST), np.percentile(shown, BRIGHTEST))
     height, width = image.shape
     before, behind, under, over = 84, 128, 62, 86
+    if keys:
+        behind = 60 + canvas.legend(canvas.sheet(1, 1).add_subplot(), keys, height).get_window_extent().width
     figure = canvas.sheet(before + width + behind, under + height + over, canvas.PAPER)
     box = np.array([before, under, width, height]) / np.tile(figure.get_size_inches() * canvas.DPI, 2)
     axes = figure.add_axes(box, facecolor=canvas.PAPER)
+    if marks is not None:
+        image = _marked(angle, slant_range, np.clip((image - low) / max(high - low, 1e-6), 0, 1), marks)
     drawn = axes.imshow(image, origin="lower", extent=edges, cmap=canvas.COPPER, vmin=low, vmax=high,
                         interpolation="nearest")
     if facing == "down":
@@ -123,11 +148,26 @@ def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle,
     figure.text(box[0], 1 - 30 / figure.bbox.height, title, color=canvas.INK, fontsize=14, fontweight="bold",
                 va="center")
     figure.text(box[0], 1 - 54 / figure.bbox.height, subtitle, color=canvas.INK, fontsize=10.5, va="center")
+    if keys:
+        canvas.legend(axes, keys, height).set_bbox_to_anchor((1 + 30 / width, 1.0))       # beside the rings' lengths
+    if marks is not None:
+        canvas.save(figure, path)
+        return
     room = figure.add_axes([box[0] + box[2] + 18 / figure.bbox.width, box[1], 16 / figure.bbox.width, box[3]])
     key = figure.colorbar(drawn, cax=room, extend="both", extendfrac=0.02)
     key.set_label("level [dB re 1 µPa]" + (" + 30 log R" if tvg else ""), color=canvas.INK, fontsize=10.5)
     room.tick_params(colors=canvas.INK, labelsize=10)
     canvas.save(figure, path)
+
+
+def _marked(angle, slant_range, grey, marks):
+    """A grey fan (0 to 1, NaN outside) in colours (height, width, 3), with outlines around masks of its samples."""
+    inside = np.isfinite(grey)
+    picture = np.where(inside[..., None], np.nan_to_num(grey)[..., None], to_rgb(canvas.PAPER))
+    for mask, colour in marks:
+        marked = np.nan_to_num(_from_above(angle, slant_range, mask.astype(float))[1]) > 0
+        picture[ndimage.binary_dilation(marked, iterations=2) & ~marked & inside] = colour
+    return picture
 
 
 def _check_ping(ping, pings):

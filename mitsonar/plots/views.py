@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from ..io.files import check_writable
 from ..units import db_from_power, power_from_db
 from . import canvas
+from .fan_objects import fan_objects
 from .fans import fan_picture
 from .grid import make_grid, stretches
 from .levels import NOTHING_DB, shown_levels
@@ -20,6 +21,7 @@ from .titles import subtitle, title
 from .truth import TRUTH
 
 LEGEND = 24  # labels named at most
+FANS = {"waterfall": fan_picture, "objects": fan_objects}  # the plots of an array's beams
 
 
 def preview(dataset, path, *, tvg="seabed"):
@@ -53,7 +55,8 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
     what : str
         ``waterfall``, of an array the fan of one ping; ``ping``: the levels of one ping; ``mean``: levels against
         range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``, ``share``, ``hidden``,
-        ``layover``: the truth behind every bin; ``objects``: the waterfall with objects and their shadows outlined.
+        ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with objects and their shadows
+        outlined.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', None}
@@ -73,9 +76,10 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
     canvas.file_format(path)
     check_writable(path)
     if "beam" in dataset.dims:
-        if what != "waterfall":
-            raise ValueError(f"the plot {what!r} is of a sidescan; of an array's beams there is waterfall, their fan.")
-        fan_picture(dataset, path, ping=ping or 0, tvg=tvg is not None)
+        if what not in FANS:
+            raise ValueError(f"the plot {what!r} is of a sidescan; of an array's beams there are waterfall, their fan, "
+                             "and objects.")
+        FANS[what](dataset, path, ping=ping or 0, tvg=tvg is not None)
         return
     draw, needed = PLOTS[what]
     if needed not in dataset.data_vars:

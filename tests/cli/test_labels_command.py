@@ -35,11 +35,20 @@ def unlabelled(path):
 def test_all_formats_of_one_image_beside_it(images, capfd):
     assert cli.main(["labels", "a.exr", "--coco", "--yolo", "--masks"]) == 0
     said = capfd.readouterr()
-    assert said.out == "a_labels\n" and said.err == "1 picture, 2 highlights, 2 shadows\n"
+    assert said.out == "a_labels\n" and said.err == (
+        "mitsonar: val of data.yaml is train.txt: what is trained on cannot validate; split the images "
+        "(--split train=0.8,val=0.2).\n1 picture, 2 highlights, 2 shadows\n")
     assert sorted(str(path.relative_to("a_labels")) for path in Path("a_labels").rglob("*.*")) == [
         "annotations.json", "data.yaml", "images/a.png", "labels/a.txt", "masks/class/a.png", "masks/classes.json",
         "masks/instance/a.png", "masks/shadow/a.png", "train.txt"]
     assert sorted(os.listdir()) == ["a.exr", "a_labels", "b.exr", "scene.xml"]
+
+
+def test_empty_tiles_are_left_out_and_counted(images, capfd):
+    assert cli.main(["labels", "a.exr", "--coco", "--tile", "20x50", "--drop-empty"]) == 0
+    said = capfd.readouterr().err
+    kept = len(list(Path("a_labels/images").iterdir()))
+    assert 0 < kept < 12 and said.startswith(f"{kept} pictures, ") and f"; {12 - kept} empty picture" in said
 
 
 def test_the_same_images_give_the_same_bytes(images):

@@ -102,7 +102,7 @@ def test_pytorch_gets_pictures_with_classes_of_the_whole_set(files, torch):
     frame, = frames(images[0])
     assert (picture[0] == frame.lay(images[0]["level"].values)).all()
     # by the classes of all images: anchor 1, box 2, seabed 3, wreck 4
-    assert classes[0, 20, 140] == 2 and classes[0, 10, 29] == 4 and classes[0, 0, 150] == 3 and classes[0, 0, 100] == 0
+    assert classes[0, 39, 140] == 2 and classes[0, 49, 29] == 4 and classes[0, 0, 150] == 3 and classes[0, 0, 100] == 0
     assert pairs[3][1].max() == 3
     alone = images.torch(target=None, image="mean_level", transform=np.negative)[0]
     assert (alone[0] == -frame.lay(images[0]["mean_level"].values)).all()
@@ -114,7 +114,7 @@ def test_pytorch_gets_pictures_with_classes_of_the_whole_set(files, torch):
 
 def test_pytorch_gets_boxes_as_torchvision_wants_them(files, torch):
     target = mitsonar.dataset.open(files).torch(target="boxes")[0][1]
-    assert target["boxes"].tolist() == [[140, 20, 145, 30], [20, 10, 30, 50]]
+    assert target["boxes"].tolist() == [[140, 30, 145, 40], [20, 10, 30, 50]]
     assert target["labels"].tolist() == [2, 3] and target["masks"].shape == (2, 60, 200)
     assert target["masks"].sum((1, 2)).tolist() == [50, 400] and target["image_id"] == 0
     empty = mitsonar.dataset.open(files).torch(target="boxes")[3][1]

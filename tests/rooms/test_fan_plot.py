@@ -1,10 +1,13 @@
 """The fan seen from above: a bright echo is drawn where it lies, and what is no fan is refused."""
+import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.colors import to_rgb
 
 from mitsonar import plots
 from mitsonar.plots import fans as room
+from mitsonar.plots.truth import BRIGHT, SHADOW_COLOUR
 
 
 def beams(azimuth, sample=300, beam=None, samples=600):
@@ -45,6 +48,55 @@ def test_a_fan_that_looks_down_is_drawn_by_its_angles_from_below(tmp_path, axis,
     drawn, _, _, *sides = room._levels(data, 0)
     assert drawn == pytest.approx(angle) and sides == ["down", right]
     plots.fan(data, tmp_path / "a.png")
+
+
+def labelled_fan(looks=(1, 0, 0)):
+    """Two pings of 31 beams by 60 ranges: an object with its shadow in the second, none in the first."""
+    angle = np.deg2rad(np.linspace(-60, 60, 31))
+    direction = np.cos(angle)[:, None] * looks + np.sin(angle)[:, None] * [0, 1, 0]
+    dims, shape = ("ping", "beam", "range"), (2, 31, 60)
+    share, shadow = np.zeros((2, *shape), np.float32), np.zeros(shape, np.uint32)
+    share[1] = 1
+    share[:, 1, 20:24, 30:34] = np.array([0.8, 0.2])[:, None, None]
+    shadow[1, 20:24, 34:50] = 1
+    level = np.where(shadow > 0, 20.0, np.where(share[0] > 0.5, 90.0, 60.0)).astype(np.float32)
+    return xr.Dataset(
+        {"level": (dims, level), "share": (("shape", *dims), share), "object_shadow": (dims, shadow)},
+        {"ping": [0, 1], "beam": angle, "range": 5 + 0.25 * np.arange(60), "shape": ["mine", "bed"],
+         **{f"beam_{axis}": ("beam", column) for axis, column in zip("xyz", direction.T)}},
+        {"frequency": 3e5, "sonar": "array_sonar", "objects": {"1": {"class": "mine"}}})
+
+
+def near(image, colour):
+    """Where a picture has a colour."""
+    return np.abs(image[..., :3] - colour).max(-1) < 0.02
+
+
+@pytest.mark.parametrize("looks", [(1, 0, 0), (0, 0, 1)])
+def test_objects_and_shadows_are_outlined_on_the_fan_of_a_ping(tmp_path, looks):
+    fan = labelled_fan(looks)
+    for ping, outlined in ((0, False), (1, True)):
+        plots.plot(fan, "objects", tmp_path / "a.png", ping=ping, tvg=None)
+        image = matplotlib.image.imread(tmp_path / "a.png")
+        fan_only = image[86:-62, 84:84 + room.SIZE]
+        highlight, shadow = (near(fan_only, to_rgb(colour)) for colour in (BRIGHT[0], SHADOW_COLOUR))
+        assert highlight.any() == shadow.any() == outlined
+    rows, columns = np.nonzero(highlight)
+    assert 100 < rows.size < 3000 and np.ptp(rows) > 20 and columns.min() > room.SIZE / 2          # to starboard
+    # behind the object, which is above it in a fan that looks ahead, below it in one that looks down
+    assert (np.nonzero(shadow)[0].mean() < rows.mean()) == (looks[2] == 0)
+    assert near(fan_only[rows.min():rows.max(), columns.min():columns.max()], 1.0).any()           # it stays to be seen
+
+
+def test_what_cannot_be_outlined_is_refused(tmp_path):
+    fan = labelled_fan()
+    for spoilt, what, sentence in ((fan.isel(beam=[3]), "objects", "a single beam"),
+                                   (fan.drop_vars("share"), "objects", "no share"), (fan, "depth", "and objects")):
+        with pytest.raises(ValueError, match=sentence):
+            plots.plot(spoilt, what, tmp_path / "a.png")
+    with pytest.raises(ValueError, match="there is no ping 2"):
+        plots.plot(fan, "objects", tmp_path / "a.png", ping=2)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("vector, name", [([1, 0, 0.3], "forward"), ([-1, 0, 0], "aft"), ([0, 0.9, 0.5], "starboard"),

@@ -1,5 +1,6 @@
 """Labels of a record whose highlights and shadows are known: bins, pictures, polygons, tiles, and the files."""
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -104,22 +105,23 @@ def test_a_shadow_goes_on_where_there_is_no_echo_to_hide():
     assert not shadow[5:, 50:53].any() and shadow[5:, 53:60].all()
 
 
-def test_the_picture_is_the_exr_s_and_masks_lie_on_it(tmp_path):
+def test_the_picture_is_the_exr_s_newest_ping_on_top_and_masks_lie_on_it(tmp_path):
     record = labelled()
     exr.write(record, tmp_path / "a.exr")
     write(tmp_path / "a.exr", tmp_path / "out", Labels(masks=True, coco=True, tvg=None, window=(40.0, 95.0)))
     picture = np.array(Image.open(tmp_path / "out/images/a.png"))
-    level = exr.OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels(0)["Y"].pixels
+    level = exr.OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels(0)["Y"].pixels[::-1]
     assert (picture == np.clip(np.rint((level - 40) / 55 * 255), 0, 255)).all()
     masks = {kind: np.array(Image.open(tmp_path / f"out/masks/{kind}/a.png"))
              for kind in ("instance", "class", "shadow")}
     assert all(mask.dtype == np.uint16 and mask.shape == picture.shape for mask in masks.values())
-    # port is mirrored: its bin 70 is column 29; every bright bin is an instance, every dark one of the bed a shadow
-    assert masks["instance"][20, 140] == 2 and masks["instance"][10, 29] == 3 and masks["shadow"][20, 145] == 2
+    # port is mirrored: its bin 70 is column 29, and the newest of 60 pings on top: ping 20 is row 39; every bright bin
+    # is an instance, every dark one of the bed a shadow
+    assert masks["instance"][39, 140] == 2 and masks["instance"][49, 29] == 3 and masks["shadow"][39, 145] == 2
     assert ((masks["instance"] > 0) == (picture == 255)).all()
     assert ((masks["shadow"] > 0) == ((picture == 0) & (level > -199))).all()
     names = json.loads((tmp_path / "out/masks/classes.json").read_text())
-    assert names[str(masks["class"][20, 140])] == "box" and names[str(masks["class"][10, 29])] == "wreck"
+    assert names[str(masks["class"][39, 140])] == "box" and names[str(masks["class"][49, 29])] == "wreck"
 
 
 def test_coco_says_what_the_masks_say(tmp_path):
@@ -147,18 +149,62 @@ def test_coco_says_what_the_masks_say(tmp_path):
 def test_yolo_s_lines_are_the_boxes_and_polygons(tmp_path):
     exr.write(labelled(), tmp_path / "a.exr")
     for form in ("boxes", "polygons"):
-        write(tmp_path / "a.exr", tmp_path / form, Labels(yolo=form))
+        with pytest.warns(UserWarning, match="val of data.yaml is train.txt"):
+            write(tmp_path / "a.exr", tmp_path / form, Labels(yolo=form))
     size = np.array([200, 60])
     boxes, rings = ([[float(word) for word in line.split()] for line in
                      (tmp_path / form / "labels/a.txt").read_text().splitlines()] for form in ("boxes", "polygons"))
-    assert boxes[0] == pytest.approx([0, 142.5 / 200, 25 / 60, 5 / 200, 10 / 60], abs=1e-6)
+    assert boxes[0] == pytest.approx([0, 142.5 / 200, 35 / 60, 5 / 200, 10 / 60], abs=1e-6)
     assert [int(box[0]) for box in boxes] == [0, 2, 1, 3]
     for box, ring in zip(boxes, rings, strict=True):
         corners = np.reshape(ring[1:], (-1, 2))
         assert corners.min(0) * size == pytest.approx((np.array(box[1:3]) - np.array(box[3:]) / 2) * size, abs=1e-3)
-    assert (tmp_path / "boxes/data.yaml").read_text().splitlines()[:4] == [
+    note, *lines = (tmp_path / "boxes/data.yaml").read_text().splitlines()
+    assert note.startswith("# val of data.yaml is train.txt: ") and lines[:4] == [
         "train: train.txt", "val: train.txt", "names:", '  0: "box"']
     assert (tmp_path / "boxes/train.txt").read_text() == "./images/a.png\n"
+
+
+def test_yolo_says_which_of_its_lists_a_split_lacks(tmp_path):
+    for name in "ab":
+        exr.write(labelled(seabed=name), tmp_path / f"{name}.exr")
+    both = [tmp_path / f"{name}.exr" for name in "ab"]
+    for shares, note in (({"train": 0.5, "test": 0.5}, "val of data.yaml is train.txt"),
+                         ({"val": 0.5, "test": 0.5}, "train of data.yaml is val.txt")):
+        with pytest.warns(UserWarning, match=note):
+            write(both, tmp_path / note[:4], Labels(yolo="boxes", split=shares))
+        assert (tmp_path / note[:4] / "data.yaml").read_text().startswith(f"# {note}")
+    with warnings.catch_warnings(action="error"):
+        write(both, tmp_path / "whole", Labels(yolo="boxes", split={"train": 0.5, "val": 0.5}))
+        write(both, tmp_path / "coco", Labels(coco=True))
+    assert (tmp_path / "whole/data.yaml").read_text().startswith("train: train.txt\nval: val.txt\nnames:")
+
+
+def test_pictures_without_annotations_are_left_out_where_that_is_wanted(tmp_path):
+    exr.write(labelled(), tmp_path / "a.exr")
+    exr.write(labelled(rectangles=[], seabed="d"), tmp_path / "bare.exr")
+    rules = {"coco": True, "masks": True, "yolo": "boxes", "tile": (20, 50)}
+    with pytest.warns(UserWarning, match="val of data.yaml"):
+        all_, some = (write(tmp_path / "a.exr", tmp_path / name, Labels(drop_empty=drop, **rules))
+                      for name, drop in (("all", False), ("some", True)))
+    assert all_["pictures"] == 12 and all_["empty"] == 0 and some["empty"] == 12 - some["pictures"] > 0
+    assert {kind: some[kind] for kind in ("highlights", "shadows")} == {
+        kind: all_[kind] for kind in ("highlights", "shadows")}
+    told = {name: json.loads((tmp_path / name / "annotations.json").read_text()) for name in ("all", "some")}
+    full = {entry["image_id"] for entry in told["all"]["annotations"]}
+    kept = {image["file_name"] for image in told["all"]["images"] if image["id"] in full}
+    assert kept == {image["file_name"] for image in told["some"]["images"]}
+    for kind in ("images", "masks/instance", "masks/class", "masks/shadow"):
+        assert {path.name for path in (tmp_path / "some" / kind).iterdir()} == kept
+    assert {path.stem for path in (tmp_path / "some/labels").iterdir()} == {name[:-4] for name in kept}
+    assert len((tmp_path / "some/train.txt").read_text().split()) == len(kept)
+    with pytest.raises(ValueError, match="no picture has an annotation, and empty ones are to be left out"):
+        write(tmp_path / "bare.exr", tmp_path / "none", Labels(coco=True, drop_empty=True))
+    shares = {"train": 0.5, "val": 0.5}
+    with pytest.raises(ValueError, match="no picture of the subset (train|val) has an annotation"):
+        write([tmp_path / "a.exr", tmp_path / "bare.exr"], tmp_path / "none",
+              Labels(coco=True, drop_empty=True, split=shares))
+    assert not (tmp_path / "none").exists()
 
 
 def test_an_object_that_both_sides_hear_makes_two_annotations():
@@ -166,7 +212,7 @@ def test_an_object_that_both_sides_hear_makes_two_annotations():
     record = labelled(rectangles=both)
     found = annotations(record, frames(record))[0]
     assert [(each.side, each.box, each.truncated) for each in found] == [
-        ("port", (85, 20, 5, 10), False), ("starboard", (110, 20, 5, 10), False)]
+        ("port", (85, 30, 5, 10), False), ("starboard", (110, 30, 5, 10), False)]
 
 
 @pytest.mark.parametrize("side, pings, bins, cut", [
@@ -214,8 +260,8 @@ def test_too_small_a_piece_is_left_out():
         "port", "starboard", "starboard"]
     assert (each.side, each.bins) == ("starboard", 50)
     assert annotations(record, frames(record), smallest=51)[0][0].name == "box.1"      # its shadow
-    assert clipped(each, Tile(row=0, column=0, height=21, width=143), smallest=4) is None
-    assert clipped(each, Tile(row=0, column=0, height=21, width=144), smallest=4).bins == 4
+    assert clipped(each, Tile(row=0, column=0, height=31, width=143), smallest=4) is None
+    assert clipped(each, Tile(row=0, column=0, height=31, width=144), smallest=4).bins == 4
 
 
 def test_a_stray_piece_does_not_stretch_a_box():
@@ -231,9 +277,9 @@ def test_what_lies_in_the_black_of_a_picture_is_left_out(tmp_path):
     exr.write(record, tmp_path / "a.exr")
     rules = {"coco": True, "masks": True, "smallest": 1}
     assert write(tmp_path / "a.exr", tmp_path / "seen", Labels(**rules)) == {
-        "pictures": 1, "highlights": 2, "shadows": 2, "in the black": 0}
+        "pictures": 1, "highlights": 2, "shadows": 2, "in the black": 0, "empty": 0}
     assert write(tmp_path / "a.exr", tmp_path / "black", Labels(window=(300, 310), **rules)) == {
-        "pictures": 1, "highlights": 0, "shadows": 0, "in the black": 4}
+        "pictures": 1, "highlights": 0, "shadows": 0, "in the black": 4, "empty": 0}
     assert not np.asarray(Image.open(tmp_path / "black" / "masks" / "instance" / "a.png")).any()
     # an object in black water, and the shadow it throws on grey, stay
     highlight, shadow = (each for each in annotations(record, frames(record))[0] if each.name == "box.1")
@@ -247,12 +293,19 @@ def test_what_lies_in_the_black_of_a_picture_is_left_out(tmp_path):
     assert in_the_black(at_edge, picture) and not in_the_black(at_edge, picture + 1)
 
 
-def test_pings_of_an_array_are_pictures_of_their_own(tmp_path):
+@pytest.mark.parametrize("down", [False, True])
+def test_pings_of_an_array_are_pictures_of_their_own_far_on_top_as_their_fans(tmp_path, down):
+    """Bins 40 to 44 of 100: from the top rows 55 to 59 of a fan that looks ahead, 40 to 44 of one that looks down."""
     record = labelled()
     beams = record.rename(side="beam").drop_vars("beam").transpose("ping", "beam", ...).isel(ping=slice(20, 23))
+    ahead = [[0.8, 0.8], [-0.5, 0.5], [0.0, 0.0]]
+    beams = beams.assign_coords({f"beam_{axis}": ("beam", way)
+                                 for axis, way in zip("xyz", ahead[::-1] if down else ahead)})
     exr.write(beams, tmp_path / "fan.exr")
     write(tmp_path / "fan.exr", tmp_path / "out", Labels(coco=True, tvg=None, smallest=1))
     told = json.loads((tmp_path / "out/annotations.json").read_text())
     assert [(image["file_name"], image["height"], image["width"]) for image in told["images"]] == [
-        (f"fan_ping000{ping}.png", 2, 100) for ping in range(3)]
-    assert [entry["bbox"] for entry in told["annotations"] if entry["category_id"] == 1] == [[40, 1, 5, 1]] * 3
+        (f"fan_ping000{ping}.png", 100, 2) for ping in range(3)]
+    assert [entry["bbox"] for entry in told["annotations"] if entry["category_id"] == 1] == [
+        [1, 40 if down else 55, 1, 5]] * 3
+    assert all(entry["truncated"] for entry in told["annotations"])                        # by the last beam
