@@ -9,6 +9,7 @@ from .plugins.errors import as_exception
 from .propagation.vector_approximation import DIFFERENCES
 from .rendering import checked_seed, opened, provenance
 from .signal.impulses import KERNELS, make_kernel
+from .spelling import meant
 
 __all__ = ["RETURN_PATHS", "element_signals", "impulse_response", "pings"]
 
@@ -118,7 +119,7 @@ def _told(array, **attributes):
 def _known(kernel, return_path):
     for name, value, known in (("kernel", kernel, KERNELS), ("return_path", return_path, RETURN_PATHS)):
         if value not in known:
-            raise ValueError(f"{name} is {value!r}; give one of {', '.join(known)}")
+            raise ValueError(f"{name} is {value!r}{meant(value, known)}; give one of {', '.join(known)}")
 
 
 def _known_paths(survey, paths):

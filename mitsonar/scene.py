@@ -10,6 +10,7 @@ from . import scene_files
 from .alterations import held
 from .io.files import check_readable
 from .io.scenes import filled, find, root, text
+from .spelling import meant
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
 
@@ -144,4 +145,5 @@ def _naming_parameters(error, path):
     if "the scene has no parameter" not in str(error):
         return error
     names = sorted({element.get("name") for element in root(path).iter("default")})
-    return ValueError(f"{path}: {error} Known: {', '.join(names) or 'none'}.")
+    hint = meant(str(error).partition("the scene has no parameter ")[2].partition(";")[0], names)
+    return ValueError(f"{path}: {str(error).replace(';', f'{hint};', 1)} Known: {', '.join(names) or 'none'}.")

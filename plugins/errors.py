@@ -5,6 +5,12 @@ Mitsuba wraps what went wrong in tags of its source files, places, plugin names 
 """
 import re
 
+from mitsonar.plugins import MODULES
+from mitsonar.spelling import meant
+
+# ours, and those of Mitsuba that a sonar's scene has use for
+PLUGINS = (*(name.rpartition(".")[2] for name in MODULES), "bitmap", "checkerboard", "cube", "cylinder", "diffuse",
+           "disk", "instance", "mesh_attribute", "obj", "ply", "rectangle", "shapegroup", "sphere", "twosided")
 _TAG = re.compile(r"\s*\[(?:\w+\.cpp:\d+|[A-Z]\w*)\] ")
 _PLACE = r"(?:(?P<file>\S.*?) \(line (?P<line>\d+), col \d+\)|dictionary node \"(?P<node>[^\"]*)\")"
 _PLUGIN = r"(?:failed to instantiate (?P<kind>\S+) plugin of type \"(?P<plugin>[^\"]*)\": )?"
@@ -124,7 +130,8 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
     (r"Found \d+ unreferenced propert\w+ in (?P<kind>\S+) plugin of type \"(?P<plugin>.*?)\":\n(?P<list>.*)",
      _unreferenced),
     (r"Found unused parameters:\n(?P<list>.*)", _unused),
-    (r"(?:\[PluginManager\] )?Plugin \"(.*?)\" not found!", lambda m: f'there is no plugin of type "{m[1]}".'),
+    (r"(?:\[PluginManager\] )?Plugin \"(.*?)\" not found!",
+     lambda m: f'there is no plugin of type "{m[1]}"{meant(m[1], PLUGINS)}.'),
     (r"Type mismatch: the instantiated plugin \"(.*?)\" is of type \"(.*?)\", which does not match the expected type "
      r"\"(.*?)\"", lambda m: f'"{m[1]}" is a {m[2]}; expected a {m[3]}.'),
     (r"undefined parameter: \$(\w+)",

@@ -12,12 +12,13 @@ than what was expected by one sentence: which plugin, which attribute, what was 
             attributes.finish()                                         # anything else written is an error
             super().__init__("seabed", ..., props=props)
 """
-import difflib
 import os
+from typing import NamedTuple
 
 import numpy as np
 
 import mitsuba as mi
+from mitsonar.spelling import meant
 from mitsonar.units import radians_from_deg
 
 REQUIRED = object()  # the default of an attribute that has none
@@ -26,6 +27,16 @@ _SHAPE_ATTRIBUTES = ("to_world", "flip_normals", "face_normals", "silhouette_sam
 _OBJECTS = ("Object", "Reference", "ResolvedReference")
 _TAGS = {"Bool": "boolean", "Integer": "integer", "Float": "float", "Vector": "point", "Transform": "transform",
          "Color": "rgb", "Spectrum": "spectrum", "String": "string", "Any": "array"}
+
+
+class Declared(NamedTuple):
+    """What a plugin expects of an attribute, in words, and what it takes without one."""
+
+    expected: str
+    default: object
+
+
+declared = {}  # by the plugin's name and the attribute's: every attribute that one of its kind has asked for
 
 
 class Attributes:
@@ -79,7 +90,7 @@ class Attributes:
         expected = "a string" if choices is None else "one of " + ", ".join(f'"{choice}"' for choice in choices)
         value = self._value(name, default, expected, "String")
         if choices is not None and value is not None and value not in choices:
-            raise self._mismatch(name, expected, hint=_nearest(value, choices))
+            raise self._mismatch(name, expected, hint=meant(value, choices))
         return value
 
     def file(self, name, default=REQUIRED):
@@ -167,6 +178,7 @@ class Attributes:
 
     def number_or_texture(self, name, default=REQUIRED, **bounds):
         """Read a finite number within bounds as a float, or a nested texture as it is."""
+        self._declare(name, f"a number{_in(bounds.get('unit'))} or a texture", default)
         if name not in self.props or self.props.type(name).name not in _OBJECTS:
             return self.number(name, default, **bounds)
         self._asked.add(name)
@@ -202,18 +214,23 @@ class Attributes:
         for name in self.props.keys():
             if name in known or name in _SHAPE_ATTRIBUTES or self.props.type(name).name in _OBJECTS:
                 continue
-            raise self.error(f'got {self._got(name)} for the unknown attribute "{name}"{_nearest(name, known)}. '
+            raise self.error(f'got {self._got(name)} for the unknown attribute "{name}"{meant(name, known)}. '
                              f"Known: {', '.join(known) or 'none'}.")
 
     def _value(self, name, default, expected, types):
         self._asked.add(name)
+        self._declare(name, expected, default)
         if name not in self.props:
             if default is REQUIRED:
-                raise self.error(f"attribute {name} is missing; expected {expected}.")
+                hint = meant(name, set(self.props.keys()) - self._asked).replace("did you mean", "is it written as")
+                raise self.error(f"attribute {name} is missing{hint}; expected {expected}.")
             return default
         if self.props.type(name).name not in (types if isinstance(types, tuple) else (types,)):
             raise self._mismatch(name, expected)
         return self.props[name]
+
+    def _declare(self, name, expected, default):
+        declared.setdefault(self.props.plugin_name(), {}).setdefault(name, Declared(expected, default))
 
     def _scalar(self, name, default, convert, noun, types, unit, **bounds):
         expected = f"{noun}{_in(unit)}{_between(bounds)}"
@@ -252,8 +269,3 @@ def _in(unit):
 def _between(bounds):
     said = [f"{_WORDS[key]} {bound}" for key, bound in bounds.items() if bound is not None]
     return f" {' and '.join(said)}" if said else ""
-
-
-def _nearest(name, known):
-    match = difflib.get_close_matches(name, known, n=1)
-    return f' (did you mean "{match[0]}"?)' if match else ""

@@ -1,4 +1,4 @@
-"""The command line: render, signals, sweep, plot, published, validate, labels, doctor, demo.
+"""The command line: render, signals, demo, scenes, describe, sweep, plot, published, validate, labels, doctor.
 
 Exit codes: 0 done, 1 where `validate` finds too large an error or renders of a `sweep` failed, 2 for what the user can
 mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.
@@ -9,13 +9,14 @@ import warnings
 
 from .. import __version__
 from ..io.errors import sentence
-from . import labels, machine, rendering, results, sweep
+from . import describing, labels, machine, rendering, results, sweep
 from .arguments import Parser
+from .completion import SHELLS, Completion
 from .words import Signals, mute, warn
 
 __all__ = ["main"]
 
-GROUPS = (rendering, sweep, results, labels, machine)      # of commands, in the order of the help
+GROUPS = (rendering, describing, sweep, results, labels, machine)      # of commands, in the order of the help
 
 
 def main(argv=None):
@@ -42,7 +43,9 @@ def main(argv=None):
 def _parser():
     parser = Parser(prog="mitsonar", description="Render sonar images of Mitsuba scenes.")
     parser.add_argument("-v", "--version", action="version", version=f"mitsonar {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)
+    parser.add_argument("--print-completion", action=Completion, metavar="SHELL", choices=SHELLS,
+                        help="a script that completes commands and options: bash or zsh")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command", parser_class=Parser)
     for group in GROUPS:
         group.add(commands)
     return parser

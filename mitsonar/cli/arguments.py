@@ -1,5 +1,9 @@
 """What the commands' arguments have in common: the parser, scenes, ``-D KEY=VALUE``, seeds and threads."""
 import argparse
+import re
+
+from ..spelling import meant
+from .completion import SCENES
 
 __all__ = ["Parser", "add_scene", "parameters", "set_up", "whole"]
 
@@ -10,12 +14,25 @@ class Parser(argparse.ArgumentParser):
     """Argument parser whose complaints are errors like all others."""
 
     def error(self, message):
-        raise ValueError(f"{message}; see {self.prog} --help")
+        choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message)
+        hint = meant(choice[1], re.findall(r"[\w.-]+", choice[2])) if choice else ""
+        raise ValueError(f"{message}{hint}; see {self.prog} --help")
+
+    def parse_args(self, args=None, namespace=None):
+        """Parse, and say of an unknown option which one may be meant."""
+        found, rest = self.parse_known_args(args, namespace)
+        if rest:
+            commands = next(action for action in self._actions if isinstance(action, argparse._SubParsersAction))
+            command = commands.choices[found.command]
+            hint = meant(rest[0].partition("=")[0], command._option_string_actions)
+            command.error(f"unrecognized arguments: {' '.join(rest)}{hint}")
+        return found
 
 
 def add_scene(command):
     """Add what a command that loads a scene takes: the scene, its parameters, seed and threads."""
-    command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
+    scene = command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
+    scene.complete = SCENES
     command.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
                          help="value for a $parameter of the scene; repeatable")
     command.add_argument("--seed", type=whole, default=0, metavar="N", help="of all that is random; default: 0")

@@ -4,6 +4,7 @@ import os
 import sys
 
 from .arguments import whole
+from .completion import FILES
 from .progress import Progress
 from .words import announce
 
@@ -13,7 +14,8 @@ __all__ = ["add"]
 def add(commands):
     """Add the command to the parser's."""
     labels = commands.add_parser("labels", help="write pictures with masks, boxes and polygons to train on")
-    labels.add_argument("images", nargs="+", metavar="IN.exr|SWEEP", help="EXR files and folders of sweeps")
+    images = labels.add_argument("images", nargs="+", metavar="IN.exr|SWEEP", help="EXR files and folders of sweeps")
+    images.complete = FILES
     labels.add_argument("-o", "--output", metavar="FOLDER", help="default, for one input: its name with _labels")
     labels.add_argument("--coco", action="store_true", help="annotations.json: boxes and polygons of COCO")
     labels.add_argument("--yolo", nargs="?", const="boxes", metavar="FORM",

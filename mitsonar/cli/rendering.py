@@ -3,6 +3,7 @@ import os
 
 from ..io import scenes
 from .arguments import add_scene, parameters, set_up, whole
+from .completion import FILES
 from .progress import Progress
 from .words import announce
 
@@ -13,13 +14,14 @@ def add(commands):
     """Add the commands to the parser's."""
     render = commands.add_parser("render", help="render a scene to an EXR")
     add_scene(render)
-    render.add_argument("-o", "--output", required=True, metavar="OUT.exr")
-    render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
+    render.add_argument("-o", "--output", required=True, metavar="OUT.exr").complete = FILES
+    preview = render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
+    preview.complete = FILES
     render.set_defaults(run=_render)
 
     signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
     add_scene(signals)
-    signals.add_argument("-o", "--output", required=True, metavar="OUT.nc")
+    signals.add_argument("-o", "--output", required=True, metavar="OUT.nc").complete = FILES
     signals.add_argument("--ping", type=whole, action="append", metavar="N",
                          help="which ping; repeatable; default: all")
     signals.add_argument("--response", action="store_true",

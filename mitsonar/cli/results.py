@@ -2,6 +2,7 @@
 import os
 
 from .arguments import set_up, whole
+from .completion import FILES
 from .words import announce
 
 __all__ = ["add"]
@@ -10,7 +11,7 @@ __all__ = ["add"]
 def add(commands):
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
-    plot.add_argument("image", metavar="IN.exr")
+    plot.add_argument("image", metavar="IN.exr").complete = FILES
     plot.add_argument("--what", default="waterfall", metavar="VIEW",
                       help="waterfall (default), objects, ping, mean, labels, class, share, hidden, shadow, "
                            "layover, depth or rays")

@@ -3,6 +3,7 @@ import datetime
 import os
 
 from .arguments import whole
+from .completion import FILES
 from .progress import Progress
 from .words import announce, warn
 
@@ -14,7 +15,8 @@ SHOWN = 5                          # failures told at the end
 def add(commands):
     """Add the command to the parser's."""
     sweep = commands.add_parser("sweep", help="render all that a plan asks for and is not there yet")
-    sweep.add_argument("plan", metavar="PLAN.toml", help="or the name of a plan that comes with mitsonar")
+    plan = sweep.add_argument("plan", metavar="PLAN.toml", help="or the name of a plan that comes with mitsonar")
+    plan.complete = FILES
     sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
     sweep.add_argument("--dry-run", action="store_true", help="say how many renders, how long and how large, and end")
     sweep.add_argument("--processes", type=whole, metavar="N", help="on this machine; default: one for two cores")

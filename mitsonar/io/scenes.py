@@ -6,9 +6,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..spelling import meant
 from . import files
 
-__all__ = ["check", "filled", "find", "root", "text"]
+__all__ = ["check", "filled", "find", "root", "shipped", "text"]
 
 LARGEST = 100_000_000              # bytes
 DEEPEST = 200                      # elements within elements; Mitsuba's reader calls itself for each
@@ -35,14 +36,20 @@ def find(name):
     if os.path.isfile(name):
         return name
     if os.path.dirname(name) == "":
-        shipped = resources.files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
-        if shipped.is_file():                          # also where a sweep has made a folder of that name
-            return str(shipped)
+        ours = resources.files("mitsonar.scenes") / (name if name.endswith(".xml") else f"{name}.xml")
+        if ours.is_file():                             # also where a sweep has made a folder of that name
+            return str(ours)
     if os.path.exists(name):
         return name
-    known = ", ".join(sorted(os.path.splitext(entry.name)[0] for entry in resources.files("mitsonar.scenes").iterdir()
-                             if entry.name.endswith(".xml")))
-    raise FileNotFoundError(f"scene {name} does not exist; give the path of a Mitsuba XML file or one of: {known}")
+    known = shipped()
+    raise FileNotFoundError(f"scene {name} does not exist{meant(os.path.splitext(name)[0], known)}; give the path of a "
+                            f"Mitsuba XML file or one of: {', '.join(known)}")
+
+
+def shipped() -> list[str]:
+    """Names of the scenes that come with mitsonar, sorted."""
+    return sorted(os.path.splitext(entry.name)[0] for entry in resources.files("mitsonar.scenes").iterdir()
+                  if entry.name.endswith(".xml"))
 
 
 def root(path):

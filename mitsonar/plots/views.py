@@ -11,6 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
 from ..io.files import check_writable
+from ..spelling import meant
 from ..units import db_from_power, power_from_db
 from . import canvas
 from .fan_objects import fan_objects
@@ -72,7 +73,7 @@ def plot(dataset, what, path, *, tvg="seabed", ping=None):
         If the file cannot be written.
     """
     if what not in PLOTS:
-        raise ValueError(f"there is no plot {what!r}; choose one of {', '.join(PLOTS)}.")
+        raise ValueError(f"there is no plot {what!r}{meant(what, PLOTS)}; choose one of {', '.join(PLOTS)}.")
     canvas.file_format(path)
     check_writable(path)
     if "beam" in dataset.dims:

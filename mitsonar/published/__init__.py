@@ -7,6 +7,7 @@ import csv
 from pathlib import Path
 
 from ..io.files import check_writable, replacing
+from ..spelling import meant
 from . import effective_speed, figure_2, figure_3, table_1
 
 __all__ = ["RESULTS", "text", "write"]
@@ -71,5 +72,6 @@ def write(name, path):
 
 def _known(name):
     if name not in RESULTS:
-        raise ValueError(f"there is no published result {name!r}; give one of {', '.join(RESULTS)}")
+        raise ValueError(f"there is no published result {name!r}{meant(name, RESULTS)}; give one of "
+                         f"{', '.join(RESULTS)}")
     return RESULTS[name]

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..spelling import meant
+
 # APL-UW TR 9407 (1994), High-Frequency Ocean Environmental Acoustic Models Handbook, section IV, Table 2: spectral
 # strength w2 [cm^4] of each sediment. The spectral exponent is 3.25 for all of them.
 GAMMA_TR9407 = 3.25
@@ -131,7 +133,8 @@ def sediment_key(name):
     """
     key = " ".join(str(name).lower().replace("_", " ").replace("-", " ").split())
     if key not in W2_CM4_TR9407:
-        raise ValueError(f'no sediment is called "{name}"; known are {", ".join(W2_CM4_TR9407)}.')
+        raise ValueError(f'no sediment is called "{name}"{meant(key, W2_CM4_TR9407)}; known are '
+                         f'{", ".join(W2_CM4_TR9407)}.')
     return key
 
 

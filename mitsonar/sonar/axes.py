@@ -6,6 +6,8 @@
 """
 import numpy as np
 
+from ..spelling import meant
+
 __all__ = ["AXES", "across", "axis_vector", "body_direction"]
 
 AXES = {"forward": (1.0, 0.0, 0.0), "aft": (-1.0, 0.0, 0.0), "starboard": (0.0, 1.0, 0.0), "port": (0.0, -1.0, 0.0),
@@ -58,8 +60,8 @@ def axis_vector(name, axis):
     """
     if isinstance(axis, str):
         if axis not in AXES:
-            raise ValueError(f'{name} is "{axis}"; give one of {", ".join(AXES)} or a vector (forward, starboard, '
-                             "down).")
+            raise ValueError(f'{name} is "{axis}"{meant(axis, AXES)}; give one of {", ".join(AXES)} or a vector '
+                             "(forward, starboard, down).")
         return np.array(AXES[axis])
     try:
         vector = np.array(axis, dtype=np.float64)

@@ -10,6 +10,7 @@ import warnings
 import numpy as np
 from scipy import signal
 
+from ..spelling import meant
 from ..units import db_from_power
 
 __all__ = ["WINDOWS", "taper_loss_db", "window_weights"]
@@ -51,7 +52,7 @@ def window_weights(window, elements):
     """
     name, *numbers = (window.split() if isinstance(window, str) else window) or ("",)
     if name not in WINDOWS:
-        raise ValueError(f'window is "{name}"; give one of {", ".join(WINDOWS)}.')
+        raise ValueError(f'window is "{name}"{meant(name, WINDOWS)}; give one of {", ".join(WINDOWS)}.')
     takes, said = WINDOWS[name], " ".join(map(str, (name, *numbers)))
     needs = f"the numbers ({', '.join(takes)})" if takes else "no numbers"
     if not sum("=" not in number for number in takes) <= len(numbers) <= len(takes):

@@ -8,6 +8,7 @@ import os
 import re
 
 from ..io import scenes
+from ..spelling import meant
 from .manifest import MANIFEST
 from .values import shortened
 
@@ -58,8 +59,8 @@ class Inputs:
         """
         for name in names:
             if name not in self.known:
-                raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}; it has "
-                                 f"{', '.join(sorted(self.known)) or 'none'}")
+                raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}"
+                                 f"{meant(name, self.known)}; it has {', '.join(sorted(self.known)) or 'none'}")
 
     def check_files(self, columns):
         """Refuse values that name files which are not there.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 
 from ..io import scenes, tables
+from ..spelling import meant
 from .inputs import Inputs
 from .names import Pattern
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
@@ -170,7 +171,8 @@ def _shipped(name):
 def _plan(path, place, home, given):
     unknown = [key for key in given if key not in KEYS]
     if unknown:
-        raise ValueError(f"the plan has the unknown key {shortened(unknown[0])}; known: {', '.join(KEYS)}")
+        raise ValueError(f"the plan has the unknown key {shortened(unknown[0])}"
+                         f"{meant(unknown[0], KEYS)}; known: {', '.join(KEYS)}")
     if "scene" not in given:
         raise ValueError('the plan names no scene; write scene = "FILE.xml" at its beginning')
     scene = _scene(_text(given, "scene"), place)
@@ -238,9 +240,9 @@ def _toml(path):
     except ModuleNotFoundError:                        # before Python 3.11
         import tomli as tomllib
 
-    known = ", ".join(sorted(entry.name[:-5] for entry in files("mitsonar.scenes").iterdir()
-                             if entry.name.endswith(".toml")))
-    _check_file(path, "plan", LARGEST_PLAN, "a TOML file", f" or one of: {known}")
+    known = sorted(entry.name[:-5] for entry in files("mitsonar.scenes").iterdir() if entry.name.endswith(".toml"))
+    hint = meant(os.path.basename(path).removesuffix(".toml"), known)
+    _check_file(path, "plan", LARGEST_PLAN, "a TOML file", f" or one of: {', '.join(known)}{hint}")
     try:
         with open(path, "rb") as file:
             return tomllib.load(file)

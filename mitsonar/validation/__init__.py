@@ -5,6 +5,7 @@ whole chain is compared, and gives rows of got, expected and allowed.
 """
 import time
 
+from ..spelling import meant
 from . import (beams, closure, crossover, elements, ghosts, rays, report, sediments, statistics, surface, targets,
                vectors, volume, water)
 from .case import Case, Line, Panel, Row, Table
@@ -56,7 +57,7 @@ def validate(names=None, *, quick=False, folder=None, say=print):
     """
     for name in names or ():
         if name not in CASES:
-            raise ValueError(f"there is no comparison {name!r}; give some of {', '.join(CASES)}")
+            raise ValueError(f"there is no comparison {name!r}{meant(name, CASES)}; give some of {', '.join(CASES)}")
     if folder is not None:
         report.check_folder(folder)
     found = {}

@@ -195,8 +195,8 @@ COMMANDS = {
     "missing scene by name": (["render", "no", "-o", "o.exr"], "sidescan_survey, sidescan_targets"),
     "folder for a scene": (["render", ".", "-o", "o.exr"], "is a folder; give the path of a Mitsuba XML file"),
     "unknown parameter": ([*RENDER, "-D", "ping=5"],
-                          "has no parameter ping; parameters are its <default name=...> entries. "
-                          "Known: pings, range, rays, speckle."),
+                          "has no parameter ping (did you mean \"pings\"?); parameters are its <default name=...> "
+                          "entries. Known: pings, range, rays, speckle."),
     "parameter without value": ([*RENDER, "-D", "pings"], "takes KEY=VALUE, got 'pings'"),
     "parameter without name": ([*RENDER, "-D", "=5"], "takes KEY=VALUE, got '=5'"),
     "parameter empty": ([*RENDER, "-D", "pings="], 'line 8: "" is not an integer value'),
@@ -315,7 +315,7 @@ def test_plot_refuses_what_it_does_not_know(folder, refusal):
     from mitsonar import cli
 
     assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 0
-    assert "there is no plot 'fall'; choose one of waterfall, ping, mean" in refusal("plot", "o.exr", "--what", "fall")
+    assert "there is no plot 'fal'; choose one of waterfall, ping, mean" in refusal("plot", "o.exr", "--what", "fal")
     assert "there is no ping 99; the dataset has 2" in refusal("plot", "o.exr", "--what", "ping", "--ping", "99")
     assert "must end in one of .png" in refusal("plot", "o.exr", "-o", "p.xyz")
     assert "make it first" in refusal("plot", "o.exr", "-o", "no/p.png")

@@ -30,7 +30,7 @@ def test_results_have_what_the_command_needs():
 
 
 @pytest.mark.parametrize("arguments, says", [
-    (("figure_9",), "'figure_9'; give one of"),
+    (("figure_9",), "'figure_9' (did you mean \"figure_3\"?); give one of"),
     (("figure_3", "-o", "f.jpg"), "f.jpg: its name must end in .csv"),
     (("figure_9", "-o", "f.png"), "figure_9"),
     (("figure_3", "-o", "nowhere/f.png"), "nowhere does not exist"),

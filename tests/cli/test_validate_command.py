@@ -28,7 +28,7 @@ def test_an_error_beyond_what_is_allowed_is_exit_code_1(folder, capfd, monkeypat
 
 
 @pytest.mark.parametrize("arguments, says", [
-    (("--only", "watre"), "there is no comparison 'watre'; give some of water, rays"),
+    (("--only", "watre"), "there is no comparison 'watre' (did you mean \"water\"?); give some of water, rays"),
     (("--only",), "expected at least one argument"),
     (("-o", "scene.xml"), "scene.xml: it is a file; give the name of a folder"),
     (("-o", "."), "the folder holds scene.xml, which is no part of a report"),

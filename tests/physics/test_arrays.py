@@ -333,7 +333,7 @@ def test_no_pitch(array, words):
     (lambda: line_array(4, 0.1, pattern="rectangular", length=-0.1), "element length is -0.1 m"),
     (lambda: line_array(4, 0.1, pattern="square"), 'pattern is "square"; give one of omni, rectangular, circular'),
     (lambda: line_array(4, 0.1, baffle="steel"), 'baffle is "steel"; give one of none, hard, soft, cardioid'),
-    (lambda: line_array(4, 0.1).shaded("hanning"), 'window is "hanning"; give one of boxcar, triang'),
+    (lambda: line_array(4, 0.1).shaded("hanning"), 'window is "hanning" (did you mean "hann"?); give'),
     (lambda: line_array(4, 0.1).shaded("kaiser"), 'window is "kaiser", but kaiser takes the numbers (beta)'),
     (lambda: line_array(4, 0.1).shaded("hann 3"), "hann takes no numbers"),
     (lambda: line_array(4, 0.1).shaded("taylor four"), 'window is "taylor four", but taylor takes the numbers'),

@@ -168,7 +168,7 @@ def test_offset_leaves_the_steering_as_it_is(read):
     ({"receive": "planar", "receive_elements": 4, "receive_axis": "down"}, "axis and normal are parallel"),
     ({"receive": "file"}, "attribute receive_file is missing"),
     ({"receive": "file", "receive_file": "no.csv"}, 'names the file "no.csv", which is not there'),
-    ({**LINE, "receive_shading": "hanning"}, 'receive: window is "hanning"; give one of boxcar'),
+    ({**LINE, "receive_shading": "hanning"}, 'receive: window is "hanning" (did you mean "hann"?); give one of boxcar'),
     ({"receive": "spherical", "receive_elements": 4, "receive_shading": "hann"}, "stand in no regular order"),
     ({**LINE, "receive_failed": "16"}, "receive: array: element 16 is to fail, but there are 16"),
     ({**LINE, "receive_failed": "1.5"}, "give whole numbers from 0"),

@@ -161,7 +161,7 @@ CUBE = '<scene version="3.0.0">\n%s\n</scene>'
 
 
 @pytest.mark.parametrize("written, said", [
-    ('<shape type="cub"/>', 'scene, line 2: there is no plugin of type "cub".'),
+    ('<shape type="cub"/>', 'scene, line 2: there is no plugin of type "cub" (did you mean "cube"?).'),
     ('<shape type="cube">\n<float name="nu" value="1"/><string name="mu" value="x"/></shape>',
      'scene, line 2: cube: there is no attribute "nu" (float), "mu" (string) in a shape of this type.'),
     ('<shape type="probe"><texture type="bitmap" name="a"><string name="filename" value="no.png"/></texture></shape>',

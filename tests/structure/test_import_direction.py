@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # From the ground up: a room imports only rooms that stand before it here.
 FLOORS = """
-    debian llvm units lookups
+    debian llvm units lookups spelling
     water scattering placing
     propagation
     sonar
@@ -30,7 +30,7 @@ FLOORS = """
     survey
     plugins
     scene_files
-    scene rendering elements
+    scene rendering elements attributes
     plots doctor
     published
     validation

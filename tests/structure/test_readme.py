@@ -11,43 +11,57 @@ import mitsonar
 from mitsonar.sonar import presets
 
 README = Path(__file__).resolve().parents[2] / "README.md"
-SCENES = README.parent / "scenes"
-NEEDED = {
-    "sidescan": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
-    "seabed": {"depth": 10.0},
-    "array_sonar": {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}},
-    "point_target": {"position": [0.0, 0.0, -5.0]},
-    "capped_cylinder": {"radius": 1.0, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 1.0, -5.0]},
-    "impedance": {"density": 1100.0, "sound_speed": 1600.0},
-    "empirical": {"filename": str(SCENES / "casts" / "summer.csv")},
-    "bathymetry": {"filename": str(SCENES / "bathymetry" / "sandwaves.tif")},
-    "targets": {"meshes": "targets", "count": 1},
-}
 NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not
 
 
 def tables():
     """The tables of attributes: (plugins of the heading, names in the first column)."""
-    for section in re.split(r"\n(?=\*\*`<)", README.read_text(encoding="utf-8"))[1:]:
-        heading, table = section.partition("\n")[0], section.partition("| attribute |")[2].partition("\n\n")[0]
-        cells = re.findall(r"^\| (`.+?) \|", table, re.M)
-        yield re.findall(r'type="(\w+)"', heading), {name for cell in cells for name in re.findall(r"`(\w+)`", cell)}
+    from mitsonar import attributes
+
+    return [(plugins, {name for names, *_ in rows for name in names}) for plugins, rows in attributes.tables()]
 
 
 def known(plugin):
-    """The attributes a plugin knows, as its error about an unknown one lists them."""
-    import mitsuba as mi
+    """The attributes a plugin asks for, in any of its ways."""
+    from mitsonar import attributes
 
-    from mitsonar.plugins.errors import plain
-
-    with pytest.raises(RuntimeError) as caught:
-        mi.load_dict({"type": plugin, "surely_unknown": 1, **NEEDED.get(plugin, {})})
-    return set(plain(caught.value).partition("Known: ")[2].rstrip(".").split(", "))
+    return {one.name for one in attributes.attributes(plugin)}
 
 
 @pytest.mark.parametrize("plugins, names", [pytest.param(*table, id=" ".join(table[0])) for table in tables()])
 def test_tables_name_every_attribute_and_no_other(variant, plugins, names):
     assert names | NAMED_BY_MITSUBA == set().union(*map(known, plugins)) | NAMED_BY_MITSUBA
+
+
+@pytest.mark.parametrize("plugin", ["sidescan", "seabed", "sonar_path", "array_sonar"])
+def test_an_error_knows_the_same_attributes(variant, plugin):
+    """What a plugin says that it knows is what its table has, but for arrays that are not points."""
+    import mitsuba as mi
+
+    from mitsonar.attributes import WAYS
+    from mitsonar.plugins.errors import plain
+
+    with pytest.raises(RuntimeError) as caught:
+        mi.load_dict({"type": plugin, "surely_unknown": 1, **WAYS.get(plugin, [{}])[0]})
+    listed = set(plain(caught.value).partition("Known: ")[2].rstrip(".").split(", "))
+    assert listed <= known(plugin) and len(listed) > 5
+    assert plugin == "array_sonar" or listed == known(plugin)
+
+
+def test_defaults_that_are_numbers_are_those_of_the_plugins(variant):
+    """Of 80 and more; words such as "as the range allows" cannot be compared."""
+    from mitsonar import attributes
+    from mitsonar.plugins.properties import declared
+
+    compared = 0
+    for plugin in attributes.plugins():
+        for one in attributes.attributes(plugin):
+            taken = declared[plugin][one.name].default
+            if isinstance(taken, (bool, int, float)) and re.fullmatch(r"-?[\d.]+|true|false", one.default):
+                compared += 1
+                wanted = str(taken).lower() if isinstance(taken, bool) else f"{taken:g}"
+                assert one.default == wanted, f"{plugin}: {one.name}"
+    assert compared > 80
 
 
 def test_presets_are_those_of_the_table():

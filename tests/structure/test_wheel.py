@@ -55,6 +55,8 @@ print(*(path.name for path in importlib.resources.files("mitsonar.scenes").iterd
     files, scenes = child.stdout.splitlines()
     assert all(file.startswith(str(tmp_path / "mitsonar")) for file in files.split())
     assert any(name.endswith(".xml") for name in scenes.split())
+    child = run(["-m", "mitsonar", "describe", "impedance"], tmp_path)        # whose words are README's
+    assert "of what lies behind the surface" in child.stdout, child.stderr
 
 
 def test_its_command_needs_no_checkout(wheel, tmp_path):

@@ -1,0 +1,30 @@
+"""Completion of commands, options, scenes and files in bash and zsh, by shtab."""
+import argparse
+
+from ..io import scenes
+
+__all__ = ["FILES", "SCENES", "SHELLS", "Completion"]
+
+SHELLS = ("bash", "zsh")
+FILES = {"bash": "_shtab_compgen_files", "zsh": "_files"}              # as shtab names them
+SCENES = {"bash": "_mitsonar_scenes", "zsh": "_mitsonar_scenes"}       # files, and scenes that come with mitsonar
+PREAMBLE = {
+    "bash": """_mitsonar_scenes() {{
+  compgen -W "{names}" -- "$1"
+  _shtab_compgen_files "$1"
+}}""",
+    "zsh": """_mitsonar_scenes() {{
+  _alternative "scenes:scene:({names})" "files:file:_files"
+}}"""}
+
+
+class Completion(argparse.Action):
+    """Print the script for a shell, and end."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        import shtab
+
+        names = " ".join(scenes.shipped())
+        preamble = {shell: text.format(names=names) for shell, text in PREAMBLE.items()}
+        print(shtab.complete(parser, values, preamble=preamble))
+        parser.exit()

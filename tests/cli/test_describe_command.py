@@ -1,0 +1,113 @@
+"""`scenes` and `describe`: what there is, with defaults and units, and nothing left without a word."""
+import re
+
+import pytest
+from small_scene import TEXT
+
+from mitsonar import cli
+from mitsonar.io import scene_words, scenes
+
+
+@pytest.fixture
+def said(folder, capfd):
+    """Run a command that must work, and give what it prints, with its lines joined."""
+    def run(*arguments):
+        capfd.readouterr()
+        assert cli.main(list(arguments)) == 0
+        out, err = capfd.readouterr()
+        assert err == ""
+        return out
+    return run
+
+
+def joined(text):
+    return " ".join(text.split())
+
+
+def test_every_scene_is_listed_on_a_line(said):
+    lines = said("scenes").splitlines()
+    assert [line.split()[0] for line in lines] == scenes.shipped() and len(lines) > 8
+    assert all(20 < len(line) <= 110 and len(line.split()) > 3 for line in lines)
+    assert "The simplest survey: a towed sidescan over a flat" in lines[scenes.shipped().index("sidescan_flat")]
+
+
+@pytest.mark.parametrize("name", scenes.shipped())
+def test_every_parameter_of_every_scene_has_words(said, name):
+    out = said("describe", name)
+    _, parameters = scene_words.described(scenes.find(name))
+    assert parameters
+    for one in parameters:
+        meaning = re.search(rf"^-D {one.name}={re.escape(one.default)}\n((?:    .+\n)+)", out, re.M)
+        assert meaning and len(joined(meaning[1]).split()) > 3, one.name
+
+
+def test_a_parameter_is_described_by_what_it_is_given_to(said):
+    out = joined(said("describe", "sidescan_flat"))
+    assert "-D range=100 range of sonar_film, a number [m] above 0 and at most 100000: end of the" in out
+    assert "-D depth=40 depth of seabed, a number [m]: m, of the mean bed" in out
+
+
+def test_a_comment_comes_first(folder, said):
+    text = TEXT.replace('name="range" value="60"/>', 'name="range" value="60"/> <!-- m, as far\n as -->')
+    text = text.replace("<scene", "<?xml version=\"1.0\"?>\n<!-- A bed.\n It is flat. -->\n<scene", 1)
+    (folder / "mine.xml").write_text(text, encoding="utf-8")
+    out = joined(said("describe", "mine.xml"))
+    assert out.startswith("mine.xml A bed. It is flat. -D pings=2 pings of sonar, an integer at least 1")
+    assert "-D range=60 m, as far as -D speckle=true" in out
+
+
+def test_a_comment_on_the_next_line_is_of_something_else(folder, said):
+    text = TEXT.replace('<default name="range" value="60"/>', '<default name="range" value="60"/>\n<!-- The rest -->')
+    (folder / "mine.xml").write_text(text, encoding="utf-8")
+    assert "The rest" not in said("describe", "mine.xml")
+
+
+def test_attributes_of_a_plugin(said):
+    out = joined(said("describe", "sidescan"))
+    assert out.startswith('<sensor type="sidescan"> Sidescan sonar: port and starboard faces')
+    assert "frequency_khz: a number [kHz] above 0 and at most 10000, default preset centre frequency" in out
+    assert 'preset: one of "towed_100khz", "towed_400khz", "auv_900khz", default towed_400khz' in out
+    assert "depth: a number [m], needed m, of the mean bed" in joined(said("describe", "seabed"))
+    array = joined(said("describe", "array_sonar"))
+    assert "receive_rows: an integer at least 1 and at most 100000, default 1 of planes, or rings" in array
+    assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 m above the seabed" in array
+
+
+def test_every_plugin_can_be_described(said, variant):
+    from mitsonar import attributes
+
+    for plugin in attributes.plugins():
+        out = said("describe", plugin)
+        assert out.startswith(f'<{attributes.kind_of(plugin)} type="{plugin}">')
+        unsaid = [one.name for one in attributes.attributes(plugin) if not one.meaning]
+        assert set(unsaid) <= {"to_world"}, plugin
+
+
+@pytest.mark.parametrize("arguments, hint", [
+    (["rendr"], "render"), (["describe", "sidescn"], "sidescan"), (["describe", "sidescan_flaat"], "sidescan_flat"),
+    (["render", "sidescan_flt", "-o", "a.exr"], "sidescan_flat"),
+    (["render", "scene.xml", "-o", "a.exr", "--sed=3"], "--seed"),
+    (["render", "scene.xml", "-o", "a.exr", "-D", "ping=3"], "pings"), (["sweep", "minefeld"], "minefield"),
+    (["signals", "scene.xml", "-o", "a.nc", "--kernel", "nearst"], "nearest"),
+    (["signals", "scene.xml", "-o", "a.nc", "--return-path", "eigenrays"], "eigenray"),
+    (["published", "figur_2"], "figure_2"), (["validate", "--only", "sediment"], "sediments"),
+    (["plot", "a.exr", "--tvg", "seabd"], "seabed"),
+])
+def test_misspelt_words_are_answered_with_what_may_be_meant(refusal, arguments, hint):
+    assert f'(did you mean "{hint}"?)' in refusal(*arguments)
+
+
+@pytest.mark.parametrize("old, new, hint", [
+    ('type="sidescan"', 'type="side_scan"', '(did you mean "sidescan"?)'),
+    ('<integer name="pings" value="$pings"/>', '<string name="preset" value="towed_400"/>',
+     '(did you mean "towed_400khz"?)'),
+    ('<float name="depth"', '<float name="dpth"', 'attribute depth is missing (is it written as "dpth"?)'),
+    ('type="lambert"', 'type="lambart"', '(did you mean "lambert"?)'),
+])
+def test_misspelt_words_in_a_scene_too(folder, refusal, old, new, hint):
+    assert old in TEXT
+    text = TEXT.replace(old, new)
+    if "$pings" not in text:
+        text = text.replace('    <default name="pings" value="2"/>\n', "")
+    (folder / "mine.xml").write_text(text, encoding="utf-8")
+    assert hint in refusal("render", "mine.xml", "-o", "a.exr")
