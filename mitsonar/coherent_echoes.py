@@ -3,11 +3,11 @@ squared.
 
     z(t) = Σ_i a_i Π((t - τ_i) / T),    a_i = 10^(SL/20) b_t b_r e_i e^(-i2πf₀τ_i)
 
-e_i and τ_i amplitude and delay of an echo (`echoes`, `smooth_targets`), b_t and b_r the pressure patterns of the
-transmitting face where it left and of the receiving one where it comes back from, Π the rectangular pulse of length T,
-centred on its echo as those of `imaging.sidescan` are. z is sampled some times to a pulse; what a bin keeps of it is
-the mean of |z|², and the mean of z over every stretch of the bin in which the bed's echo is one (a pulse, or the bin
-where that is shorter): with these the bed's random echo adds to z as pressures do.
+e_i and τ_i amplitude and delay of an echo (`echoes`, `smooth_targets`, `underway`), b_t and b_r the pressure patterns
+of the transmitting face where it left and of the receiving one where it comes back from, as they are turned then, Π the
+rectangular pulse of length T, centred on its echo as those of `imaging.sidescan` are. z is sampled some times to a
+pulse; what a bin keeps of it is the mean of |z|², and the mean of z over every stretch of the bin in which the bed's
+echo is one (a pulse, or the bin where that is shorter): with these the bed's random echo adds to z as pressures do.
 
 Under a surface that mirrors, targets are seen by way of it too (`sights`). Its own echo from straight above comes half
 from either side, or as Fresnel's integral has it where the platform rolls: each face hears its own side.
@@ -49,10 +49,11 @@ class CoherentEchoes:
         self.survey, self.sights = survey, sights
         self.lib = arrays_of(mi.Float)
         sonar, window = survey.sonar, survey.window
-        fastest = float(np.max(survey.profile.sound_speed))
+        fastest, drift = float(np.max(survey.profile.sound_speed)), survey.underway.drift(sonar.sound_speed)
         self.smooth = SmoothTargets(sights, tracer, frequency=sonar.frequency,
-                                    resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0,
-                                    farthest=0.5 * (window[1] + sonar.pulse_length) * fastest)
+                                    resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0, drift=drift,
+                                    farthest=0.5 * (window[1] + sonar.pulse_length) * fastest * (1 + 0.5 * drift))
+        self.shift = max(float(np.abs(shifts).max()) for shifts in survey.shifts[1])
         self.targets = survey.geometry.targets()
         # where a pulse began at once, each of its edges would find a zone of its own on a bent surface: the k of
         # Kirchhoff's integral is that of the carrier. Samples of some cycles round them off.
@@ -75,7 +76,7 @@ class CoherentEchoes:
 
         Parameters
         ----------
-        place : survey._Place
+        place : place.Place
         ping : (B,) int
         source : (B,) int
             Index of each into the place's sources.
@@ -120,11 +121,12 @@ class CoherentEchoes:
         """Which facets lie in the beams, for each ping: by the envelope of their side lobes along the platform."""
         sonar = self.survey.sonar
         lengths = np.array([sonar.transmit.length, sonar.receive.length]) / sonar.wavelength
+        turned = np.array([0.0, self.shift])[:, None]
 
         def choose(number, centre, radius):
             towards = (centre - position[number]) @ rotation[number]
             distance = np.linalg.norm(towards, axis=1)
-            u = np.maximum(np.abs(towards[:, 0]) - radius, 0) / np.maximum(distance, 1e-9)
+            u = np.maximum(np.abs(towards[:, 0]) - radius, 0) / np.maximum(distance, 1e-9) - turned
             envelope = np.minimum(1 / np.maximum(np.pi * lengths[:, None] * u, 1e-9), 1)
             return np.prod(envelope, axis=0) ** 2 > FAINT
 
@@ -176,14 +178,21 @@ class CoherentEchoes:
         `side` is -1 where it is port's face that hears them, 1 for starboard's; None: that which they come from.
         """
         ping = number + dr.opaque(mi.UInt32, first)
-        delay = echoes.out.travel_time + echoes.between + echoes.back.travel_time
-        pressure, along, sides = self.pressure, mi.Float(1), []
-        for leg, (length, height) in zip((echoes.out, echoes.back), self.faces):
-            body = place.body(ping, leg.sent_towards)
+        still = echoes.out.travel_time + echoes.between + echoes.back.travel_time
+        received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, still)
+        delay, pressure, along, sides, cosines = received.delay, self.pressure, mi.Float(1), [], []
+        for towards, (length, height) in zip((echoes.out.sent_towards, received.towards), self.faces):
+            body = place.body(ping, towards)
             across = body.z * self.depression[0] - abs(body.y) * self.depression[1]
             along *= sinc(body.x * length)
             pressure = pressure * sinc(across * height)
             sides.append(body.y > 0 if side is None else dr.full(mi.Bool, side > 0, dr.width(body)))
+            cosines.append(body.x)
+        lobe = along
+        if not place.still:
+            # half-way between the lobes, see `survey`
+            half = 0.5 * (cosines[1] - place.body(ping, echoes.back.sent_towards).x)
+            lobe = sinc((cosines[0] + half) * self.faces[0][0]) * sinc((cosines[1] - half) * self.faces[1][0])
         cycles = delay * self.turns_per_second
         sine, cosine = dr.sincos(mi.Float(cycles - dr.floor(cycles)) * float(-2 * np.pi))
         real, imaginary = echoes.amplitude
@@ -193,7 +202,7 @@ class CoherentEchoes:
         depth = -mi.Float((-start if echoes.back.folded else start) + echoes.back.offset.z)
         row = 2 * number + dr.select(sides[0], mi.UInt32(1), mi.UInt32(0))
         columns = {"row": row, "label": label, "delay": delay, "real": real * pressure, "depth": depth,
-                   "imaginary": imaginary * pressure, "in_beam": along * along > BEAM_EDGE,
+                   "imaginary": imaginary * pressure, "in_beam": lobe * lobe > BEAM_EDGE,
                    "same": sides[0] == sides[1]}
         dr.eval(columns)
         columns = {name: column.numpy() for name, column in columns.items()}

@@ -89,15 +89,18 @@ class SmoothTargets:
         c / 2B: what ranges are told apart.
     reach : float [m]
         How far elements lie from the sources, out and back together.
+    drift : float [-]
+        How much farther off they are, for each metre of range: sources that move on until echoes are back.
     farthest : float [m]
         Range beyond which nothing matters.
     """
 
-    def __init__(self, sights, tracer, *, frequency, resolution, reach, farthest):
+    def __init__(self, sights, tracer, *, frequency, resolution, reach, farthest, drift=0.0):
         self.sights, self.tracer, self.loss_db = sights, tracer, sights.loss_db
         self.lib = arrays_of(mi.Float)
         self.frequency, self.bounces = float(frequency), sights.max_depth
         self.resolution, self.reach, self.farthest = float(resolution), float(reach), float(farthest)
+        self.drift = float(drift)
         profile, geometry = self.tracer.profile, self.tracer.geometry
         slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
         self.wavelength = slowest / self.frequency
@@ -149,8 +152,8 @@ class SmoothTargets:
         plane = -np.sum(towards * facets.normal, axis=1)
         nearest = np.maximum(np.maximum(distance - facets.radius, np.abs(plane)), NEAREST)
         edge = np.minimum(CURVED * np.sqrt(self.wavelength * nearest), DEEP * self.resolution)
-        if self.reach > 0:
-            edge = np.minimum(edge, ASIDE * self.wavelength * nearest / self.reach)
+        if self.reach > 0 or self.drift > 0:
+            edge = np.minimum(edge, ASIDE * self.wavelength * nearest / (self.reach + self.drift * nearest))
         # a bent surface is seen a little beyond where its facets are seen from behind
         hidden = facets.outward * plane < -BEHIND * facets.side
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden

@@ -8,8 +8,8 @@ The stages of one block, in order (`_Block`):
     echo        the sonar equation, summed into time bins                                    `signal.echoes`
 
 Everything between launch and the bins is one Dr.Jit kernel; its numbers are opaque, so a scene compiles once. Random
-numbers are hashed from (seed, ping, side, ray): neither blocks nor threads change them. The platform stands still
-during a ping and both legs follow the same path: right for a sidescan, whose beams point athwart the motion.
+numbers are hashed from (seed, ping, side, ray): neither blocks nor threads change them. Both legs follow the same path,
+but for where it ends: the platform moves and turns until each echo is back (`underway`).
 """
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -26,13 +26,16 @@ from .free_rays import FreeRays
 from .imaging.sidescan import mean_intensity, pulse_shares
 from .materials import scattering_strength
 from .paths import Paths
+from .place import Place
 from .propagation.device import arrays_of, upload
 from .sights import Sights
 from .signal.echoes import UNIT_BITS, Absorption, EchoSums, echo_energy, sum_size
 from .signal.origins import WORDS
 from .sonar.directivity import sinc
 from .sonar.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles, refine_quantiles
+from .sonar.trajectory import Voyage
 from .trace import Tracer
+from .underway import Underway
 from .water_echoes import WaterEchoes
 
 __all__ = ["Survey"]
@@ -55,7 +58,7 @@ class Survey:
     profile : SoundSpeedProfile
     absorption : AbsorptionColumn
     sonar : Sidescan
-    track : Track
+    voyage : Voyage
     depth_below : (P,) [m]
         Seabed below the sonar.
     window : (float, float) [s]
@@ -75,7 +78,7 @@ class Survey:
     profile: object
     absorption: object
     sonar: object
-    track: object
+    voyage: Voyage
     depth_below: np.ndarray
     window: tuple
     bins: int
@@ -83,6 +86,11 @@ class Survey:
     first_pass: float
     max_depth: int = 1
     volume: object = None
+
+    @property
+    def track(self):
+        """Of the pings."""
+        return self.voyage.track
 
     @property
     def bin_length(self):
@@ -117,6 +125,17 @@ class Survey:
     def paths(self):
         """The paths that are told apart."""
         return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
+
+    @cached_property
+    def underway(self):
+        """The motion within pings."""
+        return Underway(self.voyage.trajectory.during(self.track.time, self.window[1] + self.sonar.pulse_length))
+
+    @cached_property
+    def shifts(self):
+        """By how much the cosine along the body changes between transmission and reception, see `Underway.shifts`."""
+        sonar = self.sonar
+        return self.underway.shifts(self.track.rotation(), sonar.sound_speed, sonar.wavelength / sonar.longest)
 
     def grids(self):
         """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
@@ -160,10 +179,13 @@ class _Block:
         sonar, geometry = survey.sonar, survey.geometry
         self.lib = arrays_of(mi.Float)
         fastest = float(np.max(survey.profile.sound_speed))
-        self.tracer = Tracer(geometry, survey.profile, max_range=0.5 * survey.window[1] * fastest)
+        # half the two-way time, and what a platform gains that comes nearer meanwhile
+        farthest = 0.5 * survey.window[1] * fastest * (1 + 0.5 * survey.underway.drift(sonar.sound_speed))
+        self.tracer = Tracer(geometry, survey.profile, max_range=farthest)
         self.rotation = survey.track.rotation()
         self.solid_angle = sonar.solid_angle()
-        self.along = upload(mi.Float, along_quantiles(sonar).astype(np.float32))
+        self.kind, shifts = survey.shifts
+        self.along = upload(mi.Float, np.stack([along_quantiles(sonar, some) for some in shifts]).astype(np.float32))
         deepest = max(geometry.depth_range[1], -float(survey.track.position[:, 2].min()))
         self.absorption = Absorption(survey.absorption, survey.profile, deepest, mi.Float)
         sides = [side / sonar.wavelength for face in (sonar.transmit, sonar.receive)
@@ -212,23 +234,22 @@ class _Block:
         survey, rows = self.survey, 2 * len(ping)
         depth = -survey.track.position[ping, 2]
         unique, source = np.unique(depth, return_inverse=True)
-        place = _Place(self.lib, ping, survey.track.position[ping], self.rotation[ping], source,
-                       self.tracer.sources(unique))
+        place = Place(self.lib, ping, survey.track.position[ping], self.rotation[ping], source,
+                       self.tracer.sources(unique), survey.underway.block(ping), self.kind[ping])
         quantiles = self._first_quantiles(ping)
         if self.first_grid:
             quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
         sums = EchoSums(self.lib, rows, len(survey.labels), survey.bins, len(survey.paths))
         origins = self.truth.sums(ping, rows)
         ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
-        in_beam = ray.along_intensity > BEAM_EDGE
         hits, hidden = self._trace(place, ray, hidden=self.truth.hides)
-        units, bin, in_window = self._echo(place, ray, hits)
+        units, bin, in_window, in_beam = self._echo(place, ray, hits)
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=in_beam,
                  height=self._height(mi.Float(-hits.point.z)), active=in_window,
                  path=survey.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self.surface)))
         self.truth.add(origins, ray, hits, bin=bin, units=units, in_beam=in_beam, active=in_window)
         if hidden is not None:
-            units, bin, in_window = self._echo(place, ray, hidden)
+            units, bin, in_window, _ = self._echo(place, ray, hidden)
             origins.add_hidden(row=ray.row, label=hits.label, bin=bin, units=units, active=in_window)
         if self.bounces is not None:
             self._add_ghosts(place, ray, hits, sums)
@@ -259,7 +280,7 @@ class _Block:
         """Trace the first pass and ask how far each cell of φ leads into bins that few rays reach."""
         ray = self._launch(place, quantiles, self.first_grid, FIRST_SALT)
         hits, _ = self._trace(place, ray)
-        bin, in_window = self._bin(hits.travel_time, hits.valid)
+        bin, in_window = self._bin(self._received(place, ray, hits).delay, hits.valid)
         index = ray.row * self.bins + bin
         cell = ray.cell
         count = dr.zeros(mi.UInt32, sum_size(place.rows * self.survey.bins))
@@ -285,16 +306,13 @@ class _Block:
         xi_u = (mi.Float(i_u) + _unit(b)) / mi.Float(n_u)
         phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row,
                                     dr.minimum(xi_phi, _BELOW_ONE))
-        u, u_width, _ = draw(self.along, mi.UInt32(0), dr.minimum(xi_u, _BELOW_ONE))
+        u, u_width, _ = draw(self.along, place.kind(row), dr.minimum(xi_u, _BELOW_ONE))
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
         sin_phi, cos_phi = dr.sincos(phi)
         side = mi.Float(row & 1) * 2 - 1
         body = mi.Vector3f(u, side * w * cos_phi, w * sin_phi)
-        v = w * dr.sin(phi - self.depression)
-        along, across = self._patterns(u, v)
-        return _Rays(row=row, ping=row >> 1, cell=cell, direction=place.turn(row >> 1, body),
-                     solid_angle=phi_width * u_width / mi.Float(per_row), along_intensity=along,
-                     pattern=along * across)
+        return _Rays(row=row, ping=row >> 1, cell=cell, direction=place.turn(row >> 1, body), side=side,
+                     solid_angle=phi_width * u_width / mi.Float(per_row), u=u, v=w * dr.sin(phi - self.depression))
 
     def _trace(self, place, ray, hidden=False):
         """Hits, and those that objects hide or None."""
@@ -319,10 +337,11 @@ class _Block:
         side = mi.Float(ray.row & 1) * 2 - 1
         for ghosts in self.bounces(hits, ray.solid_angle, origin, source_speed, strata, key, homeward):
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
-            bin, inside = self._bin(0.5 * elapsed, ghosts.active)
+            heard = place.receive(ray.ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
+            bin, inside = self._bin(heard.delay, ghosts.active)
             pattern = mi.Float(1)
-            for leg, face in ((ghosts.out, self.sides[:2]), (ghosts.back, self.sides[2:])):
-                body = place.body(ray.ping, leg.sent_towards)
+            for towards, face in ((ghosts.out.sent_towards, self.sides[:2]), (heard.towards, self.sides[2:])):
+                body = place.body(ray.ping, towards)
                 inside &= body.y * side > 0
                 pattern *= dr.square(sinc(body.x * face[0]) * sinc(self._across(body) * face[1]))
             units = self._units(ghosts.energy * pattern, ghosts.loss_db, bin, inside)
@@ -339,16 +358,19 @@ class _Block:
         a, b = mi.sample_tea_32(within, key)
         c, _ = mi.sample_tea_32(a, ~key)
         phi, phi_width, _ = draw(self.across, mi.UInt32(0), _within(i_phi, a, strata.first))
-        u, u_width, _ = draw(self.along, mi.UInt32(0), _within(i_u, b, strata.second))
+        u, u_width, _ = draw(self.along, place.kind(row), _within(i_u, b, strata.second))
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
         sine, cosine = dr.sincos(phi)
         direction = place.turn(ping, mi.Vector3f(u, side * w * cosine, w * sine))
         source_speed = place.medium(ping)[1]
         drawn = self.water(place.sources, place.origin(ping), place.source(ping), source_speed, direction,
                            phi_width * u_width / mi.Float(strata.per_row), strata, _unit(c))
-        body = place.body(ping, drawn.way.launch_direction)
-        along, across = self._patterns(body.x, self._across(body))
-        bin, inside = self._bin(drawn.way.travel_time, drawn.active)
+        sent = place.body(ping, drawn.way.launch_direction)
+        received = place.receive(ping, drawn.way.launch_direction, drawn.point - place.origin(ping),
+                                 2 * drawn.way.travel_time)
+        heard = sent if place.still else place.body(ping, received.towards)
+        along, across = self._patterns(sent.x, self._across(sent), heard.x, self._across(heard))
+        bin, inside = self._bin(received.delay, drawn.active & (heard.y * side > 0))
         sums.add(row=row, label=dr.opaque(mi.UInt32, self.water_label), bin=bin, in_beam=mi.Bool(False), counted=False,
                  units=self._units(drawn.energy * along * across, drawn.loss_db, bin, inside),
                  height=self._height(mi.Float(-drawn.point.z)), active=inside,
@@ -368,29 +390,43 @@ class _Block:
         energy = energy * dr.exp((unit_loss_db - loss_db) * float(np.log(10) / 10))
         return dr.select(dr.isfinite(energy), mi.Float64(energy) * mi.Float64(units), 0)
 
-    def _patterns(self, u, v):
+    def _patterns(self, u, v, heard_u, heard_v):
         """Two-way intensity along and across the platform."""
         transmit_u, transmit_v, receive_u, receive_v = self.sides
-        return (dr.square(sinc(u * transmit_u) * sinc(u * receive_u)),
-                dr.square(sinc(v * transmit_v) * sinc(v * receive_v)))
+        return (dr.square(sinc(u * transmit_u) * sinc(heard_u * receive_u)),
+                dr.square(sinc(v * transmit_v) * sinc(heard_v * receive_v)))
 
-    def _bin(self, travel_time, valid):
-        place = (2 * travel_time - self.start) * self.bins_per_second
+    def _received(self, place, ray, hits):
+        """How the echoes of hits are heard."""
+        return place.receive(ray.ping, ray.direction, hits.point - place.origin(ray.ping), 2 * hits.travel_time)
+
+    def _bin(self, delay, valid):
+        place = (delay - self.start) * self.bins_per_second
         inside = valid & (place >= 0) & (place < mi.Float64(self.bins))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 
     def _echo(self, place, ray, hits):
-        """Echo of each ray in units of its bin, the bin, and whether it lies in the window."""
-        bin, inside = self._bin(hits.travel_time, hits.valid)
+        """Echo of each ray in units of its bin, the bin, and whether it lies in the window and in the main lobe."""
+        received, u, v = self._received(place, ray, hits), ray.u, ray.v
+        bin, inside = self._bin(received.delay, hits.valid)
+        if not place.still:
+            body = place.body(ray.ping, received.towards)
+            u, v, inside = body.x, self._across(body), inside & (body.y * ray.side > 0)
+        along, across = self._patterns(ray.u, ray.v, u, v)
+        lobe = along
+        if not place.still:
+            # what is sent and what is heard are lobes side by side; their product has its middle half-way
+            middle = 0.5 * (ray.u + u)
+            lobe, _ = self._patterns(middle, ray.v, middle, v)
         strength, sin_grazing = scattering_strength(hits, inside, self.survey.sonar.frequency)
         source_depth, source_speed = place.medium(ray.ping)
         units, unit_loss_db = dr.gather(self.lib.Array2f, self.per_bin, bin, inside)
         loss_db = self.absorption(source_depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter))
-        energy = echo_energy(solid_angle=ray.solid_angle, pattern=ray.pattern, strength=strength,
+        energy = echo_energy(solid_angle=ray.solid_angle, pattern=along * across, strength=strength,
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
                              speed_ratio=mi.Float(hits.sound_speed) / source_speed,
                              loss=dr.exp((unit_loss_db - loss_db) * float(np.log(10) / 10)))
-        return mi.Float64(energy) * mi.Float64(units), bin, inside & dr.isfinite(energy)
+        return mi.Float64(energy) * mi.Float64(units), bin, inside & dr.isfinite(energy), lobe > BEAM_EDGE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -399,48 +435,10 @@ class _Rays:
     ping: object
     cell: object
     direction: object
+    side: object
     solid_angle: object
-    along_intensity: object
-    pattern: object
-
-
-class _Place:
-    """Where the block's pings stand: look-ups by the ping's number within the block."""
-
-    def __init__(self, lib, ping, position, rotation, source, sources):
-        self.lib, self.rows, self.sources = lib, 2 * len(ping), sources
-        # a seed per ping and side, from the ping's number in the survey
-        number = 2 * np.repeat(ping.astype(np.uint64), 2) + np.tile(np.arange(2, dtype=np.uint64), len(ping))
-        self.key = upload(mi.UInt32, ((number + 1) * 0x85EBCA6B & 0xFFFFFFFF).astype(np.uint32))
-        self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(ping), 1))], 1))
-        rows = np.concatenate([rotation, np.zeros((len(ping), 3, 1))], 2)
-        self._rotation = upload(mi.Float, rows.astype(np.float32))
-        self._source = upload(mi.UInt32, source.astype(np.uint32))
-        dr.eval(self.key, self._position, self._rotation, self._source)
-
-    def origin(self, ping):
-        """Position of the sonar, Array3f64 [m]."""
-        row = dr.gather(self.lib.Array4f64, self._position, ping)
-        return self.lib.Array3f64(row[0], row[1], row[2])
-
-    def source(self, ping):
-        """Index into the fans."""
-        return dr.gather(mi.UInt32, self._source, ping)
-
-    def medium(self, ping):
-        """Depth [m] and sound speed [m/s] at the sonar, float32."""
-        depth, speed, _ = self.sources.state.gather(self.lib, self.source(ping))
-        return mi.Float(depth), mi.Float(speed)
-
-    def body(self, ping, direction):
-        """Scene directions to body directions."""
-        rows = [dr.gather(self.lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
-        return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
-
-    def turn(self, ping, body):
-        """Body directions to scene directions."""
-        x, y, z = (dr.gather(self.lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
-        return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
+    u: object
+    v: object
 
 
 _BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))

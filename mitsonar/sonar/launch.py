@@ -21,7 +21,8 @@ __all__ = ["CELLS", "Strata", "across_quantiles", "along_quantiles", "draw", "fi
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
-WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam
+WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam,
+LIT_SHARE = 0.1                              # and that ignores the receiving one, where the platform turns
 KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
 
 
@@ -82,15 +83,26 @@ def quantiles(edges, density, cells=CELLS):
     return found
 
 
-def along_quantiles(sonar):
-    """Quantile table (CELLS + 1,) of u: the two-way beam, and a share spread over all directions."""
+def along_quantiles(sonar, shifts=(0.0,)):
+    """Quantile table (CELLS + 1,) of u: the two-way beam, and a share spread over all directions.
+
+    `shifts` (S,) are those of u until reception: a share of the draw goes to each, and where they differ one to what
+    the transmitting face lights alone, so that no echo weighs much more than others whatever the platform does.
+    """
     core = 4 * sonar.wavelength / max(sonar.transmit.length, sonar.receive.length, 4 * sonar.wavelength)
+    core += np.abs(shifts).max()
     fine = np.linspace(-min(core, 1), min(core, 1), 8193)
     edges = np.union1d(fine, np.linspace(-1, 1, 1025))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    beam = sonar.along_intensity(middle)
-    beam = beam / np.sum(beam * np.diff(edges))
+    beam = sum(_normalised(sonar.along_intensity(middle, middle + shift), edges) for shift in shifts) / len(shifts)
+    if len(shifts) > 1:
+        lit = _normalised(sonar.transmit.along(middle, sonar.wavelength) ** 2, edges)
+        beam = (1 - LIT_SHARE) * beam + LIT_SHARE * lit
     return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
+
+
+def _normalised(density, edges):
+    return density / np.sum(density * np.diff(edges))
 
 
 def across_quantiles(sonar):

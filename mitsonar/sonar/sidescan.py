@@ -67,9 +67,15 @@ class Sidescan:
         """Length of the resolution cell in slant range [m]."""
         return 0.5 * self.sound_speed * self.pulse_length
 
-    def along_intensity(self, u):
-        """Two-way intensity pattern along the platform, of the cosine u."""
-        return (self.transmit.along(u, self.wavelength) * self.receive.along(u, self.wavelength)) ** 2
+    @property
+    def longest(self):
+        """Length of the longer face [m], a wavelength at least."""
+        return max(self.transmit.length, self.receive.length, self.wavelength)
+
+    def along_intensity(self, u, heard=None):
+        """Two-way intensity pattern along the platform, of the cosine u; `heard` at reception, where that differs."""
+        heard = u if heard is None else heard
+        return (self.transmit.along(u, self.wavelength) * self.receive.along(heard, self.wavelength)) ** 2
 
     def across_intensity(self, v):
         """Two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""

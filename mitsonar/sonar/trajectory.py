@@ -106,7 +106,9 @@ class Recorded(Lead):
             position[..., 2] = self.height(times)
         if self.heave is not None:
             position[..., 2] += self.heave(times)
-        return position, self.attitude(times)
+        attitude = self.attitude(times)
+        attitude[..., 2] %= 2 * np.pi
+        return position, attitude
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

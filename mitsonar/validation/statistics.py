@@ -34,9 +34,9 @@ def _patchy(shape, pings):
     """Intensities in the middles of patches over what they would be without patches."""
     import mitsonar
 
-    # a patch a ping, through the middles of patches
-    track = {"start": [0.0, -PATCH * (pings - 1) / 2, -20.0], "ping_rate_hz": 12.5,
-             "speed_knots": PATCH * 12.5 * 3600 / 1852}
+    # a patch a ping, through the middles of patches, slowly: sidescans move while echoes come in
+    track = {"start": [0.0, -PATCH * (pings - 1) / 2, -20.0], "ping_rate_hz": 0.05,
+             "speed_knots": PATCH * 0.05 * 3600 / 1852}
     images = []
     for more in ({}, {"patchiness": shape, "patch_size": PATCH}):
         scene = scenes.sidescan(

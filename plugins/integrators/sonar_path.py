@@ -77,10 +77,10 @@ class SonarPath(mi.SamplingIntegrator):
             raise ValueError("the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a "
                              f"{sensor.class_name()}")
         geometry = Geometry(scene)
-        track, sonar, below = sensor.plan(geometry, *_origin(scene))
+        voyage, sonar, below = sensor.plan(geometry, *_origin(scene))
         window, bins = sensor.film().window(sonar.sound_speed)
         materials.check(geometry, sensor.water.profile, sonar.frequency)
-        survey = Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, track=track, depth_below=below,
+        survey = Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, voyage=voyage, depth_below=below,
                         absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
                         rays=self.rays, first_pass=self.first_pass, max_depth=self.max_depth,
                         volume=sensor.water.volume)

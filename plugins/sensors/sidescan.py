@@ -96,7 +96,8 @@ class SidescanSensor(mi.Sensor):
 
         Returns
         -------
-        track : Track
+        voyage : Voyage
+            The pings' track, and the trajectory it lies on.
         sonar : Sidescan
         depth_below : (P,) [m]
             Seabed below the sonar.
@@ -107,7 +108,7 @@ class SidescanSensor(mi.Sensor):
             If the track leaves the seabed, the water, or the recorded span.
         """
         voyage, below = self._voyage(geometry, origin, crs)
-        return voyage.track, self.sonar(float(np.mean(-voyage.track.position[:, 2]))), below
+        return voyage, self.sonar(float(np.mean(-voyage.track.position[:, 2]))), below
 
     def _voyage(self, geometry, origin, crs):
         # the slowest water makes the longest wait

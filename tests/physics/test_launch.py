@@ -52,6 +52,18 @@ def test_draw_along_follows_the_two_way_beam(variant, sonar, rng):
     assert np.mean((carried > carried.mean()) & (carried < 1.06 * carried.mean())) > 0.85
 
 
+def test_draw_along_serves_all_shifts_between_transmission_and_reception(variant, sonar, rng):
+    """A receiver that has turned by 0 to a beam width: the mean weighted beam is its integral, and no ray carries more
+    than some times as much (drawn by the table for 0 alone, hundreds of times)."""
+    beam = sonar.wavelength / sonar.transmit.length
+    table, fine = along_quantiles(sonar, np.linspace(0, beam, 5)), np.linspace(-1, 1, 400_001)
+    u, width, _ = drawn(table, 50_000, rng)
+    for shift in (0.0, 0.3 * beam, beam):
+        carried = sonar.along_intensity(u, u + shift) * width
+        assert carried.mean() == pytest.approx(trapezoid(sonar.along_intensity(fine, fine + shift), fine), rel=1e-2)
+        assert carried.max() < 15 * carried.mean()
+
+
 def _across(sonar):
     phi = np.linspace(-np.pi / 2, np.pi / 2, 20001)
     return trapezoid(sonar.across_intensity(np.sin(phi - sonar.depression_angle)), phi)

@@ -46,7 +46,8 @@ def plan(sensor, origin=None, **shapes):
 
     from mitsonar.trace import Geometry
 
-    return sensor.plan(Geometry(mi.load_dict({"type": "scene", **(shapes or {"bed": bed()})})), origin)
+    voyage, *rest = sensor.plan(Geometry(mi.load_dict({"type": "scene", **(shapes or {"bed": bed()})})), origin)
+    return voyage.track, *rest
 
 
 # ---- the sonar

@@ -21,9 +21,9 @@ def survey(shape=None, **sensor):
     bed = plane(40.0, half=13_000.0)
     if shape is not None:
         bed["bsdf"].update(patchiness=shape, patch_size=SIZE)
-    # 16 m a ping, through the middles of patches, at 12.5 pings a second
-    track = {"start": [0.0, -SIZE * (PINGS - 1) / 2, -20.0], "pings": PINGS, "ping_rate_hz": 12.5,
-             "speed_knots": SIZE * 12.5 * 3600 / 1852}
+    # 16 m a ping, through the middles of patches, slowly: the beams turn to where the sonar is when echoes are back
+    track = {"start": [0.0, -SIZE * (PINGS - 1) / 2, -20.0], "pings": PINGS, "ping_rate_hz": 0.05,
+             "speed_knots": SIZE * 0.05 * 3600 / 1852}
     return sidescan({"seabed": bed}, sensor={**track, **sensor}, rays=25_000, first_pass=0.0,
                     film={"range_min": 25.0, "range": 46.0, "bins": 280})
 

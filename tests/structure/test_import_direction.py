@@ -25,6 +25,7 @@ FLOORS = """
     smooth_facets
     smooth_parts
     smooth_targets
+    underway place
     coherent_echoes bin_truth
     ensonification fan_truth array_station array_survey array_signals
     survey
