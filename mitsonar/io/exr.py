@@ -15,7 +15,9 @@ The attributes ``mitsonar:sonar``, ``mitsonar:seed``, ``mitsonar:units.Y``, ... 
 Nothing in the file depends on the clock or the machine: the same dataset gives the same bytes.
 """
 import json
+import math
 import os
+import re
 
 import numpy as np
 import OpenEXR
@@ -26,6 +28,9 @@ from .records import SonarImage
 
 CONFIG = "mitsonar:config"
 FORMAT = 1
+MOST_UNPACKED = 1100               # times the size of the file; zlib packs zeros to a 1032nd
+MOST_TEXT = 50_000_000             # bytes that a variable of text may be padded to
+DAMAGE = (KeyError, TypeError, ValueError, IndexError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 CHANNELS = {"label": "label.id", "class": "class.id"}  # variables whose channel has another name
 STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.uint32 for n in (1, 2, 4)},
           **{f"i{n}": np.int32 for n in (1, 2, 4)}}
@@ -102,10 +107,22 @@ def read(path):
         If it is not an OpenEXR file, is cut short, or was not written by `write`.
     """
     config = _config_of(path)
-    file = OpenEXR.File(str(path), separate_channels=True, num_threads=os.cpu_count())
-    if len(file.parts) < 2:  # the library drops a part whose pixels it cannot decode
-        raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.")
-    channels = {name: channel.pixels for name, channel in file.channels(1).items()}
+    _check_claims(path)
+    try:
+        file = OpenEXR.File(str(path), separate_channels=True, num_threads=os.cpu_count())
+        if len(file.parts) < 2:  # the library drops a part whose pixels it cannot decode
+            raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.")
+        pixels = {name: channel.pixels for name, channel in file.channels(1).items()}
+    except RuntimeError as error:
+        raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.") from error
+    try:
+        return _decode(config, pixels)
+    except DAMAGE as error:
+        raise ValueError(f"cannot read {path}: its attribute {CONFIG} is damaged, or belongs to other pixels; write it "
+                         "again.") from error
+
+
+def _decode(config, channels):
     sizes, layers = config["sizes"], config["layers"]
     coords = {name: _variable(entry, sizes) for name, entry in config["coords"].items()}
     variables = {}
@@ -114,10 +131,12 @@ def read(path):
             variables[name] = _variable(entry, sizes)
             continue
         own = [layer for layer in layers if layer in entry["dims"]]
+        if math.prod(sizes[layer] for layer in own) > len(channels):
+            raise ValueError(f"{name} has more layers than there are channels")
         prefixes = _prefixes([coords[layer].values for layer in own])
         stacked = np.stack([channels[prefix + CHANNELS.get(name, name)] for prefix in prefixes])
         order = [*own, *config["rows"], config["column"]]
-        kind = np.dtype(entry["dtype"])
+        kind = _kind(entry, stacked.size)
         values = stacked.view(np.int32) if kind.kind == "i" else stacked
         values = values.astype(kind).reshape([sizes[dim] for dim in order])
         variables[name] = xarray.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
@@ -141,7 +160,10 @@ def attributes(path):
     FileNotFoundError, ValueError
         As `read`.
     """
-    return _config_of(path)["attrs"]
+    found = _config_of(path).get("attrs")
+    if not isinstance(found, dict):
+        raise ValueError(f"cannot read {path}: its attribute {CONFIG} is damaged; write it again.")
+    return found
 
 
 def _layout(dataset):
@@ -221,9 +243,20 @@ def _values(name, array):
 
 
 def _variable(entry, sizes):
-    kind = np.dtype(entry["dtype"])
+    kind = _kind(entry, len(entry["values"]), max((len(text) for text in entry["values"] if isinstance(text, str)),
+                                                  default=0))
     values = np.array(entry["values"], np.int64 if kind.kind in "mM" else kind).view(kind)
     return xarray.Variable(entry["dims"], values.reshape([sizes[dim] for dim in entry["dims"]]), entry["attrs"])
+
+
+def _kind(entry, count, longest=0):
+    """The type of a variable, if so many values of it may be: text is padded to the longest that the type allows."""
+    if not re.fullmatch(r"[<>|=][fiubUmM]\d*(\[\w+\])?", entry["dtype"]):
+        raise ValueError(f"{entry['dtype']} is no type of ours")
+    kind = np.dtype(entry["dtype"])
+    if kind.itemsize * count > max(MOST_TEXT, 4 * longest * count) and kind.kind == "U":
+        raise ValueError(f"{count} texts of {kind.itemsize} bytes")
+    return kind
 
 
 def _strict(value, where):
@@ -263,8 +296,23 @@ def header(path):
     """
     try:
         return OpenEXR.File(str(path), header_only=True).header(0)
-    except (RuntimeError, ValueError, TypeError, IndexError) as error:
+    except DAMAGE as error:
         raise ValueError("it is not an OpenEXR file, or is cut short") from error
+
+
+def _check_claims(path):
+    """Refuse a file that claims more pixels than its bytes can be unpacked to, before memory is given to it."""
+    size, claimed = os.path.getsize(path), 0
+    try:
+        file = OpenEXR.File(str(path), header_only=True)
+        for part in range(len(file.parts)):
+            (west, north), (east, south) = (map(int, corner) for corner in file.header(part)["dataWindow"])
+            claimed += (east - west + 1) * (south - north + 1) * len(file.header(part)["channels"]) * 2
+    except DAMAGE as error:
+        raise ValueError(f"cannot read {path}: its header is damaged; write it again.") from error
+    if claimed > MOST_UNPACKED * size:
+        raise ValueError(f"cannot read {path}: it claims {claimed:.2g} bytes of pixels, and has {size} bytes; write it "
+                         "again.")
 
 
 def _config_of(path):
@@ -285,10 +333,10 @@ def _config(path, name):
     try:
         config = json.loads(text, object_hook=_lenient)
         known = config["format"] <= FORMAT
-    except (ValueError, KeyError, TypeError) as error:
+    except DAMAGE as error:
         raise ValueError(f"cannot read {name}: its attribute {CONFIG} is damaged; write it again.") from error
     if not known:
-        raise ValueError(f"cannot read {name}: its format {config['format']} is newer than {FORMAT}, the newest known "
+        raise ValueError(f"cannot read {name}: its format {str(config['format'])[:20]} is newer than {FORMAT}, the newest known "
                          "here; update mitsonar.")
     return config
 
