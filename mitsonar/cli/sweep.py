@@ -19,6 +19,8 @@ def add(commands):
     plan.complete = FILES
     sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
     sweep.add_argument("--dry-run", action="store_true", help="say how many renders, how long and how large, and end")
+    sweep.add_argument("--verify", action="store_true",
+                       help="read the images that are there, and make those anew that are not as they were written")
     sweep.add_argument("--processes", type=whole, metavar="N", help="on this machine; default: one for two cores")
     sweep.add_argument("--threads", type=whole, metavar="N",
                        help="of each process, at least 2; default: the cores shared out")
@@ -36,7 +38,8 @@ def _sweep(arguments):
         return _tell(plan, arguments)
     with Progress("renders") as progress:
         outcome = run(plan, arguments.output, processes=arguments.processes, threads=arguments.threads,
-                      workers=arguments.workers, scheduler=arguments.scheduler, progress=progress, say=warn)
+                      workers=arguments.workers, scheduler=arguments.scheduler, verify=arguments.verify,
+                      progress=progress, say=warn)
     took = datetime.timedelta(seconds=round(outcome.seconds))
     parts = [f"{outcome.done} rendered in {took}" if outcome.done or outcome.failed else "nothing to do",
              *([f"{outcome.kept} were there"] if outcome.kept else []),
@@ -57,10 +60,10 @@ def _tell(plan, arguments):
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
     found = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
-                     threads=arguments.threads, say=warn)
+                     threads=arguments.threads, verify=arguments.verify, say=warn)
     there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
     announce(f"{_count(found.total, 'render')} into {found.folder}, {there}"
-             + (f", {found.changed} to be made anew" if found.changed else ""))
+             + (f", {found.changed + found.damaged} to be made anew" if found.changed + found.damaged else ""))
     if found.strangers:
         warn(stray(found.strangers, found.folder))
     if found.missing:

@@ -336,8 +336,8 @@ def _config(path, name):
     except DAMAGE as error:
         raise ValueError(f"cannot read {name}: its attribute {CONFIG} is damaged; write it again.") from error
     if not known:
-        raise ValueError(f"cannot read {name}: its format {str(config['format'])[:20]} is newer than {FORMAT}, the newest known "
-                         "here; update mitsonar.")
+        raise ValueError(f"cannot read {name}: its format {str(config['format'])[:20]} is newer than {FORMAT}, the "
+                         "newest known here; update mitsonar.")
     return config
 
 

@@ -27,8 +27,8 @@ class Estimate:
     folder : str
     total, missing : int
         Renders of the plan, and of these not there yet.
-    changed : int
-        How many of the missing are there, made of other parameters, files or versions.
+    changed, damaged : int
+        How many of the missing are there, made of other parameters, files or versions; with another content.
     processes, threads : int
         That it was estimated for.
     at_once : int
@@ -49,6 +49,7 @@ class Estimate:
     total: int
     missing: int
     changed: int
+    damaged: int
     processes: int
     threads: int
     at_once: int
@@ -60,12 +61,12 @@ class Estimate:
     strangers: list
 
 
-def estimate(plan, folder=None, *, processes=None, threads=None, say=None):
+def estimate(plan, folder=None, *, processes=None, threads=None, verify=False, say=None):
     """Find out what a sweep will take, without writing into its folder.
 
     Parameters
     ----------
-    plan, folder, processes, threads, say
+    plan, folder, processes, threads, verify, say
         As of `mitsonar.sweep.run`.
 
     Returns
@@ -81,7 +82,7 @@ def estimate(plan, folder=None, *, processes=None, threads=None, say=None):
     processes, threads = shares(processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by = versions()
-    now = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by)
+    now = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by, verify=verify)
     seconds, sizes, trials = now.seconds, now.bytes, 0
     if now.missing and seconds:
         with Local(1, threads, os.path.dirname(plan.path)) as one:
@@ -91,8 +92,8 @@ def estimate(plan, folder=None, *, processes=None, threads=None, say=None):
         trials = len(sizes)
     at_once = max(1, min(processes, cores() // threads))
     each = sum(seconds) / len(seconds) if now.missing else None
-    return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed, processes=processes,
-                    threads=threads, at_once=at_once, seconds=each,
+    return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed,
+                    damaged=now.damaged, processes=processes, threads=threads, at_once=at_once, seconds=each,
                     bytes=sum(sizes) / len(sizes) if now.missing else None,
                     duration=each * math.ceil(len(now.missing) / at_once) if now.missing else None, trials=trials,
                     free=shutil.disk_usage(_above(folder)).free, strangers=now.strangers)

@@ -2,6 +2,7 @@
 import array
 import contextlib
 import errno
+import hashlib
 import os
 import queue
 import time
@@ -55,6 +56,8 @@ class Standing:
         Numbers of the renders to be made.
     changed : int
         How many of them are there, made of other parameters, files or versions.
+    damaged : int
+        How many of them are there, with another content than was written.
     seconds, bytes : list of float
         Of each render that is there.
     strangers : list of str
@@ -63,6 +66,7 @@ class Standing:
 
     missing: array.array
     changed: int
+    damaged: int
     seconds: list
     bytes: list
     strangers: list
@@ -74,7 +78,8 @@ def default_folder(plan):
     return bare if suffix else f"{bare}_renders"
 
 
-def run(plan, folder=None, *, processes=None, threads=None, workers=None, scheduler=None, progress=None, say=None):
+def run(plan, folder=None, *, processes=None, threads=None, workers=None, scheduler=None, verify=False, progress=None,
+        say=None):
     """Render all of a plan that is not there yet.
 
     Parameters
@@ -90,6 +95,9 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
         Start a Dask cluster of this many workers here instead.
     scheduler : str or None
         Address of the scheduler of a Dask cluster to use instead; its workers must see the same files.
+    verify : bool
+        Read every image that is there, and make those anew whose SHA-256 is not the one that was written down; their
+        size is compared always.
     progress : callable(done, total, failed) or None
         Told how many of the missing renders have ended.
     say : callable(str) or None
@@ -123,11 +131,15 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
         if manifest.damaged:
             lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")
             say(f"{manifest.damaged} damaged {lines} of {manifest.path} {are} passed over")
-        now = standing(plan, folder, manifest.entries, made_by)
+        now = standing(plan, folder, manifest.entries, made_by, verify=verify)
         if now.changed:
             renders, were, are = ("render", "was", "is") if now.changed == 1 else ("renders", "were", "are")
             say(f"{now.changed} {renders} in {folder} {were} made of other parameters, files or versions and {are} "
                 "made anew")
+        if now.damaged:
+            renders, have = ("render", "has") if now.damaged == 1 else ("renders", "have")
+            say(f"{now.damaged} {renders} in {folder} {have} another content than was written there, and "
+                f"{'is' if now.damaged == 1 else 'are'} made anew")
         if now.strangers:
             say(stray(now.strangers, folder))
         if manifest.fresh:
@@ -146,9 +158,9 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
                    failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start)
 
 
-def standing(plan, folder, entries, made_by):
+def standing(plan, folder, entries, made_by, *, verify=False):
     """Find out what is missing: all that the manifest does not call done, or whose files are not there as it says."""
-    missing, changed, seconds, sizes = array.array("l"), 0, [], []
+    missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
     others = {output for output, entry in entries.items() if entry.status == "ok"}
     for index in range(len(plan)):
         render = plan.render(index)
@@ -159,11 +171,15 @@ def standing(plan, folder, entries, made_by):
         elif entry.key != key(render.parameters, render.seed, plan.inputs.digest(_texts(render)), made_by):
             missing.append(index)
             changed += 1
+        elif verify and _sha256(os.path.join(folder, render.output)) != entry.sha256:
+            missing.append(index)
+            damaged += 1
         else:
             seconds.append(entry.seconds)
             sizes.append(entry.bytes)
     strangers = sorted(output for output in others if os.path.exists(os.path.join(folder, output)))
-    return Standing(missing=missing, changed=changed, seconds=seconds, bytes=sizes, strangers=strangers)
+    return Standing(missing=missing, changed=changed, damaged=damaged, seconds=seconds, bytes=sizes,
+                    strangers=strangers)
 
 
 def stray(outputs, folder):
@@ -269,6 +285,15 @@ def _is_there(folder, render, entry, previews):
         return os.path.getsize(path) == entry.bytes and (not previews or (
             entry.preview is not None and os.path.exists(os.path.join(folder, entry.preview))))
     return False
+
+
+def _sha256(path):
+    with contextlib.suppress(OSError), open(path, "rb") as file:
+        digest = hashlib.sha256()
+        while block := file.read(1 << 20):
+            digest.update(block)
+        return digest.hexdigest()
+    return ""
 
 
 def _folders(plan, folder):

@@ -35,6 +35,7 @@ class Entry(NamedTuple):
     bytes: int
     preview: str | None
     seconds: float
+    sha256: str | None = None
 
 
 def key(parameters, seed, inputs, versions):
@@ -170,7 +171,7 @@ def _entry(record):
         raise ValueError
     return record["output"], Entry(key=key(record["parameters"], record["seed"], record["inputs"], record["versions"]),
                                    status=record["status"], bytes=size, preview=preview,
-                                   seconds=float(record["seconds"]))
+                                   seconds=float(record["seconds"]), sha256=record.get("sha256"))
 
 
 def remove_leftovers(folders):

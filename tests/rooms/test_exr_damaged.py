@@ -1,4 +1,4 @@
-"""OpenEXR files of ours that were damaged: what is read is a dataset, or one sentence says why not, in little memory."""
+"""OpenEXR files of ours that were damaged: they are a dataset, or one sentence says why not, in little memory."""
 import copy
 import json
 import tracemalloc

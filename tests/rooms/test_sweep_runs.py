@@ -132,6 +132,18 @@ def test_only_what_is_missing_or_changed_is_made_anew(sweep):
     assert sweep(text=PLAN.replace("60]", "61]")).done == 12
 
 
+def test_images_of_another_content_are_made_anew_when_asked_for(sweep):
+    sweep()
+    image, said = sweep.folder / "out" / "000003.exr", []
+    whole = image.read_bytes()
+    image.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))         # as long as before
+    assert (sweep().done, sweep.pool.jobs) == (0, 0)
+    assert sweep(verify=True, say=said.append).done == 1
+    assert said == [f"1 render in {sweep.folder / 'out'} has another content than was written there, and is made anew"]
+    assert image.read_bytes() == whole
+    assert sweep(verify=True).done == 0
+
+
 def test_one_of_a_kind_is_told_as_one(sweep):
     said, one = [], 'scene = "scene.xml"\nseed = 1'
     sweep(text=one)
