@@ -14,21 +14,30 @@ def main(argv=None):
     from mitsonar import bootstrap, llvm
 
     try:
-        bootstrap.enter(argv)
-        if argv[:1] == ["test"]:
-            return bootstrap.run_tests(argv[1:])
-        if argv[:1] == ["llvm"]:
-            print(llvm.locate() or llvm.provide(bootstrap.say))
-            return 0
-        from mitsonar import cli
-
-        return cli.main(argv)
+        return _run(argv, bootstrap, llvm)
     except (bootstrap.SetupError, llvm.BackendError) as error:
         print(f"mitsonar: {error}", file=sys.stderr)
+        return 2
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] == "mitsonar":
+            raise
+        print(f"mitsonar: {bootstrap.about_import(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("mitsonar: interrupted", file=sys.stderr)
         return 130
+
+
+def _run(argv, bootstrap, llvm):
+    bootstrap.enter(argv)
+    if argv[:1] == ["test"]:
+        return bootstrap.run_tests(argv[1:])
+    if argv[:1] == ["llvm"]:
+        print(llvm.locate() or llvm.provide(bootstrap.say))
+        return 0
+    from mitsonar import cli
+
+    return cli.main(argv)
 
 
 if __name__ == "__main__":

@@ -1,35 +1,30 @@
 """Stand the environment up that a checkout needs, and move into it. Standard library only.
 
 `enter` is called before every command. Where the running interpreter already has the packages, or mitsonar is installed
-without its checkout, there is nothing to do. Otherwise the packages go into ``.venv`` beside ``pyproject.toml`` (under
-the user's cache where the checkout cannot be written), and the command starts again in there.
+without its checkout, there is nothing to do but to have a libLLVM. Otherwise the packages go into ``.venv`` beside
+``pyproject.toml`` (under the user's cache where the checkout cannot be written), and the command starts again in there.
 
 A file in the environment tells its state. Absent: the environment is somebody else's and is added to. "unfinished": a
 set-up was interrupted and is done again from the start. Otherwise it says what the environment was made of, and while
-that still holds it is used as it is.
+that still holds it is used as it is. One that is to be replaced waits under another name until the new one stands, and
+gets its own name back if that fails.
 """
 import contextlib
-import glob
 import hashlib
 import importlib.metadata
 import os
 import re
 import shutil
-import subprocess
 import sys
-import zipfile
 
-from mitsonar import llvm
+from mitsonar import installer, llvm
+from mitsonar.installer import SetupError
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
-UNFINISHED = "unfinished"
-SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones Debian's pip knows; a bare system has none
-
-
-class SetupError(Exception):
-    """The environment cannot be made; the message is one sentence."""
+UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
+AT_ONCE = ("-h", "--help", "-v", "--version", "completion")  # commands that nobody wants to wait for a library with
 
 
 def enter(argv):
@@ -42,11 +37,11 @@ def enter(argv):
     SetupError
         The packages cannot be installed.
     """
-    if not os.path.isfile(PROJECT):
-        return
     try:
-        _move_in(argv)
-        _have_library()
+        if os.path.isfile(PROJECT):
+            _move_in(argv)
+        if argv and argv[0] not in AT_ONCE:
+            _have_library()
     except OSError as error:
         raise SetupError(f"The set-up failed: {error}.") from None
 
@@ -54,15 +49,33 @@ def enter(argv):
 def _move_in(argv):
     moved = os.environ.pop(MOVED, None)
     folder = environment()
-    if _inside(folder) and _is_ready(folder) or not missing(with_tests=argv[:1] == ["test"]):
+    if _inside(folder):
+        _forget_python_path(folder)
+    lacking = missing(with_tests=argv[:1] == ["test"])
+    if not lacking:
         return
-    if moved:
-        raise SetupError(f"The environment {moved} is damaged; remove that folder and try again.")
+    if moved == "new":
+        raise SetupError(f"The environment {folder} is damaged (it lacks {', '.join(lacking)}); remove that folder and "
+                         "try again.")
     with _alone(folder):
-        if not _is_ready(folder):
+        if moved or _inside(folder) or not _is_ready(folder):
             set_up(folder)
-    os.environ[MOVED] = folder
-    os.execv(_python(folder), [_python(folder), "-m", "mitsonar", *argv])
+            moved = "new"
+    python = installer.python_of(folder)
+    # A path beyond ASCII is no text for Mitsuba where Python takes the locale "C" at its word.
+    options = [] if sys.getfilesystemencoding() == "utf-8" else ["-X", "utf8"]
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    os.execve(python, [python, *options, "-m", "mitsonar", *argv], {**variables, MOVED: moved or "old"})
+
+
+def _forget_python_path(folder):
+    """Let PYTHONPATH hide no package of the environment, which has all that is needed."""
+    entries = {os.path.realpath(entry) for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry}
+    foreign = {entry for entry in entries if entry != os.path.realpath(ROOT)
+               and not entry.startswith(os.path.realpath(folder) + os.sep)}
+    if foreign:
+        del os.environ["PYTHONPATH"]
+        sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry) not in foreign]
 
 
 def _have_library():
@@ -101,7 +114,7 @@ def environment():
     folder = os.path.join(ROOT, ".venv")
     if os.access(ROOT, os.W_OK) or _is_ready(folder):
         return folder
-    return os.path.join(llvm.cache_folder(), f"venv-{hashlib.sha256(ROOT.encode()).hexdigest()[:12]}")
+    return os.path.join(llvm.cache_folder(), f"venv-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:12]}")
 
 
 def missing(with_tests=False):
@@ -117,7 +130,7 @@ def missing(with_tests=False):
         if before and sys.version_info >= (3, int(before)):
             continue
         try:
-            installed = importlib.metadata.version(name.partition("[")[0])
+            installed = importlib.metadata.version(name.partition("[")[0]) or "0"
         except importlib.metadata.PackageNotFoundError:
             installed = "0"
         have, want = (tuple(map(int, re.findall(r"\d+", numbers))) for numbers in (installed, version))
@@ -132,85 +145,57 @@ def set_up(folder):
     Raises
     ------
     SetupError
-        The packages cannot be installed.
+        The packages cannot be installed; an environment that was there is left as it was.
     """
     if os.name != "posix":
         raise SetupError("The set-up by itself works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
-    state = _read(_state_file(folder))
-    if state is not None and not state.startswith(_identity(folder)):
-        shutil.rmtree(folder)
+    before, waiting = _read(_state_file(folder)), f"{folder}.old"
+    there = os.path.isdir(folder) and bool(os.listdir(folder))
+    foreign = there and (before is None or before.endswith(ADDED_TO))
+    in_place = foreign or there and before.startswith(_identity(folder))
+    if there and not in_place:
+        if os.path.lexists(waiting):  # then what is here is a replacement that was not finished
+            shutil.rmtree(folder)
+        else:
+            os.rename(folder, waiting)
     os.makedirs(folder, exist_ok=True)
-    _write(_state_file(folder), UNFINISHED)
+    _write(_state_file(folder), UNFINISHED + (ADDED_TO if foreign else b""))
     say(f"installing packages into {folder} (0.8 GB; half a minute on a fast line)")
-    if not (shutil.which("uv") and _install_by_uv(folder)):
-        _install_by_pip(folder)
-    _write(_state_file(folder), _identity(folder) + _digest())
+    try:
+        installer.install(folder, ROOT, say)
+    except BaseException as error:
+        if not in_place:
+            shutil.rmtree(folder)
+            if os.path.lexists(waiting):
+                os.rename(waiting, folder)
+        elif isinstance(error, SetupError):  # which takes back what it began; an interruption does not
+            _restore(folder, before)
+        raise
+    _write(_state_file(folder), _identity(folder) + _digest() + (ADDED_TO if foreign else b""))
+    shutil.rmtree(waiting, ignore_errors=True)
+
+
+def _restore(folder, state):
+    if state is None:
+        os.unlink(_state_file(folder))
+    else:
+        _write(_state_file(folder), state)
+
+
+def about_import(error):
+    """Say what to do about a package that is there, or should be, and cannot be imported."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    what = f"a package that mitsonar needs cannot be imported: {lines[0] if lines else type(error).__name__}"
+    if os.environ.get("PYTHONPATH"):
+        return f"{what}; PYTHONPATH is {os.environ['PYTHONPATH']}: unset it if the package is taken from there"
+    if os.path.isfile(PROJECT) and _inside(environment()):
+        return f"{what}; remove the folder {environment()} and run the command again, which makes it anew"
+    return f"{what}; install it again for {sys.executable}, or mitsonar by pip install --force-reinstall"
 
 
 def say(line):
     """Print one line of progress, beside the command's own output."""
     print(f"mitsonar: {line}", file=sys.stderr, flush=True)
-
-
-def _install_by_uv(folder):
-    try:
-        _run(folder, "uv", "venv", "-q", "--allow-existing", "--python", sys.executable, folder)
-        _run(folder, "uv", "pip", "install", "-q", "--python", _python(folder), "-e", f"{ROOT}[test]")
-    except SetupError as error:
-        say(f"{error} Going on with pip.")
-        return False
-    return True
-
-
-def _install_by_pip(folder):
-    import venv
-
-    try:
-        import ensurepip  # noqa: F401  (Debian packs it apart)
-        has_pip = True
-    except ImportError:
-        has_pip = False
-    try:
-        venv.create(folder, symlinks=True, with_pip=has_pip)
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise SetupError(f"Could not make a Python environment in {folder}: {error}.") from None
-    pip, variables = ["-m", "pip"], {}
-    if not has_pip:
-        wheel = _debian_pip(folder)
-        pip = [os.path.join(wheel, "pip")]
-        if not os.path.exists(SYSTEM_CERTIFICATES):
-            its_own = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
-            variables = {"PIP_CERT": its_own}
-    quiet = ["-q", "--disable-pip-version-check", "--no-input"]
-    _run(folder, _python(folder), *pip, "install", *quiet, "-e", f"{ROOT}[test]", **variables)
-
-
-def _debian_pip(folder):
-    """Return the wheel of pip, out of Debian's package."""
-    from mitsonar import debian
-
-    try:
-        debian.Packages(say).unpack(["python3-pip-whl"], os.path.join(folder, "pip"))
-    except debian.Unavailable as error:
-        raise SetupError(f"This Python has neither pip nor ensurepip, and Debian's cannot be had: {error}; "
-                         "install pip or python3-venv and try again.") from None
-    return glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0]
-
-
-def _run(folder, *command, **defaults):
-    # A user's standing wish for installs into the home folder would make pip fail in an environment. What pip unpacks
-    # goes into a folder of ours: it is large for a /tmp in memory, and an interrupted pip leaves it behind.
-    scratch = os.path.join(folder, "scratch")
-    os.makedirs(scratch, exist_ok=True)
-    environment = {**defaults, **os.environ, "PIP_USER": "0", "TMPDIR": scratch}
-    child = subprocess.run(command, cwd=ROOT, env=environment, text=True, check=False,
-                           stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    shutil.rmtree(scratch, ignore_errors=True)
-    if child.returncode:
-        # pip's first line about a failed child ("subprocess-exited-with-error") says nothing; the child's own does.
-        reasons = re.findall(r"^ *error: (?!subprocess-exited)(.+)", child.stderr, re.M | re.I)
-        reason = reasons[0] if reasons else f"{os.path.basename(command[0])} ended with exit code {child.returncode}"
-        raise SetupError(f"Could not install mitsonar's packages (is there a network?): {reason}")
 
 
 @contextlib.contextmanager
@@ -233,21 +218,22 @@ def _inside(folder):
 
 
 def _is_ready(folder):
-    return os.path.exists(_python(folder)) and _read(_state_file(folder)) == _identity(folder) + _digest()
+    state = _read(_state_file(folder))
+    return os.path.exists(installer.python_of(folder)) and state is not None \
+        and state.startswith(_identity(folder) + _digest())
 
 
 def _identity(folder):
     """Return what makes an environment another one: the checkout it leads to and the interpreter it was made with."""
-    return f"{ROOT}\n{os.path.realpath(_python(folder))}\n"
+    return os.fsencode(f"{ROOT}\n{os.path.realpath(installer.python_of(folder))}\n")
 
 
 def _digest():
-    with open(PROJECT, "rb") as file:
-        return hashlib.sha256(file.read()).hexdigest()
-
-
-def _python(folder):
-    return os.path.join(folder, "bin", "python")
+    digest = hashlib.sha256()
+    for path in (PROJECT, installer.LOCK):
+        with open(path, "rb") as file:
+            digest.update(file.read())
+    return f"{digest.hexdigest()}\n".encode()
 
 
 def _state_file(folder):
@@ -256,13 +242,13 @@ def _state_file(folder):
 
 def _read(path):
     try:
-        with open(path, encoding="utf-8") as file:
+        with open(path, "rb") as file:
             return file.read()
     except OSError:
         return None
 
 
-def _write(path, text):
-    with open(f"{path}.new", "w", encoding="utf-8") as file:
-        file.write(text)
+def _write(path, content):
+    with open(f"{path}.new", "wb") as file:
+        file.write(content)
     os.replace(f"{path}.new", path)

@@ -82,7 +82,7 @@ class Packages:
     def _run(self, tool, *arguments):
         options = self._options if tool.startswith("apt") else []
         child = subprocess.run([tool, *options, *arguments], cwd=self._folder.name, stdin=subprocess.DEVNULL,
-                               capture_output=True, text=True, check=False)
+                               capture_output=True, encoding="utf-8", errors="replace", check=False)
         if child.returncode:
             said = re.findall(r"^(?:E: |dpkg\S* error: )(.+)", child.stderr, re.M)
             raise Unavailable(f"{tool} says: {said[0] if said else f'exit code {child.returncode}'}")

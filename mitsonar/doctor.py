@@ -23,7 +23,7 @@ def report():
     _line("mitsonar", f"{mitsonar.__version__}  {os.path.dirname(mitsonar.__file__)}")
     _line("python", f"{platform.python_version()}  {sys.executable}")
     for package in PACKAGES:
-        _line(package, importlib.metadata.version(package))
+        _line(package, _version(package))
     llvm.check()
     import drjit as dr
     import mitsuba as mi
@@ -68,6 +68,13 @@ def run(render_check=None):
         return 1
     _line("check", f"ok, rendered in {time.perf_counter() - start:.1f} s")
     return 0
+
+
+def _version(package):
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def _line(name, value):

@@ -31,6 +31,7 @@ else
     sleep "${SLEEP:-0}"
 fi
 """
+SET_UP = ["venv", "pip", "pip"]  # the environment, the packages of the lock, the checkout
 
 
 class Checkout:
@@ -40,26 +41,27 @@ class Checkout:
         self.root, self.calls, self.tools = folder / "checkout", folder / "calls", folder / "tools"
         self.environment = self.root / ".venv"
         (self.root / "mitsonar").mkdir(parents=True)
-        for name in ("__init__", "__main__", "bootstrap", "debian", "llvm"):
-            shutil.copy(ROOT / "mitsonar" / f"{name}.py", self.root / "mitsonar")
+        for name in ("__init__.py", "__main__.py", "bootstrap.py", "debian.py", "installer.py", "llvm.py",
+                     "requirements.lock"):
+            shutil.copy(ROOT / "mitsonar" / name, self.root / "mitsonar")
         (self.root / "mitsonar" / "cli.py").write_text("def main(argv):\n    print('ran', *argv)\n    return 0\n")
         shutil.copy(ROOT / "pyproject.toml", self.root)
         self.tools.mkdir()
         (self.tools / "uv").write_text(UV)
         (self.tools / "uv").chmod(0o755)
 
-    def start(self, *argv, **variables):
-        """Start ``python3 -m mitsonar argv``."""
+    def start(self, *argv, options=("-S",), **variables):
+        """Start ``python3 -m mitsonar argv``, by an interpreter that has no packages."""
         ours = {"PATH": str(self.tools), "CALLS": str(self.calls), "REAL_PYTHON": sys.executable,
                 "PIP_CONFIG_FILE": "/dev/null", "PIP_NO_INDEX": "1"}
         inherited = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
-        return subprocess.Popen([sys.executable, "-S", "-m", "mitsonar", *argv], cwd=self.root, start_new_session=True,
-                                env={**inherited, **ours, **variables}, text=True, stdin=subprocess.DEVNULL,
-                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        return subprocess.Popen([sys.executable, *options, "-m", "mitsonar", *argv], cwd=self.root,
+                                start_new_session=True, env={**inherited, **ours, **variables}, text=True,
+                                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
-    def run(self, *argv, **variables):
+    def run(self, *argv, **options):
         """Run the command to its end; return its exit code, output and messages."""
-        child = self.start(*argv, **variables)
+        child = self.start(*argv, **options)
         said, told = child.communicate(timeout=60)
         return child.returncode, said, told
 
@@ -67,7 +69,9 @@ class Checkout:
         return self.calls.read_text().split() if self.calls.exists() else []
 
     def wait_for_calls(self, number):
+        end = time.monotonic() + 60
         while len(self.uv_calls()) < number:
+            assert time.monotonic() < end
             time.sleep(0.02)
 
 
@@ -80,10 +84,10 @@ def test_the_first_run_sets_up_and_the_second_does_not(checkout):
     code, said, told = checkout.run("render", "a b.xml", "--seed", "3")
     assert (code, said) == (0, "ran render a b.xml --seed 3\n")
     assert "installing packages" in told
-    assert checkout.uv_calls() == ["venv", "pip"]
+    assert checkout.uv_calls() == SET_UP
     code, said, told = checkout.run("doctor")
     assert (code, said, told) == (0, "ran doctor\n", "")
-    assert checkout.uv_calls() == ["venv", "pip"]
+    assert checkout.uv_calls() == SET_UP
 
 
 def test_new_requirements_are_added_to_the_environment(checkout):
@@ -92,7 +96,7 @@ def test_new_requirements_are_added_to_the_environment(checkout):
     project = checkout.root / "pyproject.toml"
     project.write_text(project.read_text() + "\n# one more\n")
     assert checkout.run("doctor")[0] == 0
-    assert checkout.uv_calls() == ["venv", "pip"] * 2
+    assert checkout.uv_calls() == SET_UP * 2
     assert (checkout.environment / "mine").exists()
 
 
@@ -112,6 +116,84 @@ def test_an_environment_of_the_users_own_is_added_to(checkout):
     assert (checkout.environment / "mine").exists()
 
 
+CHANGES = {
+    "another interpreter": lambda state: state.replace(b"/bin/python", b"/bin/python-of-last-year", 1),
+    "new requirements": lambda state: state[:-9] + b"outdated\n",
+    "none of ours": lambda state: None,
+}
+
+
+@pytest.fixture(params=CHANGES)
+def standing(checkout, request):
+    """A checkout whose environment works and is to be replaced or added to; where uv fails, pip is not to be had."""
+    checkout.run("doctor")
+    (checkout.root / "venv.py").write_text("def create(*_, **options):\n    raise OSError('no pip')\n")
+    (checkout.environment / "mine").touch()
+    state = checkout.environment / "mitsonar-state"
+    changed = CHANGES[request.param](state.read_bytes())
+    if changed is None:
+        state.unlink()
+    else:
+        assert changed != state.read_bytes()
+        state.write_bytes(changed)
+    return checkout
+
+
+def test_an_environment_stays_where_its_replacement_cannot_be_had(standing):
+    for _ in range(2):
+        assert standing.run("doctor", FAIL="1")[0] == 2
+        assert (standing.environment / "mine").exists()
+    assert standing.run("doctor")[0] == 0
+    assert sorted(path.name for path in standing.root.glob(".venv*")) == [".venv", ".venv.lock"]
+
+
+def test_an_environment_stays_where_its_replacement_was_killed(standing):
+    child = standing.start("doctor", SLEEP="30")
+    standing.wait_for_calls(5)
+    os.killpg(child.pid, signal.SIGKILL)
+    child.communicate(timeout=20)
+    assert standing.run("doctor", FAIL="1")[0] == 2
+    assert (standing.environment / "mine").exists()
+
+
+@pytest.mark.parametrize("first", ["C", "C.UTF-8"])
+def test_a_path_beyond_ascii_is_the_same_environment_in_every_locale(tmp_path, first):
+    checkout = Checkout(tmp_path / "été")
+    plain = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    for locale in (first, "C", "C.UTF-8"):
+        code, said, told = checkout.run("doctor", LC_ALL=locale, **plain)
+        assert (code, said) == (0, "ran doctor\n"), told
+    assert checkout.uv_calls() == SET_UP
+
+
+def test_a_package_that_was_taken_out_is_put_back(checkout):
+    checkout.run("doctor")
+    python = checkout.environment / "bin" / "python"
+    python.write_text(python.read_text().replace(' "$@"', ' -S "$@"'))
+    assert checkout.run("doctor")[:2] == (0, "ran doctor\n")
+    assert checkout.uv_calls() == SET_UP * 2
+
+
+@pytest.fixture
+def broken_path(checkout):
+    """Where a NumPy lies that cannot be imported; the command tries to."""
+    (checkout.root / "elsewhere").mkdir()
+    (checkout.root / "elsewhere" / "numpy.py").write_text("raise ImportError('made for another Python\\n\\nREAD THIS')")
+    (checkout.root / "mitsonar" / "cli.py").write_text("def main(argv):\n    import numpy\n    return 0\n")
+    return str(checkout.root / "elsewhere")
+
+
+def test_the_environment_does_without_pythonpath(checkout, broken_path):
+    assert checkout.run("doctor", PYTHONPATH=broken_path)[0] == 0
+
+
+def test_a_package_that_cannot_be_imported_is_one_sentence(checkout, broken_path):
+    code, said, told = checkout.run("doctor", PYTHONPATH=broken_path, options=())
+    assert (code, said) == (2, "")
+    assert told == ("mitsonar: a package that mitsonar needs cannot be imported: made for another Python; PYTHONPATH "
+                    f"is {broken_path}: unset it if the package is taken from there\n")
+
+
 @pytest.mark.parametrize("how, code", [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
 def test_an_interrupted_set_up_is_done_again_from_the_start(checkout, how, code):
     child = checkout.start("doctor", SLEEP="30")
@@ -122,7 +204,7 @@ def test_an_interrupted_set_up_is_done_again_from_the_start(checkout, how, code)
     assert child.returncode == code
     assert "Traceback" not in told
     assert checkout.run("doctor")[:2] == (0, "ran doctor\n")
-    assert checkout.uv_calls() == ["venv", "pip"] * 2
+    assert checkout.uv_calls() == SET_UP[:2] + SET_UP
     assert not (checkout.environment / "half-made").exists()
 
 
@@ -133,7 +215,7 @@ def test_two_at_once_share_one_set_up(checkout):
     assert first.communicate(timeout=20)[0] == "ran one\n"
     said, told = second.communicate(timeout=20)
     assert said == "ran two\n" and "waiting for another set-up" in told
-    assert checkout.uv_calls() == ["venv", "pip"]
+    assert checkout.uv_calls() == SET_UP
 
 
 def test_no_network_is_one_sentence_and_exit_code_2(checkout):
@@ -171,8 +253,22 @@ def test_an_installed_package_sets_nothing_up(monkeypatch, tmp_path):
     monkeypatch.setattr(bootstrap, "PROJECT", str(tmp_path / "pyproject.toml"))
     monkeypatch.setattr(bootstrap, "set_up", lambda folder: pytest.fail("set up"))
     bootstrap.enter(["doctor"])
+    bootstrap.enter(["--help"])
     with pytest.raises(bootstrap.SetupError, match="source checkout"):
         bootstrap.run_tests([])
+
+
+@pytest.mark.parametrize("project", [True, False], ids=["checkout", "installed"])
+def test_the_first_use_fetches_a_library_where_there_is_none(monkeypatch, tmp_path, project):
+    fetched = []
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(bootstrap, "PROJECT", str(ROOT / "pyproject.toml") if project else "")
+    monkeypatch.setattr(llvm, "is_ready", lambda: False)
+    monkeypatch.setattr(llvm, "provide", fetched.append)
+    bootstrap.enter(["--help"])
+    assert fetched == []
+    bootstrap.enter(["render", "scene.xml"])
+    assert fetched == [bootstrap.say]
 
 
 def test_the_requirements_are_read_as_a_toml_reader_reads_them(monkeypatch):

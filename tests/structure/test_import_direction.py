@@ -36,6 +36,7 @@ FLOORS = """
     published
     validation
     sweep labelling dataset
+    installer
     bootstrap cli
     __main__
 """
@@ -43,7 +44,7 @@ RANK = {room: rank for rank, room in enumerate(FLOORS.split())}
 PHYSICS = {"units", "water", "scattering", "placing", "propagation", "sonar", "signal", "imaging"}
 WITHOUT_MITSUBA = PHYSICS | {"io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
-STANDARD_LIBRARY_ONLY = {"llvm", "debian", "bootstrap", "__main__"}
+STANDARD_LIBRARY_ONLY = {"llvm", "debian", "installer", "bootstrap", "__main__"}
 
 SOURCES = sorted([*(ROOT / "mitsonar").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])
 ALL_PYTHON = sorted([*SOURCES, *(ROOT / "tests").rglob("*.py"), *(ROOT / "scenes").rglob("*.py")])

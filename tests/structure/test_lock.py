@@ -1,0 +1,88 @@
+"""The lock file has all that pyproject.toml asks for, tests included, once for every Python and system, with hashes."""
+import importlib.metadata
+import itertools
+import re
+from pathlib import Path
+
+import pytest
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from mitsonar import bootstrap, installer
+
+ROOT = Path(__file__).resolve().parents[2]
+PYTHONS = [f"3.{minor}" for minor in range(10, 15)]
+SYSTEMS = {"linux": "Linux", "darwin": "Darwin"}
+PLACES = list(itertools.product(PYTHONS, SYSTEMS))
+
+
+def lock():
+    """Every pin of the lock file, and its hashes."""
+    lines = Path(installer.LOCK).read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+    pins = [line.partition(" --hash=") for line in lines if line and not line.startswith("#")]
+    return [(Requirement(pin.strip()), re.findall(r"sha256:([0-9a-f]{64})\b", rest)) for pin, _, rest in pins]
+
+
+def place(python, system):
+    """What markers ask about an interpreter."""
+    return {**default_environment(), "python_version": python, "python_full_version": f"{python}.4", "os_name": "posix",
+            "sys_platform": system, "platform_system": SYSTEMS[system], "implementation_name": "cpython",
+            "platform_python_implementation": "CPython"}
+
+
+def pins(environment):
+    """Versions by name, for one interpreter; a package pinned twice fails the test."""
+    found = {}
+    for pin, _ in lock():
+        if pin.marker is None or pin.marker.evaluate(environment):
+            assert canonicalize_name(pin.name) not in found, f"{pin.name} is pinned twice"
+            (version,) = pin.specifier
+            assert version.operator == "=="
+            found[canonicalize_name(pin.name)] = version.version
+    return found
+
+
+@pytest.fixture(scope="module")
+def stated():
+    """The requirements of pyproject.toml, of the package and of its tests."""
+    tomllib = pytest.importorskip("tomllib" if bootstrap.sys.version_info >= (3, 11) else "tomli")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return [Requirement(text) for text in project["dependencies"] + project["optional-dependencies"]["test"]]
+
+
+@pytest.mark.parametrize("python, system", PLACES)
+def test_every_requirement_is_pinned_to_a_version_that_meets_it(stated, python, system):
+    environment = place(python, system)
+    found = pins(environment)
+    for requirement in stated:
+        if requirement.marker is None or requirement.marker.evaluate(environment):
+            assert requirement.specifier.contains(found[canonicalize_name(requirement.name)])
+
+
+def test_what_they_need_in_turn_is_pinned(stated):
+    """By what the packages that are installed here ask for."""
+    here, waiting, seen = pins(default_environment()), list(stated), set()
+    while waiting:
+        requirement = waiting.pop()
+        name = canonicalize_name(requirement.name)
+        wanted = [{"extra": extra} for extra in ("", *requirement.extras)]
+        if (name, frozenset(requirement.extras)) in seen or requirement.marker and not requirement.marker.evaluate():
+            continue
+        seen.add((name, frozenset(requirement.extras)))
+        assert name in here
+        for text in importlib.metadata.requires(name) or []:
+            needed = Requirement(text)
+            if needed.marker is None or any(needed.marker.evaluate(extra) for extra in wanted):
+                needed.marker = None
+                waiting.append(needed)
+
+
+def test_every_pin_has_hashes():
+    assert all(hashes for _, hashes in lock())
+
+
+def test_it_names_its_command_and_no_place_to_fetch_from():
+    text = Path(installer.LOCK).read_text(encoding="utf-8")
+    assert "uv pip compile pyproject.toml --extra test --universal" in text.partition("\naffine")[0]
+    assert "://" not in text and "--index" not in text and "--find-links" not in text
