@@ -9,7 +9,7 @@ the level is that of the steered transmission on its axis. Squares are mean squa
 import numpy as np
 import xarray as xr
 
-from .signal.doppler import doppler_classes
+from .signal.doppler import doppler_classes, pieces_of
 from .signal.reception import absorbed, check_record, delayed, received
 from .units import amplitude_from_db
 
@@ -61,13 +61,16 @@ def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, 
     blocks = []
     for number, one in enumerate(pings):
         signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
-        factors = _doppler(survey, one)
-        for factor, response in survey.transmissions(one, factors, kernel=kernel, return_path=return_path, seed=seed,
-                                                     paths=paths):
-            if survey.absorption_db is not None:
-                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db,
-                                    survey.sound_speed(one), survey.start)
-            signals = signals + received(response, pulse, survey.sampling_rate, factor)
+        (fastest, faster), speed = _fastest(survey, one), survey.sound_speed(one)
+        for begin, piece in pulse.pieces(pieces_of(pulse, fastest, speed, _nearest(survey, one), faster)):
+            for factor, response in survey.transmissions(one, _doppler(piece, fastest, speed), piece=(begin, piece),
+                                                         kernel=kernel, return_path=return_path, seed=seed,
+                                                         paths=paths):
+                if survey.absorption_db is not None:
+                    # as long as the way, not from the beginning of the pulse on
+                    response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
+                                        survey.start - begin)
+                signals = signals + received(response, piece, survey.sampling_rate, factor)
         signals = amplitude_from_db(survey.source_level_db) * signals
         if noise is not None:
             signals = signals + noise.drawn(survey.samples, seed, int(one))
@@ -101,10 +104,24 @@ def _labelled(values, survey, pings, name, unit, *, transmitters):
                                "sound_speed": survey.sound_speed(pings[0]), "pulse": survey.pulse.numbers})
 
 
-def _doppler(survey, ping):
+def _fastest(survey, ping):
+    """Speed of the fastest element [m/s], and its largest acceleration [m/s²], while echoes come in."""
+    travel, radius = survey.travel(ping, np.zeros(3)), max(survey.transmit.radius, survey.receive.radius)
+    # what stands off the track's point is carried round it as the platform turns
+    moved, turned = ([float(travel.peak(powers, order)[0]) for order in (1, 2)]
+                     for powers in (travel.displacement, travel.turn))
+    return moved[0] + turned[0] * radius, moved[1] + (turned[1] + turned[0] ** 2) * radius
+
+
+def _nearest(survey, ping):
+    """Range from which on echoes matter [m]: of the record's beginning, or half of that of bed and surface."""
+    beginning = 0.5 * survey.sound_speed(ping) * survey.time[survey.lead]
+    return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), 1.0)
+
+
+def _doppler(pulse, fastest, speed):
     """Factors that stand for all echoes of a ping."""
-    fastest, speed = float(np.linalg.norm(survey.velocity[ping])), survey.sound_speed(ping)
     if fastest == 0:
         return np.ones(1)
     highest = (speed + fastest) / (speed - fastest)
-    return doppler_classes(survey.pulse, 1 / highest, highest)
+    return doppler_classes(pulse, 1 / highest, highest)

@@ -99,36 +99,88 @@ class Station:
     def _view(self, leg):
         return self._image if leg.folded else self._direct
 
-    def doppler(self, echoes):
-        """Two-way factor of echoes, Float64: velocities at the transmission and at the reception."""
-        out, back = self._view(echoes.out), self._view(echoes.back)
-        if not out.travel.displacement:
-            return dr.ones(mi.Float64, echoes.count)
-        wide = self.run.lib.Array3f64
-        total = echoes.arrival + echoes.back.travel_time
-        leaving = dr.dot(wide(*out.travel.velocity(mi.Float64(0))), wide(echoes.out.launch_direction))
-        towards = wide(echoes.back.launch_direction) * dr.norm(echoes.back.offset) - wide(*back.travel.moved(total))
-        coming = dr.dot(wide(*back.travel.velocity(total)), dr.normalize(towards))
-        return two_way_doppler(leaving, dr.opaque(mi.Float64, self.speed), coming)
+    def time_scale(self, echoes, element, place=None, moment=0.0):
+        """Two-way factor of echoes of what is sent at a moment, and when that is heard.
 
-    def add(self, buffer, echoes, element, return_path, *, weight, late):
-        """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements."""
+        Parameters
+        ----------
+        echoes : Echoes
+        element : int
+            That sends.
+        place : (3,) [m] or None
+            Where they are heard, body frame; None: at the source.
+        moment : float [s]
+            After the beginning of the pulse.
+
+        Returns
+        -------
+        doppler : Float64 (R,)
+        when : Float64 (R,) [s]
+            After the beginning of the echo. As the platform passes, the factor changes: second order in the moment.
+        """
+        back, speed = self._back(echoes, "vector"), dr.opaque(mi.Float64, self.speed)
+        sender, slower, bend = self.survey.transmit.position[element], [], 0
+        place, wide = self.position if place is None else place, self.run.lib.Array3f64
+        moment = dr.opaque(mi.Float64, moment)
+        ways = ((echoes.out, wide(echoes.out.launch_direction), echoes.out.travel_time, sender, mi.Float64(0)),
+                (echoes.back, -wide(*map(mi.Float64, back.direction)), back.return_time, place,
+                 echoes.arrival + back.return_time))
+        # the mean velocity until the moment, and that at the moment
+        for share in (0.5, 1.0):
+            closing = []
+            for leg, towards, time, at, begin in ways:
+                view, when = self._view(leg), begin + share * moment
+                arm = rotated(_opaque64(view.rotation @ (at - self.position)), view.travel.turned(begin))
+                velocity = wide(*view.travel.velocity(when)) + dr.cross(wide(*view.travel.turn_rate(when)), wide(*arm))
+                distance = time * speed
+                towards = dr.normalize(towards * distance - wide(*arm))
+                closing.append(dr.dot(velocity, towards))
+                if share < 1:
+                    across = dr.maximum(dr.squared_norm(velocity) - dr.square(closing[-1]), 0)
+                    bend += across / dr.maximum(distance, 1e-3) / speed
+            slower.append(1 / two_way_doppler(closing[0], speed, closing[1]))
+        return 1 / (slower[1] + bend * moment), (slower[0] + 0.5 * bend * moment) * moment
+
+    def neighbours(self, echoes, tolerance):
+        """Put receive elements together that hear all these echoes with factors within a tolerance.
+
+        Returns
+        -------
+        list of (slice, (3,) [m])
+            Rows of the receive array, and their middle in the body frame.
+        """
+        position, legs = self.survey.receive.position, (echoes.out, echoes.back)
+        nearest = self.speed * min(float(dr.min(leg.travel_time)[0]) for leg in legs)
+        travel = self.travel
+        per_metre = (travel.peak(travel.displacement, 1)[0] / max(nearest, 1e-3)
+                     + travel.peak(travel.turn, 1)[0]) / self.speed
+        widest, groups, first = tolerance / max(per_metre, 1e-30), [], 0
+        for last in range(1, len(position) + 1):
+            some = position[first:last + 1]
+            if last == len(position) or np.linalg.norm(some - some.mean(0), axis=1).max() > widest:
+                groups.append((slice(first, last), position[first:last].mean(0)))
+                first = last
+        return groups
+
+    def add(self, buffer, echoes, element, return_path, *, weight, late, rows=slice(None)):
+        """Sum the echoes of one transmit element, delayed by `late` [s], at all receive elements or some rows."""
         if return_path == "vector" and self.array_radius > 0:
             doubtful = self._doubtful(echoes)
             if dr.any(doubtful):
                 late = late + dr.zeros(mi.Float64, dr.width(doubtful))
                 exact, rest = dr.compress(doubtful), dr.compress(~doubtful)
                 self.run.count(dr.width(exact), dr.width(doubtful))
-                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, late, exact))
+                self._add_exactly(buffer, echoes.chosen(exact), element, weight, dr.gather(mi.Float64, late, exact),
+                                  rows)
                 if not dr.width(rest):
                     return
                 echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, late, rest)
         if return_path == "eigenray":
-            self._add_exactly(buffer, echoes, element, weight, late)
+            self._add_exactly(buffer, echoes, element, weight, late, rows)
         else:
-            self._add_approximately(buffer, echoes, element, return_path, weight, late)
+            self._add_approximately(buffer, echoes, element, return_path, weight, late, rows)
 
-    def _add_approximately(self, buffer, echoes, element, return_path, weight, late):
+    def _add_approximately(self, buffer, echoes, element, return_path, weight, late, rows):
         """By the one ray to each echo, and differences for the elements."""
         run, survey, lib = self.run, self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
@@ -150,7 +202,7 @@ class Station:
         factor = self._transmitted(echoes, element, weight, away)
         if off:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
-        offsets = view.offsets(receive, self.position)
+        offsets = view.offsets(receive, self.position)[rows]
         elements = ELEMENT_FIELDS[return_path](offsets, view.depth, view.profile)
         difference = difference_of(return_path, offsets, view.profile, view.tilt, view.climb)
         hit_fields = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))]
@@ -160,7 +212,8 @@ class Station:
             heard = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
             face = _opaque(lib.Float, (run.wavelength, receive.length, receive.height))
             hit_fields += [*map(lib.Float, heard), *face]
-            elements = [*elements, *(receive.normal @ view.rotation.T).T, *(receive.along @ view.rotation.T).T]
+            elements = [*elements, *(receive.normal[rows] @ view.rotation.T).T,
+                        *(receive.along[rows] @ view.rotation.T).T]
 
         def delay(hit, element):
             return difference(hit[:hits], element[:fields])
@@ -178,9 +231,10 @@ class Station:
                                              baffle=receive.baffle)
 
         buffer.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
-                   fraction=fraction, hit_fields=hit_fields, element_fields=elements, difference=delay, gain=gain)
+                   fraction=fraction, hit_fields=hit_fields, element_fields=elements, difference=delay, gain=gain,
+                   rows=np.arange(receive.elements)[rows])
 
-    def _add_exactly(self, buffer, echoes, element, weight, late):
+    def _add_exactly(self, buffer, echoes, element, weight, late, rows):
         """By an eigenray for every echo and element."""
         survey, lib = self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
@@ -199,7 +253,7 @@ class Station:
         middle, _ = exact_return(view.table, lib, depth, place, out, _opaque64(np.zeros(3)), travel,
                                  echoes.back.travel_time)
         dr.eval(out, amplitude, middle)
-        for row in range(receive.elements):
+        for row in range(receive.elements)[rows]:
             offset = _opaque64(view.offsets(receive, self.position)[row])
             back, towards = exact_return(view.table, lib, depth, place, out, offset, travel, middle)
             phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,

@@ -25,6 +25,7 @@ from .paths import Paths
 from .propagation.device import arrays_of
 from .scatterers import Scatterers
 from .signal.accumulation import ImpulseResponses
+from .signal.doppler import factor_tolerance
 from .sonar.trajectory import Voyage
 
 __all__ = ["ArraySurvey", "Fans"]
@@ -209,7 +210,8 @@ class ArraySurvey:
                 progress(element + 1, self.transmit.elements)
         return out
 
-    def transmissions(self, ping, doppler, *, kernel="band_limited", return_path="vector", seed=0, paths=None):
+    def transmissions(self, ping, doppler, *, piece=None, kernel="band_limited", return_path="vector", seed=0,
+                      paths=None):
         """Responses to all transmit elements together, with their weights (made to add to 1) and delays.
 
         Parameters
@@ -217,6 +219,8 @@ class ArraySurvey:
         ping : int
         doppler : (K,) [-]
             Factors that stand for all echoes, as `signal.doppler.doppler_classes` gives them.
+        piece : (float, Pulse) or None
+            Of the pulse, as `Pulse.pieces` gives them; None: the whole.
         paths : collection of str or None
             Which paths count, by their names; None: all.
 
@@ -228,9 +232,10 @@ class ArraySurvey:
         """
         run, transmit = self._run.seeded(seed), self.transmit
         weight = transmit.weight / np.abs(transmit.weight).sum()
-        classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 else [
-            _DopplerClass(factors=doppler, number=number, duration=self.pulse.duration)
-            for number in range(len(doppler))]
+        begin, pulse = piece or (0.0, self.pulse)
+        sorter = _Sorter(doppler, begin, pulse)
+        classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 and pulse is self.pulse else [
+            _DopplerClass(sorter=sorter, number=number) for number in range(len(doppler))]
         while classes:
             # as many classes at once as fit into memory: the fewer times scatterers have to be lit
             first = run.buffer(kernel)
@@ -250,34 +255,68 @@ class _Everything:
 
     factor: float = 1.0
 
-    def __call__(self, station, echoes):
+    def neighbours(self, station, echoes):
+        """Receive elements that hear echoes with one factor, as slices, and where they are."""
+        return [(slice(None), None)]
+
+    def __call__(self, station, echoes, element, place):
         return echoes, dr.opaque(mi.Float64, 0.0)
+
+
+class _Sorter:
+    """Puts echoes into Doppler classes: each is in one, rounding or not. The last answer is kept, for all classes ask.
+
+    Parameters
+    ----------
+    factors : (K,) [-]
+        Of the classes.
+    begin : float [s]
+    pulse : Pulse
+        Of which echoes are to be heard, and when it begins.
+    """
+
+    def __init__(self, factors, begin, pulse):
+        self.factors, self.begin, self.pulse = factors, begin, pulse
+        self._asked, self._known = None, None
+
+    def __call__(self, station, echoes, element, place):
+        """When the middles of echoes are heard Float64 (R,) [s], numbers of their classes, and which occur."""
+        asked = station, echoes, element, place
+        if self._asked is None or any(one is not other for one, other in zip(asked, self._asked)):
+            doppler, when = station.time_scale(echoes, element, place, self.begin + 0.5 * self.pulse.duration)
+            width = float(self.factors[1] - self.factors[0]) if len(self.factors) > 1 else 1.0
+            first, width = (dr.opaque(mi.Float64, v) for v in (float(self.factors[0]), width))
+            nearest = dr.clip(dr.round((doppler - first) / width), 0, dr.opaque(mi.Float64, len(self.factors) - 1))
+            number = mi.UInt32(nearest)
+            dr.eval(when, number)
+            self._asked, self._known = asked, (when, number, set(np.unique(number.numpy()).tolist()))
+        return self._known
 
 
 @dataclass(frozen=True, kw_only=True)
 class _DopplerClass:
-    """Echoes to whose factor that of one class is the nearest: each echo is in one, rounding or not."""
+    """Echoes to whose factor that of one class is the nearest."""
 
-    factors: np.ndarray
+    sorter: _Sorter
     number: int
-    duration: float
 
     @property
     def factor(self):
         """That of the class."""
-        return float(self.factors[self.number])
+        return float(self.sorter.factors[self.number])
 
-    def __call__(self, station, echoes):
+    def neighbours(self, station, echoes):
+        """Receive elements that hear echoes with nearly one factor, as slices, and where they are."""
+        return station.neighbours(echoes, factor_tolerance(self.sorter.pulse))
+
+    def __call__(self, station, echoes, element, place):
         """The echoes that belong here, and how much they are to be delayed [s]."""
-        doppler = station.doppler(echoes)
-        first, width = (dr.opaque(mi.Float64, float(v)) for v in (self.factors[0], self.factors[1] - self.factors[0]))
-        nearest = dr.clip(dr.round((doppler - first) / width), 0, dr.opaque(mi.Float64, len(self.factors) - 1))
-        index = dr.compress(nearest == dr.opaque(mi.Float64, self.number))
-        if not dr.width(index):
+        when, number, present = self.sorter(station, echoes, element, place)
+        if self.number not in present:
             return None, None
-        half = dr.opaque(mi.Float64, 0.5 * self.duration)
-        late = half * (1 / dr.gather(mi.Float64, doppler, index) - dr.opaque(mi.Float64, 1 / self.factor))
-        return echoes.chosen(index), late
+        index = dr.compress(number == dr.opaque(mi.UInt32, self.number))
+        half = dr.opaque(mi.Float64, 0.5 * self.sorter.pulse.duration / self.factor)
+        return echoes.chosen(index), dr.gather(mi.Float64, when, index) - half
 
 
 class _Run:
@@ -337,13 +376,16 @@ class _Run:
             for echoes in self._echoes(ping, source, station):
                 if paths is not None and echoes.path not in paths:
                     continue
-                for number, (chosen, buffer) in enumerate(sums):
-                    some, late = chosen(station, echoes)
-                    if some is not None:
-                        heard[number] = True
-                        # what is sent later by τ from a moving platform comes back later by τ / η
-                        late = late + dr.opaque(self.lib.Float64, float(delay)) / station.doppler(some)
-                        station.add(buffer, some, element, return_path, weight=share, late=late)
+                for rows, place in sums[0][0].neighbours(station, echoes):
+                    for number, (chosen, buffer) in enumerate(sums):
+                        some, late = chosen(station, echoes, element, place)
+                        if some is not None:
+                            heard[number] = True
+                            if delay:
+                                # what is sent later by τ from a moving platform comes back later by τ / η
+                                late = late + (dr.opaque(self.lib.Float64, float(delay))
+                                               / station.time_scale(some, element, place)[0])
+                            station.add(buffer, some, element, return_path, weight=share, late=late, rows=rows)
         return heard
 
     def _echoes(self, ping, source, station):

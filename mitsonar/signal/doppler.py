@@ -9,11 +9,16 @@ that takes part in class k is shifted so that the middles of both pulses coincid
 
     Δτ = (T/2) (1/η - 1/η_k)
 
-which leaves the error at the ends alone (two-way factor: e.g. Urick 1983, ch. 9; the rest is kinematics).
+which leaves the error at the ends alone (two-way factor: e.g. Urick 1983, ch. 9; the rest is kinematics). As a platform
+passes at a speed v and a range r, 1/η grows by κ = 2 v² / (r c) a second, and by up to 2 a / c with its own
+acceleration a: a pulse is heard f κ T² / 8 cycles off at its ends, and is cut into pieces, each with a factor of its
+own, where that is more.
 """
 import numpy as np
 
-__all__ = ["doppler_class", "doppler_classes", "two_way_doppler"]
+__all__ = ["doppler_class", "doppler_classes", "factor_tolerance", "pieces_of", "two_way_doppler"]
+
+PHASE_ERROR = 0.02                 # [cycles] at the ends of an echo
 
 
 def two_way_doppler(closing_speed, sound_speed, closing_speed_back=None):
@@ -37,7 +42,22 @@ def two_way_doppler(closing_speed, sound_speed, closing_speed_back=None):
     return (sound_speed + back) / (sound_speed - closing_speed)
 
 
-def doppler_classes(pulse, lowest, highest, phase_error=0.02):
+def factor_tolerance(pulse, phase_error=PHASE_ERROR):
+    """By how much a factor may be wrong for an error of phase [cycles] at the ends of a pulse, near a factor of 1."""
+    return 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
+
+
+def pieces_of(pulse, speed, sound_speed, nearest, acceleration=0.0, phase_error=PHASE_ERROR):
+    """Into how many pieces of one factor each a pulse is cut.
+
+    For echoes from `nearest` [m] on, at a speed [m/s] and an acceleration [m/s²].
+    """
+    bend = 2 * (speed ** 2 / nearest + acceleration) / sound_speed
+    highest = pulse.frequency + pulse.band[1]
+    return max(1, int(np.ceil(pulse.duration * np.sqrt(highest * bend / (8 * phase_error)))))
+
+
+def doppler_classes(pulse, lowest, highest, phase_error=PHASE_ERROR):
     """Choose the factors that stand for all echoes between two factors.
 
     Parameters
@@ -61,7 +81,7 @@ def doppler_classes(pulse, lowest, highest, phase_error=0.02):
     if not (0 < lowest <= highest < np.inf and phase_error > 0):
         raise ValueError(f"Doppler classes: factors {lowest} to {highest} within {phase_error} cycles; give "
                          "0 < lowest <= highest and an error above 0.")
-    widest = 4 * phase_error * lowest / ((pulse.frequency + pulse.band[1]) * pulse.duration)
+    widest = 2 * lowest * factor_tolerance(pulse, phase_error)
     count = max(1, int(np.ceil((highest - lowest) / widest)))
     return lowest + (np.arange(count) + 0.5) * (highest - lowest) / count
 

@@ -113,6 +113,26 @@ class Pulse:
     def _shape(self, own):
         return self.modulation(own) * _window_values(self.window, own / self.duration)
 
+    def pieces(self, count):
+        """Cut the pulse into pieces of equal length.
+
+        Returns
+        -------
+        list of (float, Pulse)
+            When each begins [s], and what is sent from then on: with the phase that the carrier has by then, and the
+            band of the whole.
+        """
+        if count == 1:
+            return [(0.0, self)]
+        length = self.duration / count
+        return [(number * length, replace(self, duration=length, window=None, sweep=self.band,
+                                          modulation=partial(self._later, number * length)))
+                for number in range(count)]
+
+    def _later(self, start, own):
+        own = np.minimum(own + start, self.duration)
+        return self._shape(own) * np.exp(2j * np.pi * np.mod(self.frequency * start, 1.0))
+
     def _simpson(self, highest):
         """Nodes [s] over the pulse and weights [s] of Simpson's rule for frequencies up to `highest` [Hz]."""
         steps = 2 * int(np.ceil(0.5 * max(STEPS_PER_CYCLE * self.duration * highest, 256)))

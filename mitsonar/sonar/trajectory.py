@@ -155,6 +155,13 @@ class PingTravel:
                            initial=0))
         return replace(self, displacement=self.displacement[:, :count], turn=self.turn[:, :count])
 
+    def peak(self, coefficients: np.ndarray, order: int) -> np.ndarray:
+        """Give the largest length of a derivative of polynomials (P, K, 3) until the end: (P,), by 17 times."""
+        time, powers = np.linspace(0, self.duration, 17)[:, None], np.arange(1, coefficients.shape[1] + 1)
+        scale = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0)
+        values = np.einsum("tk,pkx->ptx", scale * time ** np.maximum(powers - order, 0), coefficients)
+        return np.linalg.norm(values, axis=-1).max(1, initial=0)
+
     def reach(self, coefficients: np.ndarray) -> np.ndarray:
         """Bound what polynomials (P, K, 3) make of the components until the end: (3,)."""
         powers = self.duration ** np.arange(1, coefficients.shape[1] + 1)

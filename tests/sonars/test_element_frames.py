@@ -15,7 +15,7 @@ import pytest
 from array_scene import SUMMER, array_scene, bed, buried_bed, knots, target
 
 import mitsonar
-from mitsonar.array_survey import _DopplerClass
+from mitsonar.array_survey import _DopplerClass, _Sorter
 from mitsonar.scene import prepare
 from mitsonar.signal import doppler_classes
 from mitsonar.sonar import Track, cw
@@ -127,9 +127,9 @@ def test_every_echo_is_in_one_doppler_class(variant):
     half = 0.5 * (factors[1] - factors[0])
     doppler = mi.Float64(np.r_[factors, factors + half, factors - half, 0.995 - 1e-9, 1.005 + 1e-9])
     echoes = SimpleNamespace(chosen=lambda index: index.numpy())
-    station = SimpleNamespace(doppler=lambda _: doppler)
-    found = [_DopplerClass(factors=factors, number=number, duration=PULSE)(station, echoes)[0]
-             for number in range(len(factors))]
+    station = SimpleNamespace(time_scale=lambda *_: (doppler, mi.Float64(0.5 * PULSE) / doppler))
+    sorter = _Sorter(factors, 0.0, pulse)
+    found = [_DopplerClass(sorter=sorter, number=number)(station, echoes, 0, None)[0] for number in range(len(factors))]
     assert np.array_equal(np.sort(np.concatenate(found)), np.arange(dr.width(doppler)))
 
 
