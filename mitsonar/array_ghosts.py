@@ -44,8 +44,8 @@ class ArrayGhosts:
 
     def __init__(self, geometry, tracer, connector, free_rays, sights, loss_db, *, frequency, window, max_depth,
                  volume):
-        self.geometry, self.tracer, self.connector, self.free_rays = geometry, tracer, connector, free_rays
-        self.frequency, self.max_depth, self.loss_db = frequency, max_depth, loss_db
+        self.geometry, self.tracer, self.connector = geometry, tracer, connector
+        self.frequency, self.max_depth = frequency, max_depth
         self.lib = arrays_of(mi.Float)
         self.paths = Paths(max_depth, surface=geometry.surface_label > 0, volume=volume is not None)
         self.sights = sights
@@ -142,9 +142,6 @@ class ArrayGhosts:
     def _worthwhile(self, energy, active):
         strongest = dr.max(dr.select(active, energy, 0))
         return active & (energy > FAINTEST * strongest)
-
-    def _direct_db(self, origin, point, way):
-        return self.loss_db(mi.Float(-origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
 
     def _absorbed(self, loss_db):
         return dr.exp(loss_db * float(-np.log(10) / 10))

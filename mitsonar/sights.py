@@ -38,10 +38,6 @@ class Sight:
     leg: Leg
     gain: object
 
-    def chosen(self, index):
-        """The sights with these numbers, UInt32, without their ways."""
-        return Sight(way=None, leg=self.leg.chosen(index), gain=dr.gather(type(self.gain), self.gain, index))
-
 
 class Sights:
     """See points from sonars.
