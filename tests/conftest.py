@@ -1,4 +1,7 @@
 """What all tests share: libLLVM chosen before Dr.Jit is imported, the variants, one random generator."""
+import multiprocessing
+import signal
+
 import pytest
 
 import mitsonar  # noqa: F401  (chooses libLLVM: must come before anything that imports Dr.Jit)
@@ -8,6 +11,13 @@ def pytest_addoption(parser):
     parser.addoption("--variants", default="llvm_ad_mono",
                      help="Mitsuba variants, separated by commas, in which tests with the fixture `variant` run")
     parser.addoption("--regenerate", action="store_true", help="rewrite the stored results of tests/regression")
+
+
+def pytest_configure():
+    # In the background of a shell, and by many a job runner, Ctrl-C is ignored: by every child too that a test starts
+    # and interrupts.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_generate_tests(metafunc):
@@ -42,6 +52,15 @@ def variant(request):
     # One thread makes Mitsuba's EXR reader and writer wait for ever.
     dr.set_thread_count(max(2, dr.thread_count()))
     return request.param
+
+
+@pytest.fixture(scope="session")
+def dask_workers():
+    """Asked for by tests that start workers of Dask: a few semaphores each, which may find no room."""
+    try:
+        [multiprocessing.Semaphore() for _ in range(32)]
+    except (ImportError, OSError) as error:        # the former where there is no such thing at all
+        pytest.skip(f"no semaphores for Dask's workers, which stand in /dev/shm on Linux: {error}")
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ process costs no worker, and long kernels keep none from answering. Workers must
 Whoever may talk to a scheduler or a worker may have it run any code. Those started here talk by TLS, and only to those
 who hold a key that is made for the sweep and kept in memory. Their HTTP servers cannot be left out, and serve nothing.
 """
+import errno
 import logging
 import os
 import queue
@@ -19,6 +20,7 @@ __all__ = ["Cluster"]
 
 PATIENCE = 60                      # seconds to wait for a scheduler, and for its first worker
 COUNT_SECONDS = 5.0                # how often to ask how many workers there are
+SEMAPHORES = " (if the disk is not full, /dev/shm may be, where their semaphores stand)"
 AHEAD = 2                          # jobs on their way for every one that runs
 _FREE = queue.SimpleQueue()        # of a Dask worker: renderers that wait for a job
 
@@ -42,7 +44,7 @@ class Cluster:
     Raises
     ------
     ValueError
-        If there is no such scheduler, it has no workers, or they do not see the folder.
+        If there is no such scheduler, it has no workers, they do not see the folder, or cannot be started.
     """
 
     def __init__(self, threads, place, folder, *, scheduler=None, workers=None):
@@ -53,7 +55,7 @@ class Cluster:
         try:
             if scheduler is None:
                 workers, self.threads = shares(workers, threads)
-                self._own = _start(distributed, workers)
+                self._own = self._begin(distributed, workers)
                 self._client = distributed.Client(self._own, set_as_default=False)
             else:
                 self.threads = shares(1, threads or THREADS)[1]
@@ -103,6 +105,18 @@ class Cluster:
         if time.monotonic() - self._seen > PATIENCE and not self._threads:
             raise ValueError(f"the Dask cluster has had no workers for {PATIENCE} seconds; what is done is kept: run "
                              "the sweep again when it has")
+
+    def _begin(self, distributed, workers):
+        try:
+            return _start(distributed, workers)
+        except (OSError, RuntimeError) as error:
+            chain = [error]                                        # Dask wraps what went wrong, more than once
+            while (inner := chain[-1].__cause__ or chain[-1].__context__) is not None:
+                chain.append(inner)
+            error = next((one for one in chain if isinstance(one, OSError)), error)
+            raise ValueError(f"the Dask workers could not be started: {' '.join(str(error).split())[:300]}"
+                             f"{SEMAPHORES if getattr(error, 'errno', None) == errno.ENOSPC else ''}; sweep without "
+                             "--workers, or with --processes") from None
 
     def _connect(self, distributed, scheduler):
         try:

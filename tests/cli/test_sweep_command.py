@@ -47,7 +47,7 @@ def complaints(err):
 
 
 @pytest.mark.slow
-def test_same_bytes_by_one_process_and_two_and_dask_and_as_rendered_alone(plan, capfd):
+def test_same_bytes_by_one_process_and_two_and_dask_and_as_rendered_alone(plan, capfd, dask_workers):
     assert cli.main(["sweep", "plan.toml", "--processes", "1"]) == 0
     out, err = capfd.readouterr()
     assert out.startswith("6 renders: 6 rendered in 0:00:") and out.endswith(f"\n{plan}/plan/manifest.jsonl\n")

@@ -6,13 +6,14 @@ import urllib.request
 import distributed
 import pytest
 
+from mitsonar.sweep import cluster as module
 from mitsonar.sweep.cluster import Cluster
 
 PAGES = ("info/main/workers.html", "json/counts.json", "health", "metrics", "api/v1/get_workers")
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory):
+def cluster(tmp_path_factory, dask_workers):
     folder = str(tmp_path_factory.mktemp("sweep"))
     with Cluster(2, folder, folder, workers=1) as cluster:
         yield cluster
@@ -59,3 +60,17 @@ def test_it_serves_no_pages(cluster, addresses):
         for page in PAGES:
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 urllib.request.urlopen(f"http://127.0.0.1:{port}/{page}", timeout=10)
+
+
+def test_workers_that_cannot_be_started_are_one_sentence(monkeypatch, tmp_path):
+    def start(*_):
+        broken = AssertionError("init")                # as Dask does
+        broken.__context__ = OSError(28, "No space left on device")
+        raise RuntimeError("Nanny failed to start.") from broken
+
+    monkeypatch.setattr(module, "_start", start)
+    with pytest.raises(ValueError) as caught:
+        Cluster(2, str(tmp_path), str(tmp_path), workers=1)
+    assert str(caught.value) == (
+        "the Dask workers could not be started: [Errno 28] No space left on device (if the disk is not full, /dev/shm "
+        "may be, where their semaphores stand); sweep without --workers, or with --processes")
