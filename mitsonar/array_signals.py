@@ -6,6 +6,8 @@
 SL source level, w_tx and τ_tx weight and delay of the transmit elements, Σ |w_tx| made 1, s_b the pulse's envelope:
 the level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
 """
+import warnings
+
 import numpy as np
 import xarray as xr
 
@@ -85,7 +87,11 @@ def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, 
 
 
 def _labelled(values, survey, pings, name, unit, *, transmitters):
-    """Responses or signals with their coordinates."""
+    """Responses or signals with their coordinates; tells of arrivals that were lost."""
+    lost, arrivals = survey.lost
+    if lost:
+        warnings.warn(f"{lost:,} of {arrivals:,} arrivals at elements are missing: the echoes meet the array's centre, "
+                      "but no direct or once-turned ray leads to those elements", stacklevel=4)
     samples, track = values.shape[-1], survey.track
     coords = {"ping": pings, "time": ("sample", survey.time[-samples:], {"units": "s"})}
     for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
@@ -101,7 +107,8 @@ def _labelled(values, survey, pings, name, unit, *, transmitters):
     coords["ping_time"] = ("ping", track.time[pings], {"units": "s"})
     return xr.DataArray(values, dims=("ping", "tx", "rx", "sample"), coords=coords, name=name,
                         attrs={"units": unit, "frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
-                               "sound_speed": survey.sound_speed(pings[0]), "pulse": survey.pulse.numbers})
+                               "lost_arrivals": lost, "sound_speed": survey.sound_speed(pings[0]),
+                               "pulse": survey.pulse.numbers})
 
 
 def _fastest(survey, ping):

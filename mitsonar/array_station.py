@@ -184,6 +184,7 @@ class Station:
         """By the one ray to each echo, and differences for the elements."""
         run, survey, lib = self.run, self.survey, self.run.lib
         transmit, receive = survey.transmit, survey.receive
+        run.tally(echoes.count * receive.elements)
         # ---- transmit: the still array, by reciprocity
         view = self._view(echoes.back)
         off = np.any(transmit.position[element] != self.position)
@@ -256,6 +257,7 @@ class Station:
         for row in range(receive.elements)[rows]:
             offset = _opaque64(view.offsets(receive, self.position)[row])
             back, towards = exact_return(view.table, lib, depth, place, out, offset, travel, middle)
+            self.run.tally(echoes.count, lost=int(dr.count(dr.isnan(out + back))[0]))
             phase, sample, fraction = centre(out + back + late, start=survey.start, frequency=survey.frequency,
                                              sampling_rate=survey.sampling_rate)
             spread = lib.Float(middle / back)

@@ -193,6 +193,11 @@ class ArraySurvey:
     def _run(self):
         return _Run(self)
 
+    @property
+    def lost(self):
+        """Arrivals at elements that no ray brings, of echoes that meet the centre, and all so far: two counts."""
+        return self._run.lost, self._run.tallied
+
     def fan_truth(self, angle, direction, seed=0):
         """Ground truth of the fan of beams (B,) [rad] towards (B, 3): a `FanTruth`, to be called for pings."""
         return FanTruth(self, self._run.light, self._run.light.pattern, angle, direction, seed)
@@ -340,6 +345,7 @@ class _Run:
             resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
         self._lit = {}
         self._doubtful = self._looked_at = 0
+        self.tallied = self.lost = 0
 
     def seeded(self, seed):
         """The same, with rays drawn from another seed."""
@@ -356,6 +362,10 @@ class _Run:
                              f"here: for {100 * self._doubtful / self._looked_at:.0f} % of the echoes it may be off by "
                              f"more than {1e9 * GUARD:g} ns, soonest where rays turn or run nearly level; take "
                              "return_path=\"eigenray\", a smaller array or a shorter range")
+
+    def tally(self, arrivals, lost=0):
+        """Count arrivals of echoes at elements, and those of them that no ray brings there."""
+        self.tallied, self.lost = self.tallied + arrivals, self.lost + lost
 
     def buffer(self, kernel):
         survey = self.survey

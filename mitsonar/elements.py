@@ -46,7 +46,9 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
         An `xarray.DataArray` (ping, tx, rx, sample), complex64: pressure per unit pressure at 1 m. ``time`` [s] of the
         samples since the transmission, element positions ``tx_x`` ... ``rx_z`` [m] in the body frame, and of the pings
         ``x``, ``y``, ``z``, ``roll``, ``pitch``, ``heading`` and ``ping_time``. The attribute ``kernel_energy`` is what
-        the kernel makes of the energy of an echo of amplitude a: Σ|h|² = kernel_energy |a|², 0.792 with the default.
+        the kernel makes of the energy of an echo of amplitude a: Σ|h|² = kernel_energy |a|², 0.792 with the default;
+        ``lost_arrivals`` counts the arrivals at elements that no ray brings although the echo meets the array's centre,
+        and a warning tells it where it is not 0.
 
     Raises
     ------

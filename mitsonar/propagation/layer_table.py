@@ -52,15 +52,10 @@ class LayerTable(Record):
         row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
         return row[0], row[1], row[2], row[3]
 
-    def turning_above(self, depth):
-        """Fastest node above depths [m/s], and the steepest gradient in which rays turn on their way up [1/s]."""
+    def turns(self, depth):
+        """Fastest node above depths [m/s] and the steepest gradient that turns rays there [1/s]; and below."""
         row = dr.gather(self.lib.Array4f64, self.turning, self.find(depth))
-        return row[0], row[1]
-
-    def turning_below(self, depth):
-        """Fastest node below depths [m/s], and the steepest gradient in which rays turn on their way down [1/s]."""
-        row = dr.gather(self.lib.Array4f64, self.turning, self.find(depth))
-        return row[2], row[3]
+        return row[0], row[1], row[2], row[3]
 
     def at(self, depth):
         """Sound speed [m/s] and the four moments M_n at each depth."""

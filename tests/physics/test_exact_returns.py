@@ -17,13 +17,14 @@ from mitsonar.water import SoundSpeedProfile
 
 PROFILES = {
     "constant": ([0.0], [1500.0]), "gradient": ([0.0, 100.0], [1480.0, 1520.0]),
+    "duct": ([0.0, 20.0, 40.0], [1600.0, 1500.0, 1600.0]),
     "summer": ([0, 4, 8, 11, 14, 17, 20, 25, 32, 40], [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6, 1494.2, 1492.9,
                                                        1492.3, 1492.2]),
 }
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.5, 4.0, -0.3)])
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize("name", ["constant", "gradient", "summer"])
 def test_the_same_as_in_numpy(rng, name, velocity):
     profile, depth = SoundSpeedProfile(*PROFILES[name]), 12.0
     hits = np.column_stack([rng.uniform(-60, 60, (2, 500)).T, rng.uniform(-45, -20, 500)])
@@ -41,6 +42,23 @@ def test_the_same_as_in_numpy(rng, name, velocity):
                          lib.Array3f64(*(upload(Float64, column) for column in (hits - origin).T)), elapsed,
                          opaque(offset), steady(opaque(velocity), opaque(np.zeros(3))), elapsed)[0].numpy()
     assert np.abs(found - wanted).max() < 1e-10
+
+
+@pytest.mark.parametrize("name", ["summer", "duct"])
+def test_no_ray_is_lost_and_none_is_late(rng, name):
+    """Hits about the element's own depth, where rays turn and several arrive: the earliest, or none where none is."""
+    profile, depth = SoundSpeedProfile(*PROFILES[name]), 16.0
+    hits = np.column_stack([rng.uniform(-150, 150, (2, 3000)).T, rng.uniform(-39, -1, 3000)])
+    offset, velocity, origin = np.array([0.4, -0.3, 0.5]), np.array([1.5, 4.0, -0.3]), np.array([0.0, 0.0, -depth])
+    out = eigenray(profile, depth, -hits[:, 2], np.hypot(*hits.T[:2])).travel_time
+    wanted = return_time(profile, origin, hits, offset[None], velocity=velocity, method="eigenray")[:, 0]
+    elapsed, table = upload(Float64, out), layer_table(profile, Float)
+    offset, velocity = ([dr.opaque(Float64, float(v)) for v in vector] for vector in (offset, velocity))
+    found = exact_return(table, arrays_of(Float), dr.opaque(Float64, depth),
+                         arrays_of(Float).Array3f64(*(upload(Float64, column) for column in (hits - origin).T)),
+                         elapsed, offset, steady(velocity), elapsed)[0].numpy()
+    assert (np.isnan(found) == np.isnan(wanted)).all()
+    assert np.nanmax(np.abs(found - wanted)) < 1e-9
 
 
 def test_a_turned_element_is_where_it_turned_to():
