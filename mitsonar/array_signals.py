@@ -8,9 +8,11 @@ the level is that of the steered transmission on its axis. Squares are mean squa
 """
 import warnings
 
+import drjit as dr
 import numpy as np
 import xarray as xr
 
+from .array_cost import sentence
 from .signal.doppler import doppler_classes, pieces_of
 from .signal.reception import absorbed, check_record, delayed, received
 from .units import amplitude_from_db
@@ -20,16 +22,17 @@ __all__ = ["LEAD", "pair_responses", "received_signals"]
 LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
 
 
-def pair_responses(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None):
+def pair_responses(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None, say=None):
     """Responses of every pair of elements: DataArray (ping, tx, rx, sample), complex64.
 
     Parameters
     ----------
     survey : ArraySurvey
     pings : sequence of int
-    kernel, return_path, seed, paths, progress
+    kernel, return_path, seed, paths, progress, say
         As of `mitsonar.impulse_response`.
     """
+    _say(say, survey, pings, return_path, all_transmit=True)
     blocks, total = [], len(pings) * survey.transmit.elements
     for number, one in enumerate(pings):
         def told(done, of, before=number):
@@ -44,7 +47,7 @@ def pair_responses(survey, pings, *, kernel, return_path, seed=0, paths=None, pr
     return _labelled(values, survey, pings, "impulse response", "1", transmitters=True)
 
 
-def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None):
+def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None, say=None):
     """Signals of every receive element: DataArray (ping, tx, rx, sample), complex64 [µPa], tx of size 1.
 
     The survey's record must lead by a pulse; arguments as of `mitsonar.element_signals`.
@@ -60,14 +63,19 @@ def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, 
     except ValueError as error:
         raise ValueError(f"{error} In a scene the film's sample_rate_khz or bins set the rate, and its range the "
                          "record.") from None
+    _say(say, survey, pings, return_path)
     blocks = []
     for number, one in enumerate(pings):
         signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
         (fastest, faster), speed = _fastest(survey, one), survey.sound_speed(one)
-        for begin, piece in pulse.pieces(pieces_of(pulse, fastest, speed, _nearest(survey, one), faster)):
+        pieces = pulse.pieces(pieces_of(pulse, fastest, speed, _nearest(survey, one), faster))
+        for done, (begin, piece) in enumerate(pieces):
+            def told(share, before=number, done=done):
+                progress(before + (done + share) / len(pieces), len(pings))
+
             for factor, response in survey.transmissions(one, _doppler(piece, fastest, speed), piece=(begin, piece),
                                                          kernel=kernel, return_path=return_path, seed=seed,
-                                                         paths=paths):
+                                                         paths=paths, told=progress and told):
                 if survey.absorption_db is not None:
                     # as long as the way, not from the beginning of the pulse on
                     response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
@@ -84,6 +92,14 @@ def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, 
             progress(number + 1, len(pings))
     array = _labelled(np.stack(blocks)[:, None], survey, pings, "element signals", "µPa", transmitters=False)
     return array.assign_attrs(seed=seed, source_level_db=survey.source_level_db)
+
+
+def _say(say, survey, pings, return_path, **how):
+    """Tell how much there is to do, where that is worth a sentence."""
+    if say is not None:
+        words = sentence(survey, pings, return_path=return_path, threads=dr.thread_count(), **how)
+        if words:
+            say(words)
 
 
 def _labelled(values, survey, pings, name, unit, *, transmitters):

@@ -11,7 +11,7 @@ Elements' patterns are taken at the frequency of the carrier, towards where the 
 where it returns to the moved array.
 """
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import drjit as dr
 import mitsuba as mi
@@ -202,6 +202,10 @@ class ArraySurvey:
         """Ground truth of the fan of beams (B,) [rad] towards (B, 3): a `FanTruth`, to be called for pings."""
         return FanTruth(self, self._run.light, self._run.light.pattern, angle, direction, seed)
 
+    def cells_within_reach(self, ping):
+        """How many cells a ping looks at."""
+        return sum(cells for *_, cells in self._run.light.stretches(self.track.position[ping]))
+
     def responses(self, ping, *, kernel="band_limited", return_path="vector", seed=0, paths=None, progress=None):
         """Responses of all pairs of elements to one ping, by all or some paths: complex64 (tx, rx, sample)."""
         run = self._run.seeded(seed)
@@ -209,14 +213,15 @@ class ArraySurvey:
         buffer = run.buffer(kernel)
         for element in range(self.transmit.elements):
             buffer.clear()
-            run.add([(_Everything(), buffer)], ping, element, return_path, paths=paths)
+            run.add([(_Everything(), buffer)], ping, element, return_path, paths=paths,
+                    told=progress and (lambda share, before=element: progress(before + share, self.transmit.elements)))
             out[element] = buffer.read()
             if progress is not None:
                 progress(element + 1, self.transmit.elements)
         return out
 
     def transmissions(self, ping, doppler, *, piece=None, kernel="band_limited", return_path="vector", seed=0,
-                      paths=None):
+                      paths=None, told=None):
         """Responses to all transmit elements together, with their weights (made to add to 1) and delays.
 
         Parameters
@@ -228,6 +233,8 @@ class ArraySurvey:
             Of the pulse, as `Pulse.pieces` gives them; None: the whole.
         paths : collection of str or None
             Which paths count, by their names; None: all.
+        told : callable(share) or None
+            Told the share of the work that is done, below 1, block by block of cells.
 
         Yields
         ------
@@ -241,14 +248,19 @@ class ArraySurvey:
         sorter = _Sorter(doppler, begin, pulse)
         classes = [_Everything(factor=float(doppler[0]))] if len(doppler) == 1 and pulse is self.pulse else [
             _DopplerClass(sorter=sorter, number=number) for number in range(len(doppler))]
+        senders, count, done = np.flatnonzero(weight), len(classes), 0.0
         while classes:
             # as many classes at once as fit into memory: the fewer times scatterers have to be lit
             first = run.buffer(kernel)
             some = classes[:max(1, SUMS_BYTES // (4 * dr.width(first.sums)))]
             classes = classes[len(some):]
             sums = list(zip(some, [first, *(run.buffer(kernel) for _ in some[1:])]))
-            heard = [run.add(sums, ping, element, return_path, weight=weight[element], delay=transmit.delay[element],
-                             paths=paths) for element in np.flatnonzero(weight)]
+            part, heard = len(some) / count / len(senders), []
+            for element in senders:
+                heard.append(run.add(sums, ping, element, return_path, weight=weight[element],
+                                     delay=transmit.delay[element], paths=paths,
+                                     told=told and (lambda share, before=done: told(before + part * share))))
+                done += part
             for (only, buffer), any_heard in zip(sums, np.any(heard, axis=0)):
                 if any_heard:
                     yield only.factor, buffer.read()
@@ -372,18 +384,20 @@ class _Run:
         return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples,
                                 sampling_rate=survey.sampling_rate, frequency=survey.frequency, kernel=kernel)
 
-    def add(self, sums, ping, element, return_path, *, weight=1.0, delay=0.0, paths=None):
+    def add(self, sums, ping, element, return_path, *, weight=1.0, delay=0.0, paths=None, told=None):
         """Add what all receive elements hear of one transmit element, sent with a weight and a delay [s].
 
-        `sums` are pairs of what chooses echoes and the buffer for them; gives for each whether there were any.
+        `sums` are pairs of what chooses echoes and the buffer for them; gives for each whether there were any. `told`
+        is called with the share that is done.
         """
         fans, heard = self.survey.fans, np.zeros(len(sums), bool)
         # what is drawn by chance is the same for all transmit elements only where it is drawn from one place
         places = [(source, fans.position[source], fans.share[source, element])
                   for source in np.flatnonzero(fans.share[:, element])]
-        for source, position, share in [*places, (DRAWN, np.zeros(3), 1.0)]:
+        for number_done, (source, position, share) in enumerate([*places, (DRAWN, np.zeros(3), 1.0)]):
+            told_here = told and (lambda part, before=number_done: told(min((before + part) / len(places), 1.0)))
             station, share = Station(self, ping, position), float(weight * share)
-            for echoes in self._echoes(ping, source, station):
+            for echoes in self._echoes(ping, source, station, told_here):
                 if paths is not None and echoes.path not in paths:
                     continue
                 for rows, place in sums[0][0].neighbours(station, echoes):
@@ -398,7 +412,7 @@ class _Run:
                             station.add(buffer, some, element, return_path, weight=share, late=late, rows=rows)
         return heard
 
-    def _echoes(self, ping, source, station):
+    def _echoes(self, ping, source, station, told):
         """Echoes of a ping from a source; kept, where they are not too many, for the next transmit element."""
         if (ping, source) in self._lit:
             yield from self._lit[ping, source]
@@ -407,7 +421,7 @@ class _Run:
         room = KEPT_ECHOES - sum(block.count for blocks in self._lit.values() for block in blocks)
         kept = []
         key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + max(int(source), 0) * 0xC2B2AE35
-        light = self.light.drawn if source == DRAWN else self.light.lit
+        light = self.light.drawn if source == DRAWN else partial(self.light.lit, told=told)
         for block in light(station.origin, station.rotation, float(self.survey.depth_below[ping]), key):
             room -= block.count
             kept = kept + [block] if kept is not None and room >= 0 else None

@@ -17,7 +17,7 @@ RETURN_PATHS = (*DIFFERENCES, "eigenray")
 
 
 def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
-                     progress=None):
+                     progress=None, say=None):
     """Compute the response of every pair of transmit and receive elements.
 
     Parameters
@@ -39,6 +39,10 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     paths : sequence of str or None
         Only echoes along these, such as ("b", "bs"), see `paths`; None: all.
     progress : callable(done, total) or None
+        Told how far the work is, block by block of cells: a number between those of whole pings and elements.
+    say : callable(text) or None
+        Told in a sentence, before work of more than a moment begins, how much there is, how long it will take, and
+        what would be faster.
 
     Returns
     -------
@@ -60,13 +64,13 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     survey, chosen = _survey(integrator, scene, sensor, ping)
     paths = _known_paths(survey, paths)
     array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
-                           paths=paths, progress=progress)
+                           paths=paths, progress=progress, say=say)
     return _told(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
                  **provenance(scene, sensor))
 
 
 def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
-                    progress=None):
+                    progress=None, say=None):
     """Compute what every receive element hears of a ping: echoes of the pulse, and noise.
 
     All transmit elements send together, with their weights and delays. Doppler from the platform's motion stretches
@@ -74,7 +78,7 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
 
     Parameters
     ----------
-    scene, ping, kernel, return_path, sensor, paths, progress
+    scene, ping, kernel, return_path, sensor, paths, progress, say
         As of `impulse_response`.
     seed : int
         Of noise, and of rays where they light the scatterers.
@@ -103,7 +107,7 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
     paths = _known_paths(survey, paths)
     array = received_signals(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
-                             paths=paths, progress=progress)
+                             paths=paths, progress=progress, say=say)
     return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor))
 
 

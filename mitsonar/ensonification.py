@@ -111,21 +111,35 @@ class Ensonification:
         yield from self.lit(origin, rotation, depth_below, key)
         yield from self.drawn(origin, rotation, depth_below, key)
 
-    def lit(self, origin, rotation, depth_below, key):
-        """Echoes of scatterers alone, whose phases are their own: the same from wherever they are lit."""
+    def stretches(self, origin):
+        """Cells within reach of a source: triples of path, `Scatterers.stretches` and how many there are."""
+        facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
+        found = []
+        for path, at_surface in (("b", False), ("s", True)):
+            facets_there = facets[self.scatterers.at_surface[facets] == at_surface]
+            stretches = self.scatterers.stretches(facets_there, origin, self.farthest)
+            cells = int(stretches[2].sum())
+            if cells > MOST_CELLS:
+                raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping, and {MOST_CELLS:.0e} is "
+                                 "the most; take larger cells, a shorter range, or let rays light them")
+            found.append((path, stretches, cells))
+        return found
+
+    def lit(self, origin, rotation, depth_below, key, told=None):
+        """Echoes of scatterers alone, whose phases are their own: the same from wherever they are lit.
+
+        `told` is called with the share of the cells that are done, from 0 to 1, block by block.
+        """
         sources, start = self._source(origin)
         if self.lighting == "scatterers":
-            facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
-            for path, at_surface in (("b", False), ("s", True)):
-                facets_there = facets[self.scatterers.at_surface[facets] == at_surface]
-                stretches = self.scatterers.stretches(facets_there, origin, self.farthest)
-                cells = int(stretches[2].sum())
-                if cells > MOST_CELLS:
-                    raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping, and "
-                                     f"{MOST_CELLS:.0e} is the most; take larger cells, a shorter range, or let rays "
-                                     "light them")
+            within_reach, done = self.stretches(origin), 0
+            total = max(sum(cells for *_, cells in within_reach), 1)
+            for path, stretches, _ in within_reach:
                 for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
                     yield from self._echoes(sources, start, rotation, facet, s, path)
+                    done += dr.width(facet)
+                    if told is not None:
+                        told(done / total)
         else:
             found = self._found(sources, start, rotation, depth_below, key)
             for path, at_surface in (("b", False), ("s", True)):

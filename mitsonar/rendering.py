@@ -16,7 +16,7 @@ __all__ = ["checked_seed", "opened", "provenance", "render"]
 SEEDS = 1 << 32                    # what Mitsuba takes, and what tells rays apart
 
 
-def render(scene, seed=0, *, sensor=0, progress=None):
+def render(scene, seed=0, *, sensor=0, progress=None, say=None):
     """Render a sonar scene.
 
     Parameters
@@ -29,7 +29,10 @@ def render(scene, seed=0, *, sensor=0, progress=None):
     sensor : int
         Which of the scene's sensors.
     progress : callable(done, total) or None
-        Told the number of pings done, block by block.
+        Told the number of pings done, block by block; of arrays with parts of a ping.
+    say : callable(text) or None
+        Of arrays: told in a sentence, before work of more than a moment begins, how much there is, how long it will
+        take, and what would be faster.
 
     Returns
     -------
@@ -51,7 +54,7 @@ def render(scene, seed=0, *, sensor=0, progress=None):
     seed = checked_seed(seed)
     scene, sensor, integrator = opened(scene, sensor)
     try:
-        image = integrator.dataset(scene, sensor, seed, progress)
+        image = integrator.dataset(scene, sensor, seed, progress, say)
     except RuntimeError as error:
         raise as_exception(error) from error
     return SonarImage.of(image.assign_attrs(provenance(scene, sensor)))

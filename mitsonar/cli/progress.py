@@ -44,18 +44,23 @@ class Progress:
         if not sys.stderr.isatty():
             if now - self.last_line > LINE_SECONDS:
                 self.last_line = now
-                print(f"{done} of {total} {self.unit}, {pace}", file=sys.stderr)
+                print(f"{_count(done)} of {total} {self.unit}, {pace}", file=sys.stderr)
         elif self.bar is None:
             self._open(done, total, pace)
         else:
-            self.bar.update(self.task, completed=done, pace=pace)
+            self.bar.update(self.task, completed=done, count=_count(done), pace=pace)
 
     def _open(self, done, total, pace):
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import BarColumn, Progress, TextColumn
 
-        self.bar = Progress(TextColumn(self.verb), BarColumn(), MofNCompleteColumn(),
+        self.bar = Progress(TextColumn(self.verb), BarColumn(), TextColumn("{task.fields[count]}/{task.total}"),
                             TextColumn(f"{self.unit}, {{task.fields[pace]}}"), console=Console(stderr=True),
                             transient=True)
-        self.task = self.bar.add_task(self.unit, completed=done, total=total, pace=pace)
+        self.task = self.bar.add_task(self.unit, completed=done, total=total, count=_count(done), pace=pace)
         self.bar.start()
+
+
+def _count(done):
+    """A number of pings, with hundredths of the one that is under way."""
+    return f"{done:.2f}".rstrip("0").rstrip(".")

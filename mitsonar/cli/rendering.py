@@ -5,7 +5,7 @@ from ..io import scenes
 from .arguments import add_scene, parameters, set_up, whole
 from .completion import FILES
 from .progress import Progress
-from .words import announce
+from .words import announce, warn
 
 __all__ = ["add"]
 
@@ -59,7 +59,7 @@ def _signals(arguments):
     with Progress() as progress:
         heard = listen(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
                        return_path=arguments.return_path, seed=arguments.seed, paths=arguments.path,
-                       progress=progress)
+                       progress=progress, say=warn)
     netcdf.write(arguments.output, heard)
     announce(arguments.output)
 
@@ -76,7 +76,7 @@ def _render_to(path, values, seed, output, preview, threads):
     set_up(threads)
     scene = load_file(path, **values)
     with Progress() as progress:
-        dataset = render(scene, seed=seed, progress=progress)
+        dataset = render(scene, seed=seed, progress=progress, say=warn)
     exr.write(dataset, output)
     announce(output)
     if preview is not None:

@@ -128,10 +128,10 @@ class SonarPath(mi.SamplingIntegrator):
                 -float(plan.voyage.track.position[:, 2].mean()), geometry.depth_range[1]),
             max_depth=self.max_depth, volume=sensor.water.volume)
 
-    def dataset(self, scene, sensor, seed=0, progress=None):
+    def dataset(self, scene, sensor, seed=0, progress=None, say=None):
         """Render the sensor's record as an `xarray.Dataset`; see `mitsonar.render`."""
         if hasattr(sensor, "fan_width"):
-            return self._fan(scene, sensor, seed, progress)
+            return self._fan(scene, sensor, seed, progress, say)
         survey = self.survey(scene, sensor)
         echoes = survey.echoes(seed, progress)
         sonar, track = survey.sonar, survey.track
@@ -145,7 +145,7 @@ class SonarPath(mi.SamplingIntegrator):
                                speckle=sensor.speckle, seed=seed, absorption_db=float(survey.absorption.at(head)))
         return _described(image, classes, class_of, survey.geometry)
 
-    def _fan(self, scene, sensor, seed, progress):
+    def _fan(self, scene, sensor, seed, progress, say):
         """The picture that an array's beams make, with the truth of its bins."""
         survey = self.array_survey(scene, sensor, LEAD)
         pings = range(survey.track.pings)
@@ -153,7 +153,7 @@ class SonarPath(mi.SamplingIntegrator):
         _check_fan_size(survey, len(beams[0]))
         truth = survey.fan_truth(*beams, seed)               # refuses what is too large before the hours of signals
         signals = received_signals(survey, pings, kernel="band_limited", return_path="vector", seed=seed,
-                                   progress=progress)
+                                   progress=progress, say=say)
         known = [truth(ping) for ping in pings]
         classes, class_of = classes_of(survey.labels)
         image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,

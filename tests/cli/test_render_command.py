@@ -167,6 +167,14 @@ def test_progress_elsewhere_is_a_line_now_and_then(shown):
                     "80 of 100 pings, 2.6 pings/s, 0:00:08 left\n")
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_shows_parts_of_a_ping(shown, terminal):
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown([(1, 0.1), (12, 0.25), (24, 1)], terminal))
+    words = ("0.25/100 pings, 75 pings/h", "1/100 pings, ") if terminal else ("0.25 of 100 pings, 75 pings/h, ",
+                                                                               "1 of 100 pings, ")
+    assert all(word in text for word in words)
+
+
 def test_image_is_what_mitsubas_own_render_gives(folder, accepted):
     import mitsuba as mi
 

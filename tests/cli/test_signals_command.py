@@ -46,11 +46,22 @@ def test_the_file_holds_what_python_gives(variant, folder, scene, capfd):
     import mitsonar
 
     assert cli.main(["signals", "array.xml", "-o", "a.nc", "-D", "elements=4", "--seed", "5"]) == 0
-    assert capfd.readouterr().out == "a.nc\n"
+    assert capfd.readouterr() == ("a.nc\n", "")
     there = netcdf.read("a.nc")
     here = mitsonar.element_signals(mitsonar.load_file("array.xml", elements=4), seed=5)
     assert np.array_equal(there.values, here.values) and there.dims == here.dims
     assert there.attrs["parameters"] == {"elements": "4"} and there.attrs["source_level_db"] == 210
+
+
+def test_work_of_more_than_a_moment_is_told_before_it_starts(variant, folder, scene, capfd, monkeypatch):
+    from mitsonar import array_cost
+
+    monkeypatch.setattr(array_cost, "WORTH_SAYING", 0.0)
+    for command in (["signals", "-o", "a.nc"], ["signals", "-o", "a.nc", "--response"], ["render", "-o", "a.exr"]):
+        assert cli.main([command[0], "array.xml", *command[1:]]) == 0
+        assert re.fullmatch(r"mitsonar: 1 ping to 3 elements, \d+ cells of 50 cm within reach: under 1 s; faster: "
+                            r"a shorter range, or coarser with cell 1 \(under 1 s\) or lighting rays \(under 1 s\)\n",
+                            capfd.readouterr().err)
 
 
 def test_responses(variant, folder, scene):

@@ -27,7 +27,7 @@ FLOORS = """
     smooth_targets
     underway place
     coherent_echoes bin_truth
-    ensonification fan_truth array_station array_survey array_signals
+    ensonification fan_truth array_station array_survey array_cost array_signals
     survey
     plugins
     scene_files

@@ -5,12 +5,14 @@ That its Python and its commands run is the business of `test_documentation`.
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mitsonar
 from mitsonar.sonar import presets
 
 README = Path(__file__).resolve().parents[2] / "README.md"
+SCENES = README.parent / "scenes"
 NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not
 
 
@@ -70,6 +72,26 @@ def test_presets_are_those_of_the_table():
     columns = ("frequency_khz", "source_level_db", "pulse_ms", "beam_width_deg", "vertical_beam_width_deg",
                "depression_deg")
     assert {name: dict(zip(columns, map(float, numbers))) for name, *numbers in rows} == presets()
+
+
+def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_picture():
+    """Box, pipe and buoy of the scene lie within the ranges and angles that the command draws, and the cells suit."""
+    from mitsonar.array_signals import LEAD
+
+    text = README.read_text(encoding="utf-8")
+    command = re.search(r"render forward_looking(.*?) -o fan.exr --preview fan.png", text)[1]
+    scene = mitsonar.load_file(SCENES / "forward_looking.xml", **dict(re.findall(r"-D (\w+)=(\S+)", command)))
+    sensor = scene.sensors()[0]
+    survey = scene.integrator().array_survey(scene, sensor, LEAD)
+    nearest, farthest = (0.5 * survey.sound_speed(0) * survey.time[k] for k in (survey.lead, -1))
+    seen = [shape for shape in scene.shapes() if shape.id() != "seabed"]
+    assert {shape.id() for shape in seen} == {"box", "pipe", "buoy"}
+    for shape in seen:
+        corners = np.array([[shape.bbox().corner(k)[axis] for axis in range(3)] for k in range(8)])
+        away = (corners - survey.track.position[0]) @ survey.track.rotation()[0]
+        assert (np.linalg.norm(away, axis=1) < farthest - 1).all() and (np.linalg.norm(away, axis=1) > nearest).all()
+        assert (np.abs(np.arctan2(away[:, 1], away[:, 0])) < sensor.fan_width / 2).all()
+    assert survey.cell_size < survey.sound_speed(0) / (2 * survey.pulse.bandwidth)                 # its resolution
 
 
 def test_its_scene_renders(tmp_path):
