@@ -42,7 +42,17 @@ def check(geometry, profile, frequency):
 
 
 def _inside(thing):
-    """What an object of Mitsuba's holds, however deep."""
+    """What an object of Mitsuba's holds, however deep; what is shared, once."""
+    found, waiting = {}, [thing]
+    while waiting:
+        for part in _children(waiting.pop()):
+            if id(part) not in found:
+                found[id(part)] = part               # and kept, so that no other gets its address
+                waiting.append(part)
+    return list(found.values())
+
+
+def _children(thing):
     class Collector(mi.TraversalCallback):          # of the variant that is set now
         def __init__(self):
             super().__init__()
@@ -54,7 +64,7 @@ def _inside(thing):
 
     collector = Collector()
     thing.traverse(collector)
-    return [part for found in collector.found for part in (found, *_inside(found))]
+    return collector.found
 
 
 def _check_kind(shape, material, inside):

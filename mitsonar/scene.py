@@ -8,6 +8,7 @@ import mitsuba as mi
 
 from . import scene_files
 from .alterations import held
+from .io.errors import shortened
 from .io.files import check_readable
 from .io.scenes import filled, find, root, text
 from .spelling import meant
@@ -146,4 +147,5 @@ def _naming_parameters(error, path):
         return error
     names = sorted({element.get("name") for element in root(path).iter("default")})
     hint = meant(str(error).partition("the scene has no parameter ")[2].partition(";")[0], names)
-    return ValueError(f"{path}: {str(error).replace(';', f'{hint};', 1)} Known: {', '.join(names) or 'none'}.")
+    return ValueError(shortened(f"{path}: {str(error).replace(';', f'{hint};', 1)} Known: "
+                                f"{', '.join(names) or 'none'}."))

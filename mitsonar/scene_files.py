@@ -19,6 +19,7 @@ MESHES = ("ply", "obj", "serialized", "linearcurve", "bsplinecurve")
 PICTURES, VOLUMES = ("bitmap", "envmap"), ("gridvolume", "sdfgrid")
 # their readers take memory or write outside of it as the file says, and none of them is of use to sound
 REFUSED = ("ellipsoids", "ellipsoidsmesh", "measured", "measured_polarized")
+MOST_WAYS = 100_000
 TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
 
 
@@ -53,6 +54,7 @@ def check(path, values):
         state = _parsed(path, values)
     finally:
         mi.set_file_resolver(former)
+    _check_ways(state, path)
     for index, node in enumerate(state.nodes):
         kind = node.props.plugin_name()
         if kind == "bitmap" and not any(name in node.props for name in ("filename", "bitmap", "data")):
@@ -80,6 +82,9 @@ def _parsed(path, values):
 
 def _check_node(node, resolver):
     props, kind = node.props, node.props.plugin_name()
+    # Mitsuba takes a ball of radius -1 for one that is turned inside out
+    if "radius" in props and props.type("radius").name in ("Float", "Integer") and props["radius"] < 0:
+        raise ValueError(f"radius is {props['radius']:g}; expected a number [m] above 0")
     if "filename" not in props or props.type("filename").name != "String":
         return
     path = str(resolver.resolve(props["filename"]))
@@ -96,6 +101,31 @@ def _check_node(node, resolver):
         pictures.check_volume(path)
     else:
         files.check_readable(path)
+
+
+def _check_ways(state, path):
+    """Refuse objects that hold others in too many ways: Mitsuba takes memory for each way down, and asks each."""
+    places = {node.props.id(): index for index, node in enumerate(state.nodes) if node.props.id()}
+    ways, waiting = {}, [(0, None)]
+    while waiting:
+        index, held = waiting.pop()
+        if index in ways:
+            continue
+        if held is None:
+            props = state.nodes[index].props
+            kinds = [(props.type(name).name, name) for name in props.keys()]
+            held = [props[name].index() for kind, name in kinds if kind == "ResolvedReference"]
+            held += [places[props[name].id()] for kind, name in kinds
+                     if kind == "Reference" and props[name].id() in places]
+            waiting += [(index, held), *((other, None) for other in held if other not in ways)]
+            if len(waiting) > MOST_WAYS:
+                raise ValueError(f"{path}: objects refer to one another in a circle, or more than {MOST_WAYS} times")
+        else:
+            ways[index] = 1 + sum(ways.get(other, 0) for other in held)
+            if index and ways[index] > MOST_WAYS:
+                raise ValueError(f"{_place(state, state.nodes[index])}: {state.nodes[index].props.plugin_name()}: it "
+                                 f"holds others in more than {MOST_WAYS} ways, each of which is computed by itself; "
+                                 "simplify it.")
 
 
 def _name(state, index):

@@ -5,6 +5,7 @@ Mitsuba wraps what went wrong in tags of its source files, places, plugin names 
 """
 import re
 
+from mitsonar.io.errors import shortened
 from mitsonar.plugins import MODULES
 from mitsonar.spelling import meant
 
@@ -59,7 +60,7 @@ def plain(error):
     sentence = _sentence(text)
     if plugin and not re.match(rf"{re.escape(plugin)}[ :]", sentence) and not sentence.startswith("there is no plugin"):
         sentence = f"{plugin}: {sentence}"
-    return f"{place}: {sentence}" if place else sentence
+    return shortened(f"{place}: {sentence}" if place else sentence)
 
 
 def as_exception(error):
@@ -121,7 +122,8 @@ def _unparsable(match):
         return f'"{value}" is not {"an" if kind[0] in "aeiou" else "a"} {kind} value.'
     if kind.startswith("integer") and not re.fullmatch(r"\s*[+-]?\d+\s*", value):
         return f'"{value}" is not an integer value.'
-    if kind.startswith("integer") and abs(int(value)) >= 1 << 63:
+    # Python refuses to read thousands of digits
+    if kind.startswith("integer") and (len(value.strip(" +-0")) > 100 or abs(int(value)) >= 1 << 63):
         return f'"{value}" is too large for an integer.'
     return f'the value "{value}" cannot be set: is the attribute written twice?'  # how Mitsuba words a repetition
 

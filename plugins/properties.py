@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 import mitsuba as mi
+from mitsonar.io.errors import shortened
 from mitsonar.spelling import meant
 from mitsonar.units import radians_from_deg
 
@@ -65,7 +66,7 @@ class Attributes:
     def error(self, sentence):
         """Make (not raise) a `ValueError` that names the plugin, for checks across attributes."""
         name = f' "{self.props.id()}"' if self.props.id() else ""
-        return ValueError(f"{self.props.plugin_name()}{name}: {' '.join(sentence.split())}")
+        return ValueError(shortened(f"{self.props.plugin_name()}{name}: {' '.join(sentence.split())}"))
 
     def integer(self, name, default=REQUIRED, *, minimum=None, maximum=None, unit=None):
         """Read a whole number; a float is refused even where it is whole."""

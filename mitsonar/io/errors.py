@@ -1,6 +1,9 @@
 """Errors in one sentence, as people read them and manifests keep them."""
+import re
 
-__all__ = ["sentence"]
+__all__ = ["sentence", "shortened"]
+
+LONGEST_WORD = 300                 # characters; paths are seldom longer
 
 
 def sentence(error):
@@ -19,4 +22,18 @@ def sentence(error):
         return f"out of memory: {error or 'nothing more is known'}; take fewer pings, rays or bins"
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return " ".join(str(error).split())
+    return shortened(" ".join(str(error).split()))
+
+
+def shortened(text):
+    """Leave out the middle of every word of more than 300 characters, such as a number of thousands of digits.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+    """
+    return re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)

@@ -32,6 +32,8 @@ METRES = {"easting": "x", "eastings": "x", "east": "x", "northing": "y", "northi
 LARGEST_DEG = {"roll": 180, "pitch": 90, "latitude": 90, "longitude": 360}
 INSTANT = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?\s*(Z|[+-]\d\d:?\d\d)?", re.IGNORECASE)
 POINT = re.compile(r"([\d.]+)\s*([NS])[\s]+([\d.]+)\s*([EW])(?:\s+(\S+))?", re.IGNORECASE)
+FARTHEST = {"x": 1e8, "y": 1e8, "z": 1e5, "depth": 1e5, "heave": 1e5}      # [m]
+LATEST = 1e11                      # [s] from 1970, three thousand years
 LARGEST_FILE = 200_000_000         # bytes of a CSV file, which take sixteen times as much while they are read
 
 
@@ -100,6 +102,9 @@ def load(path):
     for name, limit in LARGEST_DEG.items():
         _refuse(path, numbers, columns, name, np.abs(values.get(name, np.zeros(1))) > limit,
                 f"degrees, beyond +-{limit}; check the columns and units.")
+    for name in FARTHEST:
+        _refuse(path, numbers, columns, name, np.abs(values.get(name, np.zeros(1))) > FARTHEST[name],
+                "m, farther than any place on Earth; check the columns and units.")
     geographic = "latitude" in columns
     x, y = (values[name] for name in (("longitude", "latitude") if geographic else ("x", "y")))
     z = values["z"] if "z" in columns else -values["depth"] if "depth" in columns else None
@@ -112,6 +117,8 @@ def load(path):
     if "time" not in columns:
         return Waypoints(x=x, y=y, z=z, geographic=geographic)
     time = _times(path, numbers, columns["time"])
+    _refuse(path, numbers, columns, "time", np.abs(time) > LATEST,
+            f"s, and no time lies beyond +-{LATEST:g} s; check the columns and units.")
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
         line = late[0] + 1

@@ -15,6 +15,7 @@ import numpy as np
 
 __all__ = ["Track", "rotation_matrix"]
 
+LATEST, FARTHEST = 1e11, 1e8       # [s], [m]: three thousand years, and more than once around the Earth
 FIELDS = ("time", "position", "roll", "pitch", "heading")
 
 
@@ -68,6 +69,9 @@ class Track:
         for name in FIELDS:
             _refuse(~np.isfinite(getattr(self, name)).reshape(self.time.size, -1).all(axis=1), name,
                     getattr(self, name), "remove or repair pings that are not finite numbers")
+        _refuse(np.abs(self.time) > LATEST, "time", self.time, f"no time lies beyond +-{LATEST:g} s; check the units")
+        _refuse(np.any(np.abs(self.position) > FARTHEST, axis=1), "position", self.position,
+                f"no place on Earth lies beyond +-{FARTHEST:g} m; check the units")
         _refuse(np.r_[False, np.diff(self.time) <= 0], "time", self.time,
                 "each ping must be later than the one before; sort them and drop repeated times")
         _refuse(np.abs(self.roll) > np.pi, "roll", self.roll, "it must lie within +-pi radians; convert degrees")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+DEEPEST = 1e6                      # [m], of which float32 still tells a sixteenth of a metre
 SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid a sonar swims in is faster
 
 
@@ -97,6 +98,10 @@ def _check(depth, sound_speed):
         if bad.size:
             raise ValueError(f"sound-speed profile: {name}[{bad[0]}] is {column[bad[0]]}; "
                              "remove or repair nodes that are not finite numbers.")
+    bad = np.flatnonzero(np.abs(depth) > DEEPEST)
+    if bad.size:
+        raise ValueError(f"sound-speed profile: depth[{bad[0]}] = {depth[bad[0]]:g} m is beyond +-{DEEPEST:g} m; check "
+                         "columns and units.")
     bad = np.flatnonzero(np.diff(depth) <= 0)
     if bad.size:
         k = bad[0] + 1

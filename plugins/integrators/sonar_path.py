@@ -45,6 +45,7 @@ BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, whi
 BYTES_PER_PATH = 12                # and of each path where there is more than one
 BINS_PER_PULSE = 10_000
 MOST_BOUNCES = 6
+MOST_RAYS = 50_000_000             # of a ping: they are one kernel, of a quarter of a minute, that Ctrl-C waits for
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 
 
@@ -53,7 +54,7 @@ class SonarPath(mi.SamplingIntegrator):
 
     def __init__(self, props):
         attributes = Attributes(props)
-        self.rays = attributes.integer("rays", 100_000, minimum=1, maximum=1 << 30)
+        self.rays = attributes.integer("rays", 100_000, minimum=1, maximum=MOST_RAYS)
         self.first_pass = attributes.number("first_pass", 0.15, minimum=0, maximum=0.9)
         self.max_depth = attributes.integer("max_depth", 1, minimum=1, maximum=MOST_BOUNCES)
         self.lighting = attributes.text("lighting", LIGHTING[0], choices=LIGHTING)

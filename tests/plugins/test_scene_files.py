@@ -148,3 +148,22 @@ def test_damaged_scenes_load_or_say_why(load, tmp_path, rng):
             mitsonar.load_file(path)
         except (ValueError, OSError) as error:
             assert "\n" not in str(error) and "Traceback" not in str(error) and len(str(error)) < 2000
+
+
+def blends(levels, first):
+    """A blend of a blend of ... of one material with itself: 2^levels ways lead down to it."""
+    ends = '<bsdf type="diffuse" id="m0"/>'
+    return ends + "".join(f'<bsdf type="blendbsdf" id="m{k}"><float name="weight" value="0.5"/><ref id="m{k - 1}"/>'
+                          f'<ref id="{first or f"m{k - 1}"}"/></bsdf>' for k in range(1, levels + 1))
+
+
+def test_materials_that_hold_others_in_too_many_ways(load):
+    assert len(load(blends(8, None)).shapes()) == 1
+    assert len(load(blends(40, "m0")).shapes()) == 1               # deep, and of few ways
+    with pytest.raises(ValueError, match="line 10: blendbsdf: it holds others in more than 100000 ways"):
+        load(blends(40, None))
+
+
+def test_objects_that_hold_themselves(load):
+    with pytest.raises(ValueError):
+        load('<bsdf type="blendbsdf" id="a"><float name="weight" value="0.5"/><ref id="a"/><ref id="a"/></bsdf>')
