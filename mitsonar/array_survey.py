@@ -7,8 +7,8 @@ The stages of one ping, in order (`ArraySurvey.responses`):
 
 A source is a point that rays are traced from; `Fans` says which there are and which share of each transmit element
 they stand for. What is drawn by chance, paths of more bounces and the water, is always seen from the array's centre.
-Elements' patterns are taken at the frequency of the carrier, towards where the ray was sent and, coming back, from
-where it returns to the moved array.
+Elements' patterns are taken at the frequency of the carrier, towards where each element's own ray leaves and, coming
+back, from where it returns to the moved and turned array.
 """
 from dataclasses import dataclass
 from functools import cached_property, partial

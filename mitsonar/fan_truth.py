@@ -6,8 +6,9 @@ ray d belongs to the beam whose ψ is the nearest. What beam b shows is what all
     shown_b = Σ_b' M_bb' E_b',    M_bb' = mean over beam b' of |Σ_e w_e e^(ik r_e·(û(ψ) - û_b))|²
 
 smeared over range by the compressed pulse, a sinc of the signal's bandwidth. Elements' patterns, the transmit array's,
-and of a receive array that is no line its pattern off the fan's plane weigh the rays themselves. The platform stands
-still, which moves edges by less than a bin. Absorption, the same for all in a bin, is left out.
+and of a receive array that is no line its pattern off the fan's plane weigh the rays themselves. Rays leave at the
+transmission; d, and the bin, are those of the echo's own reception, by where the array is and looks then (`underway`).
+Absorption, the same for all in a bin, is left out.
 """
 from dataclasses import dataclass
 
@@ -21,6 +22,7 @@ from .lookups import held
 from .materials import scattering_strength
 from .propagation.device import arrays_of, upload
 from .signal.echoes import UNIT_BITS, EchoSums
+from .underway import Motion, Reception
 
 __all__ = ["FanTruth"]
 
@@ -98,14 +100,16 @@ class FanTruth:
         origin, rotation = survey.track.position[ping], survey.track.rotation()[ping]
         sources = light.tracer.sources([-origin[2]])
         start = lib.Array3f64(*(dr.opaque(lib.Float64, float(v)) for v in origin))
+        travel = survey.travel(ping, np.zeros(3))
+        motion = Motion(travel.displacement, travel.turn, travel.duration) if travel.turn.shape[1] else None
         sums, origins = EchoSums(lib, self.beams, self.labels, self.bins), self.truth.sums([ping], self.beams)
         for number in range(self.passes):
             key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + number * 0xC2B2AE35 + 0x3C6EF372
-            self._pass(sources, start, rotation, float(survey.depth_below[ping]), key, sums, origins)
+            self._pass(sources, start, motion, rotation, float(survey.depth_below[ping]), key, sums, origins)
         record = sums.read(self.unit, survey.geometry.depth_range)
         rays = record["rays"]
         if light.scatterers.targets or light.smooth:
-            coherent = self._coherent(sources, start, origin, rotation)
+            coherent = self._coherent(sources, start, motion, origin, rotation)
             record["label_intensity"] += coherent
             record["intensity"] = record["intensity"] + coherent.sum(1)
             rays = rays + coherent.any(1)
@@ -117,31 +121,41 @@ class FanTruth:
         return known | {"label": known["label"].astype(np.uint32), "rays": rays.astype(np.uint32),
                         "shadow": (empty & below).astype(np.uint8)}
 
-    def _pass(self, sources, start, rotation, below, key, sums, origins):
+    def _pass(self, sources, start, motion, rotation, below, key, sums, origins):
         """Add the rays of a pass to the sums."""
         light, source = self.light, mi.UInt32(0)
         direction, solid_angle, _ = self.rays(start, rotation, below, key)
-        row, weight = self._beam(direction, rotation)
-        ray = _Rays(row=row, ping=mi.UInt32(0), direction=direction)
-        solid_angle *= weight / dr.opaque(mi.Float, self.passes)
         if self.truth.hides:
             hits, hidden = light.tracer.with_hidden(sources, start, source, direction)
         else:
             hits, hidden = light.tracer(sources, start, source, direction), None
-        units, bin, inside = self._echo(sources, hits, solid_angle)
+        heard = self._received(motion, direction, hits.point - start, 2 * hits.travel_time)
+        row, weight = self._beam(direction, heard.towards, rotation)
+        ray = _Rays(row=row, ping=mi.UInt32(0), direction=direction)
+        solid_angle *= weight / dr.opaque(mi.Float, self.passes)
+        units, bin, inside = self._echo(sources, hits, heard.delay, solid_angle)
         if self.survey.geometry.surface_mirrors:
             inside &= hits.label != self.surface
         sums.add(row=row, label=hits.label, bin=bin, units=units, height=mi.Float(0), in_beam=mi.Bool(True),
                  active=inside)
         self.truth.add(origins, ray, hits, bin=bin, units=units, in_beam=mi.Bool(True), active=inside)
         if hidden is not None:
-            units, bin, inside = self._echo(sources, hidden, solid_angle)
+            late = self._received(motion, direction, hidden.point - start, 2 * hidden.travel_time).delay
+            units, bin, inside = self._echo(sources, hidden, late, solid_angle)
             origins.add_hidden(row=row, label=hits.label, bin=bin, units=units, active=inside)
         dr.eval(sums.energy, sums.count, sums.depth, origins.sums())
 
-    def _beam(self, direction, rotation):
-        """Number of the beam that directions belong to, and what the arrays make of them."""
-        body = mi.Vector3f(*(dr.dot(_opaque(rotation[:, i]), direction) for i in range(3)))
+    def _received(self, motion, towards, offset, delay):
+        """How echoes from points `offset` [m] off are heard whose two-way time is `delay` for an array at rest."""
+        if motion is None:
+            return Reception(delay=delay, towards=towards)
+        speed = dr.opaque(mi.Float, self.survey.sound_speed(0))
+        return motion.receive(mi.UInt32(0), towards, mi.Float(dr.norm(offset)), delay, speed)
+
+    def _beam(self, direction, heard, rotation):
+        """Number of the beam that hears directions, and what the arrays make of those they are sent in."""
+        sent, body = (mi.Vector3f(*(dr.dot(_opaque(rotation[:, i]), towards) for i in range(3)))
+                      for towards in (direction, heard))
         row, weight = dr.zeros(mi.UInt32, dr.width(direction)), mi.Float(1)
         axis, normal = _opaque(self.axis), _opaque(self.normal)
         u = dr.clip(dr.dot(body, axis), -1, 1)
@@ -157,7 +171,7 @@ class FanTruth:
             in_plane = dr.sqrt(1 - u * u) * normal + u * axis
             weight *= self._array_factor(receive, body - in_plane, steered=False)
         if np.count_nonzero(self.survey.transmit.weight) > 1:
-            weight *= self._array_factor(self.survey.transmit, body, steered=True)
+            weight *= self._array_factor(self.survey.transmit, sent, steered=True)
         if self.pattern is not None:
             weight *= self.pattern(direction, rotation)
         return row, weight
@@ -171,9 +185,9 @@ class FanTruth:
         return _pattern(upload(mi.Float, table.astype(np.float32)), upload(mi.Float, weight.astype(np.float32)),
                         dr.opaque(mi.UInt32, len(working)), direction)
 
-    def _echo(self, sources, hits, solid_angle):
+    def _echo(self, sources, hits, delay, solid_angle):
         """Echo of each ray in units of its bin, the bin, and whether it lies in the record."""
-        bin, inside = self._bin(2 * hits.travel_time, hits.valid & (solid_angle > 0))
+        bin, inside = self._bin(delay, hits.valid & (solid_angle > 0))
         strength, sin_grazing = scattering_strength(hits, inside, self.survey.frequency)
         inside &= sin_grazing > 1e-6
         _, source_speed, _ = sources.state.gather(self.lib, mi.UInt32(0))
@@ -187,13 +201,15 @@ class FanTruth:
         inside = valid & (place >= 0) & (place < dr.opaque(mi.Float64, self.bins))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 
-    def _coherent(self, sources, start, origin, rotation):
+    def _coherent(self, sources, start, motion, origin, rotation):
         """Squared sums of what has a phase, by beam, instance and bin."""
         shape = self.beams, self.labels, self.bins
         total = np.zeros(shape, complex)
         for label, echoes in self._with_phase(sources, start, origin):
             delay = echoes.out.travel_time + echoes.between + echoes.back.travel_time
-            row, weight = self._beam(echoes.back.sent_towards, rotation)
+            heard = self._received(motion, echoes.back.sent_towards, echoes.back.offset, delay)
+            row, weight = self._beam(echoes.out.sent_towards, heard.towards, rotation)
+            delay = heard.delay
             bin, inside = self._bin(delay, weight > 0)
             phase = mi.Float(delay * self.survey.frequency - dr.floor(delay * self.survey.frequency)) * (2 * np.pi)
             columns = row, label, bin, inside, dr.sqrt(weight), phase, *echoes.amplitude

@@ -160,8 +160,33 @@ def test_what_has_a_phase_adds_as_pressure_whatever_its_blocks(monkeypatch):
     survey = made.integrator().array_survey(made, made.sensors()[0])
     truth = survey.fan_truth(*fan_directions(survey.receive, 91, np.pi / 2))
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
-    where = truth.light.tracer.sources([-origin[2]]), truth.lib.Array3f64(*map(float, origin)), origin, rotation
+    where = truth.light.tracer.sources([-origin[2]]), truth.lib.Array3f64(*map(float, origin)), None, origin, rotation
     once, blocks = truth._coherent(*where), truth._with_phase
     monkeypatch.setattr(truth, "_with_phase", lambda *place: [*blocks(*place), *blocks(*place)])
     assert once.max() > 0
     np.testing.assert_allclose(truth._coherent(*where), 4 * once, rtol=1e-6)
+
+
+def test_truth_lies_where_a_fast_and_turning_array_hears_the_echo(tmp_path):
+    """10 m/s and 40 degrees a second: within 37 ms a target drifts by 1.5 beams, its echo is 0.18 m, 10 bins, early.
+
+    A pulse this short has little coupling of range and Doppler, T f_D / B: 0.03 m.
+    """
+    rate, speed = np.deg2rad(40), 10.0
+    time = np.arange(0, 1.01, 0.05)
+    heading = rate * time
+    track = np.column_stack([time, speed / rate * (1 - np.cos(heading)), speed / rate * np.sin(heading), 0 * time - 14,
+                             0 * time, 0 * time, np.rad2deg(heading)])
+    np.savetxt(tmp_path / "turn.csv", track, delimiter=",", header="time,x,y,z,roll,pitch,heading", comments="")
+    moving = {key: value for key, value in SONAR.items() if key != "start"}
+    moving |= {"track": str(tmp_path / "turn.csv"), "pulse_ms": 0.25}
+    scene = array_scene({"seabed": bed(20, size=120, mu_db=-60.0), "buoy": target([1.0, 27.5, -15.0])}, sensor=moving,
+                        film={"range": 32.0}, integrator={"cell": 0.6})
+    image = mitsonar.render(scene).isel(ping=0)
+    beam, bin = np.unravel_index(np.nanargmax(image["level"].values), image["level"].shape)
+    known = np.argwhere(image["share"].sel(shape="buoy").values > 0.5).mean(0)        # its main lobe, alike both sides
+    assert known == pytest.approx([beam, bin], abs=2.0)
+    # at rest: 2.1 degrees, one a beam about beam 45
+    away = np.hypot(1.0, 27.5)
+    assert 45 + np.rad2deg(np.arctan2(1.0, 27.5)) - known[0] > 1
+    assert np.interp(away, image["range"], np.arange(image.sizes["range"])) - known[1] > 7

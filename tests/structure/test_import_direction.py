@@ -21,11 +21,11 @@ FLOORS = """
     shape_labels trace scene_objects alterations
     tessellation
     materials connection water_echoes scatterers echoes free_rays sights paths bounces array_ghosts drawn_rays
-    element_beams
+    element_beams underway
     smooth_facets
     smooth_parts
     smooth_targets
-    underway place
+    place
     coherent_echoes bin_truth
     ensonification fan_truth array_station array_survey array_cost array_signals
     survey
