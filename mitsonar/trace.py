@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from .propagation.device import arrays_of, upload
-from .propagation.fans import build_fans
+from .propagation.fans import FEWEST_VERTICES, build_fans
 from .propagation.layer_table import layer_table
 from .propagation.record import Record
 from .propagation.two_point import source_state, to_hit
@@ -211,7 +211,7 @@ class Tracer:
         self.tolerance = float(tolerance)
         self.lib = arrays_of(mi.Float)
         self.table = layer_table(profile, mi.Float)
-        self._known = (None, None)
+        self._known, self._room = (None, None), FEWEST_VERTICES
 
     def sources(self, source_depth):
         """Prepare the fans of the source depths ((D,) [m]); the last answer is kept, a straight track asks again."""
@@ -219,7 +219,8 @@ class Tracer:
         key = source_depth.tobytes()
         if self._known[0] != key:
             fans = build_fans(self.table, self.profile, source_depth, slab=self.geometry.depth_range,
-                              max_range=self.max_range, tolerance=self.tolerance)
+                              max_range=self.max_range, tolerance=self.tolerance, max_vertices=self._room)
+            self._room = int(fans.stride[0])        # found by trials; the next depths will need as much
             self._known = key, Sources(fans=fans, state=source_state(self.table, source_depth))
         return self._known[1]
 

@@ -20,10 +20,11 @@ from ..lookups import held
 from .device import upload
 from .record import Record
 
-__all__ = ["Fans", "build_fans"]
+__all__ = ["FEWEST_VERTICES", "Fans", "build_fans"]
 
 HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
 LOOKUP_PER_ROW = 2
+FEWEST_VERTICES = 16               # room for those of a row, to begin with
 NARROWEST = 2e-7                   # [rad] rows below this are not told apart in float32
 
 
@@ -66,7 +67,8 @@ def _step_rows(lib, edge, first, j, angle):
     return j
 
 
-def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008, rows=3072, max_vertices=16):
+def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008, rows=3072,
+               max_vertices=FEWEST_VERTICES):
     """Trace and simplify one fan of exact rays per source depth.
 
     Parameters
@@ -83,6 +85,8 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
         Largest distance between chord and arc.
     rows : int
         Rows per fan before the split at critical angles.
+    max_vertices : int
+        Room for the vertices of a row, doubled as often as a row needs it; what other fans needed saves trials.
 
     Returns
     -------

@@ -31,6 +31,31 @@ PROFILES = {
 RAYS = 4000
 
 
+def test_room_for_a_fan_is_found_once(bed, monkeypatch):
+    """Rays in a zigzag need much room: the first fans find out how much by doubling it, the next ones begin there."""
+    from mitsonar.propagation import fans
+
+    rooms, traced = [], fans._trace_rows
+
+    def told(*arguments):
+        rooms.append(int(arguments[-1][0]))
+        return traced(*arguments)
+
+    monkeypatch.setattr(fans, "_trace_rows", told)
+    tracer = Tracer(bed, SoundSpeedProfile(*map(np.asarray, PROFILES["zigzag"])), max_range=260.0)
+    tracer.sources([10.3])
+    assert len(rooms) > 1 and rooms == [fans.FEWEST_VERTICES << k for k in range(len(rooms))]
+    largest = rooms[-1]
+    later = tracer.sources([10.4]).fans
+    assert rooms[-1] == largest and rooms.count(largest) == 2 and len(rooms) == int(np.log2(largest / 16)) + 2
+    # more room than it needs makes no other fan
+    alone = Tracer(bed, tracer.profile, max_range=260.0).sources([10.4]).fans
+    size = alone.size.numpy()
+    assert np.array_equal(size, later.size.numpy())
+    rows = [fan.vertex.numpy().reshape(len(size), -1, 4) for fan in (alone, later)]
+    assert all(np.array_equal(one[:n], other[:n]) for one, other, n in zip(*rows, size, strict=True))
+
+
 @pytest.fixture(scope="module")
 def bed():
     """A rough bed, and a sphere above it so that both kinds of shape are hit."""
