@@ -31,8 +31,6 @@ from .sonar.element_patterns import element_pressure
 __all__ = ["GUARD", "Station"]
 
 GUARD = 5e-10                      # [s] error to be expected of the vector approximation from which on it is not used
-
-
 CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
 UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 
