@@ -200,7 +200,7 @@ def rates(arguments):
     elements = rng.uniform(-0.5, 0.5, (ELEMENTS, 3))
     # plausible fields; what they hold does not change the work
     hits = [upload(Float, np.float32(np.full(lanes, value) + 1e-4 * rng.random(lanes))) for value in
-            (0.6, 0.3, 0.74, 0, 0, 1, 0.01, 1495, 1494, 2.2e6, 0.74, 0.01, 0.01, 0, 0.1)]
+            (0.6, 0.3, 0.74, 0, 0, 1, 0.01, 1495, 1494, 2.2e6, 0.74, 0.01, 0.01, 0, 0.1, 0.02, 0.01, 0)]
     difference = {"straight, one speed": lambda h, e: (h[0] * e[0] + h[1] * e[1] + h[2] * e[2]) / h[7], **DIFFERENCES}
     work = {}
     for name, function in difference.items():

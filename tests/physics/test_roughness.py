@@ -63,7 +63,7 @@ def test_of_height_has_that_height():
     (lambda: RoughnessSpectrum(w2=1e-4, gamma=4.0), "gamma is 4.0; it must be between 2 and 4"),
     (lambda: RoughnessSpectrum(w2=1e-4, outer_scale=0.0), "outer_scale is 0.0"),
     (lambda: RoughnessSpectrum.of_height(-0.1), "rms_height is -0.1"),
-    (lambda: RoughnessSpectrum.of_sediment("quicksand"), 'no sediment is called "quicksand"; known are rough rock'),
+    (lambda: RoughnessSpectrum.of_sediment("quicksand"), 'no sediment is called "quicksand".*; known are rough rock'),
 ])
 def test_refusals(make, said):
     with pytest.raises(ValueError, match=said):

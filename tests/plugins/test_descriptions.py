@@ -26,6 +26,7 @@ EVERY = {
     "seabed": (BED, "depth 10.0 m"),
     "bathymetry": ({"filename": str(SCENES / "bathymetry" / "sandwaves.tif"), "resolution": 50.0}, "sandwaves.tif"),
     "point_target": ({"position": [0.0, 1.5, -5.0], "target_strength_db": -7.0}, "-7 dB at 0, 1.5, -5"),
+    "capped_cylinder": ({"radius": 0.25, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 2.0, -5.0]}, "0.25 m"),
     "sea_surface": ({"size": 300.0}, "300 m"),
     "targets": ({"meshes": str(SCENES / "targets"), "species": "crate", "count": "1", "bed": BED}, "crate.targets.1"),
 }

@@ -10,7 +10,7 @@ def test_scenes_that_come_with_mitsonar_go_by_name(variant, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert mitsonar.load_file("sidescan_flat", pings=7).sensors()[0].platform.pings == 7
     assert mitsonar.render("sidescan_flat.xml").sizes["ping"] == 200
-    with pytest.raises(FileNotFoundError, match="scene sidescan_flatt does not exist; .*sidescan_flat"):
+    with pytest.raises(FileNotFoundError, match='scene sidescan_flatt does not exist .did you mean "sidescan_flat"'):
         mitsonar.render("sidescan_flatt")
 
 
