@@ -86,7 +86,9 @@ def load_file(path, /, **parameters):
     try:
         with _LOADING:
             scene_files.check(path, values)
-            scene = mi.load_file(path, optimize=False, **values)
+            # one after the other: a shape of ours that waits for the device while it is made lets Mitsuba's worker make
+            # the next one meanwhile, within it, and hundreds of them end in a RecursionError; it is as fast
+            scene = mi.load_file(path, optimize=False, parallel=False, **values)
     except (RuntimeError, UnicodeDecodeError) as error:
         raise _naming_parameters(as_exception(error), path) from None
     if not isinstance(scene, mi.Scene):

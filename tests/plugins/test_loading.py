@@ -327,3 +327,12 @@ def test_three_lines_are_enough(lines):
     child = subprocess.run([sys.executable, "-c", text], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)},
                            check=False, capture_output=True, text=True, timeout=120)
     assert (child.stdout, child.stderr, child.returncode) == ("(2, 1600, 1)\n", "", 0)
+
+
+def test_a_scene_of_a_thousand_targets_loads(variant, tmp_path):
+    """Made in parallel, one within the other, they ended in a RecursionError now and then."""
+    targets = "".join(f'<shape type="point_target"><point name="position" x="{i % 40}" y="{i // 40}" z="-5"/></shape>'
+                      for i in range(1000))
+    path = tmp_path / "many.xml"
+    path.write_text(f'<scene version="3.0.0">{targets}</scene>', encoding="utf-8")
+    assert len(mitsonar.load_file(path).shapes()) == 1000

@@ -20,7 +20,7 @@ def array_scene(shapes, *, sensor=None, water=None, film=None, integrator=None):
         "sensor": {"type": "array_sonar", "frequency_khz": 100.0, "noise": False, **place, **sensor,
                    "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **water},
                    "film": {"type": "sonar_film", "range": 30.0, **(film or {})}},
-        **shapes}, optimize=False)
+        **shapes}, optimize=False, parallel=False)
 
 
 def bed(depth, *, size=200.0, mu_db=-27.0):

@@ -23,7 +23,7 @@ def sidescan(shapes, *, sensor=None, water=None, film=None, rays=100_000, first_
         "sensor": {"type": "sidescan", "preset": "towed_100khz", **LEVEL, **sensor,
                    "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **water},
                    "film": {"type": "sonar_film", "range": 100.0, "bins": 1000, **(film or {})}},
-        **shapes}, optimize=False)
+        **shapes}, optimize=False, parallel=False)
 
 
 def lambert(mu_db=-27.0):
