@@ -5,7 +5,8 @@ In the mean water between the two depths, t = p / q solves
     X = H t (1 + 3/8 a2(t))                                 H depth difference, a2 as in `two_point`
 
 by fixed point, which is a ray to a few centimetres. Where the series is too slow, or the ray turns, the launched ray is
-walked arc by arc and turned by dθ0 = dz cos θ / V until it passes the point.
+walked arc by arc and turned by dθ0 = dz cos θ / V until it passes the point, between a ray that passes above it and one
+that passes below.
 """
 import drjit as dr
 
@@ -14,8 +15,9 @@ from .two_point import LEVEL, SERIES_LIMIT, walk
 __all__ = ["CLOSE_ENOUGH", "aim"]
 
 AIMING_STEPS = 4
-WALKS = 8
+WALKS = 16
 CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `to_hit` carries it over
+CLOSE_BY = 1e-4                # [m] as it does here: the carrying errs by nanoseconds where rays graze a level
 
 
 def aim(table, lib, source, fan, x, z, active):
@@ -66,22 +68,32 @@ def aim(table, lib, source, fan, x, z, active):
 
 @dr.syntax
 def _walked(table, lib, z0, c0, sine, cosine, x, z, active):
-    """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do."""
+    """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do.
+
+    By Newton's method, held between the last ray that passed above and the last that passed below.
+    """
+    F = lib.Float64
     left = lib.UInt32(WALKS)
     one = dr.opaque(lib.UInt32, 1)
-    failed = lib.Bool(False)
+    upper_sine, upper_cosine, lower_sine, lower_cosine = F(-1), F(0), F(1), F(0)
     while active & (left > 0):
         z_x, t_x, arc_x, v, s_x, c_x, g_x = walk(table, lib, z0, c0, sine, cosine / c0, x, active)
         dz = z - z_x
-        active = active & (abs(dz) > CLOSE_ENOUGH)
+        active = active & (abs(dz) > CLOSE_BY)
+        above = dz > 0
+        upper_sine, upper_cosine = dr.select(above, sine, upper_sine), dr.select(above, cosine, upper_cosine)
+        lower_sine, lower_cosine = dr.select(above, lower_sine, sine), dr.select(above, lower_cosine, cosine)
         # near a caustic V is nothing: take the straight ray's lever instead
         lever = dr.select(abs(v) > 0.05 * x, v, dr.maximum(x, 1e-3))
         turn = dr.clip(dz * (cosine / c0) * c_x / lever, -0.1, 0.1)
         turned_sine, turned_cosine = sine + cosine * turn, cosine - sine * turn
+        # sines of the angles from the bounds
+        within = ((turned_sine * upper_cosine - turned_cosine * upper_sine > 0)
+                  & (lower_sine * turned_cosine - lower_cosine * turned_sine > 0))
+        turned_sine = dr.select(within, turned_sine, upper_sine + lower_sine)
+        turned_cosine = dr.select(within, turned_cosine, upper_cosine + lower_cosine)
         unit = dr.rsqrt(dr.maximum(turned_sine * turned_sine + turned_cosine * turned_cosine, 1e-12))
         sine = dr.select(active, turned_sine * unit, sine)
         cosine = dr.select(active, turned_cosine * unit, cosine)
-        failed |= active & (cosine <= 0)
-        active = active & ~failed
         left -= one
-    return sine, cosine, failed | active
+    return sine, cosine, active

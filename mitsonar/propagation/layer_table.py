@@ -15,12 +15,15 @@ import numpy as np
 from ..lookups import held
 from .device import arrays_of, upload
 from .record import Record
+from .sole_range import sole_range
 
 __all__ = ["LayerTable", "layer_table"]
 
 FAR = 1.0e5            # [m] thickness of the constant half-spaces above and below the profile
 SPEED_STEP = 0.01      # largest relative change of sound speed inside one layer
 LOOKUP_SIZE = 2048
+EDGE = 1e-7            # [m] from an edge: arrivals that this parts differ by less than 1e-10 s
+SAFE = 1 - 1e-6         # of a range: what single precision may round up
 _GAUSS = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0.5, 5 / 18))
 
 
@@ -35,7 +38,9 @@ class LayerTable(Record):
     reference: object     # Float64 (1,): r0 [s²/m²]
     scale: object         # Float64 (1,): 1 / r0
     last: object          # UInt32 (1,): index of the last layer
-    turning: object       # Float64 (4 K,): fastest node and steepest gradient above the layer's lower side, and below
+    cells: object         # Float64 (2 K,): number of the cell of `sole` as a line over depth, slope and offset
+    sole: object          # Float (C C,): `sole_range` by cells [m]
+    sole_cells: object    # Float64 (1,): C
     profile: object       # the SoundSpeedProfile it was made of
     count: int
 
@@ -52,10 +57,19 @@ class LayerTable(Record):
         row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
         return row[0], row[1], row[2], row[3]
 
-    def turns(self, depth):
-        """Fastest node above depths [m/s] and the steepest gradient that turns rays there [1/s]; and below."""
-        row = dr.gather(self.lib.Array4f64, self.turning, self.find(depth))
-        return row[0], row[1], row[2], row[3]
+    def sole_range(self, depth, other):
+        """Range within which no two rays lead from a depth to another [m]: see `sole_range`."""
+        lib, ranges = self.lib, []
+        # a depth at the edge of two cells is of both, and of one of them more may be known; but along an edge of
+        # uniform water runs a level ray that the other side does not know
+        for aside in (-EDGE, EDGE):
+            number = []
+            for z in (depth + aside, other + aside):
+                line = dr.gather(lib.Array2f64, self.cells, self.find(z))
+                number.append(dr.floor(held(dr.fma(line[0], z, line[1]), 0, self.sole_cells - 1)))
+            index = lib.UInt32(dr.fma(number[0], self.sole_cells, number[1]))
+            ranges.append(dr.gather(lib.Float, self.sole, index))
+        return dr.select(abs(depth - other) < 3 * EDGE, dr.minimum(*ranges), dr.maximum(*ranges))
 
     def at(self, depth):
         """Sound speed [m/s] and the four moments M_n at each depth."""
@@ -112,9 +126,9 @@ def layer_table(profile, like):
     at_node = np.concatenate([-FAR * edge[:1], at_node, at_node[-1:] + FAR * edge[1:]])
     gradient = np.diff(c) / np.diff(z)
     rows = np.concatenate([z[:-1, None], c[:-1, None], gradient[:, None], z[1:, None], at_node[:-1]], 1)  # (layer, 8)
-    down = np.maximum.accumulate([c[:-1], np.maximum(-gradient, 0)], axis=1)
-    up = np.maximum.accumulate([c[:0:-1], np.maximum(gradient[::-1], 0)], axis=1)[:, ::-1]
-    turning = np.concatenate([down, up]).T                                                    # (layer, 4)
+    sole = sole_range(profile)
+    cells = np.transpose(sole.places(z[:-1], z[1:]))                                          # (layer, 2)
+    float_type = dr.zeros(lib.Float, 1).numpy().dtype
     top, bottom = z[1], max(z[-2], z[1] + 1.0)
     bins = top + (bottom - top) * np.arange(LOOKUP_SIZE) / LOOKUP_SIZE
     lookup = np.clip(np.searchsorted(z, bins, side="right") - 1, 0, len(rows) - 1)
@@ -122,9 +136,10 @@ def layer_table(profile, like):
         lib=lib, layers=upload(lib.Float64, rows), lookup=upload(lib.UInt32, lookup.astype(np.uint32)),
         top=dr.opaque(lib.Float64, top), bins_per_metre=dr.opaque(lib.Float64, LOOKUP_SIZE / (bottom - top)),
         reference=dr.opaque(lib.Float64, reference), scale=dr.opaque(lib.Float64, 1 / reference),
-        last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows), turning=upload(lib.Float64, turning),
-        profile=profile)
-    dr.eval(table.layers, table.lookup, table.turning)
+        last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows), profile=profile,
+        cells=upload(lib.Float64, cells), sole=upload(lib.Float, (SAFE * sole.range).astype(float_type)),
+        sole_cells=dr.opaque(lib.Float64, len(sole.range)))
+    dr.eval(table.layers, table.lookup, table.cells, table.sole)
     return table
 
 

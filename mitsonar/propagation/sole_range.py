@@ -1,0 +1,192 @@
+"""The range up to which no two rays lead from one depth to another: what is found there is the only ray.
+
+Of a ray of parameter p that turns above two depths u < l, with W(p, d) its range from the turn down to a depth d,
+
+    X = W(p, u) + W(p, l),      W and dW/dp grow with d
+
+so that what holds in the corner of a cell of depths holds in all of it: X is no less than in the shallow corner, dX/dp
+no more than in the deep one. Direct rays grow in X with p until they run level at u, if that is where sound is
+fastest, and go on as rays that turn just above: those are the only ones to their points as long as dX/dp < 0. From
+where that is not sure, and on the other side from the start, no ray is shorter than the least X: the sole range.
+
+Intervals of p are steps of the sine at the lower side of the layer that rays turn in (s_n, its gradient g):
+
+    W = s_n/(p g) + Σ p (c1 + c2) dz / (s1 + s2),    p² s_n dW/dp = -1/g + Σ p² (c1 + c2) dz s_n / (s1 s2 (s1 + s2))
+
+each part bounded by its values at an interval's ends, as in `turned`. Rays of more turns are longer: one that turns
+twice begins with one that turns above and holds one that turns below, and of both kinds no two are within the range.
+"""
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["SoleRange", "sole_range"]
+
+CELLS = 224                    # of depth, about as many
+SINE_STEP = 1.5e-3
+BEYOND = 8                     # cells of the uniform water on either side, as deep together as the profile
+TINY = 1e-300
+
+
+class SoleRange(NamedTuple):
+    """Cells between edges; the last and the first reach as far as water does.
+
+    Attributes
+    ----------
+    edge : array (N+1,) [m]
+        Increasing.
+    range : array (N, N) [m]
+        By the cells of both depths; symmetric.
+    """
+
+    edge: np.ndarray
+    range: np.ndarray
+
+    def places(self, top, bottom):
+        """Numbers of cells as a line over depth, slope and offset (2, K), within layers from top to bottom (K,)."""
+        cell = np.clip(np.searchsorted(self.edge, (top + bottom) / 2) - 1, 0, len(self.edge) - 2)
+        slope = 1 / np.diff(self.edge)[cell]
+        return slope, cell - self.edge[cell] * slope
+
+
+def sole_range(profile):
+    """Find for every two depths a range within which no two rays, direct or turned, lead from one to the other.
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+
+    Returns
+    -------
+    SoleRange
+    """
+    return _sole_range(np.asarray(profile.depth, float).tobytes(), np.asarray(profile.sound_speed, float).tobytes())
+
+
+@lru_cache(maxsize=16)
+def _sole_range(depth, speed):
+    depth, speed = np.frombuffer(depth), np.frombuffer(speed)
+    edge = _edges(depth, speed)
+    above = _turned_above(depth, speed, edge)
+    below = _turned_above(-depth[::-1], speed[::-1], -edge[::-1])[::-1, ::-1].T
+    sole = np.minimum(above, below)
+    sole = np.triu(sole) + np.triu(sole, 1).T
+    sole.setflags(write=False)
+    return SoleRange(edge, sole)
+
+
+def _edges(depth, speed):
+    """Edges of cells: nodes, what lies evenly between, and some beyond."""
+    thickness, change = np.diff(depth), np.abs(np.diff(speed))
+    if not change.any():
+        return np.array([depth[0] - 1.0, depth[-1] + 1.0])
+    share = CELLS * (thickness / thickness.sum() + change / change.sum()) / 2
+    edge, gathered = [depth[:1]], 0.0
+    for k, part in enumerate(share):
+        gathered += part
+        if gathered > 0.7 or k == len(share) - 1:
+            # thin layers share a cell
+            edge.append(np.linspace(edge[-1][-1], depth[k + 1], max(int(round(gathered)), 1) + 1)[1:])
+            gathered = 0.0
+    beyond = (depth[-1] - depth[0]) * np.arange(1, BEYOND + 1) / BEYOND
+    return np.concatenate([depth[0] - beyond[::-1], *edge, depth[-1] + beyond])
+
+
+def _turned_above(depth, speed, edge):
+    """Ranges (N, N), meaningful where the first cell is not below the second, as far as rays turned above both tell."""
+    grid = np.unique(np.concatenate([depth, edge]))
+    fast = np.interp(grid, depth, speed)
+    at_edge = np.searchsorted(grid, edge)
+    cells = len(edge) - 1
+    steps = _steps(depth, speed)
+    if not steps:
+        return np.full((cells, cells), np.inf)
+    node, near_speed, gradient, left, right = map(np.array, zip(*steps))
+    shortest, slope = [], []
+    for some in np.array_split(np.arange(len(node)), max(1, len(node) * len(grid) // 200000)):
+        a, b = _bounds(grid, fast, at_edge, *(part[some] for part in (depth[node], near_speed, gradient, left, right)))
+        shortest.append(a)
+        slope.append(b)
+    shortest, slope = np.concatenate(shortest), np.concatenate(slope)
+    turn = depth[node] - (near_speed / np.sqrt((1 - right) * (1 + right)) - near_speed) / gradient  # shallowest of each
+    # the outermost cells have no end
+    slope[:, -1] = np.inf
+    goes_on = _goes_on(grid, fast, at_edge)
+    best = np.full((cells, cells), np.inf)
+    for j in range(len(node)):
+        if not np.isfinite(shortest[j]).any():
+            continue
+        first = np.searchsorted(edge[1:], turn[j], side="right")      # the cells whose lower side is below the turn
+        last = np.flatnonzero(np.isfinite(shortest[j, :-1]))[-1] + 1
+        if last <= first:
+            continue
+        some = np.s_[first:last, first:last]
+        goes_on[some] &= slope[j, first + 1:last + 1, None] + slope[j, None, first + 1:last + 1] < 0
+        least = shortest[j, first:last, None] + shortest[j, None, first:last]
+        best[some] = np.minimum(best[some], np.where(goes_on[some], np.inf, least))
+    return best
+
+
+def _steps(depth, speed):
+    """Intervals of the sine by layers, upwards: lower node, the speed there, gradient upwards, sines from, to."""
+    steps = []
+    for k in range(len(depth) - 2, -1, -1):
+        if speed[k] > speed[k + 1]:
+            cosine = speed[k + 1] / speed[k]
+            steepest = np.sqrt((1 - cosine) * (1 + cosine))
+            sine = np.linspace(0, steepest, int(np.ceil(steepest / SINE_STEP)) + 1)
+            gradient = (speed[k] - speed[k + 1]) / (depth[k + 1] - depth[k])
+            steps += [(k + 1, speed[k + 1], gradient, a, b) for a, b in zip(sine[:-1], sine[1:])]
+    return steps
+
+
+def _bounds(grid, fast, at_edge, near, near_speed, gradient, left, right):
+    """Least W and largest p² s_n dW/dp at the edges, (J, N+1); infinite W where no ray of the interval comes by."""
+    near_index = np.searchsorted(grid, near)
+    steep, level = (np.sqrt((1 - sine) * (1 + sine)) / near_speed for sine in (right, left))      # p, least and largest
+    column = np.arange(len(grid))
+    below = column > near_index[:, None]
+    sines = []
+    for p, sine in ((steep, right), (level, left)):
+        cosine = p[:, None] * fast
+        square = (1 - cosine) * (1 + cosine)
+        square[np.arange(len(p)), near_index] = sine * sine
+        sines.append(square)
+    # where the steepest does not come by none does
+    blocked = np.maximum.accumulate(below & (sines[0] <= 0), axis=1)
+    steepest, levelest = (np.sqrt(np.maximum(square, 0)) for square in sines)
+    total = np.diff(grid) * (fast[1:] + fast[:-1])
+    passed = below[:, 1:]                                              # grid layers that end below the near node
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        reach = np.where(passed, steep[:, None] * total / (steepest[:, 1:] + steepest[:, :-1]), 0)
+        share = np.maximum(_ratio(left[:, None], levelest[:, :-1]), right[:, None] / np.maximum(steepest[:, :-1], TINY))
+        tilt = level[:, None] ** 2 * total * share / (levelest[:, 1:] * (levelest[:, 1:] + levelest[:, :-1]))
+        tilt = np.where(passed, np.where(np.isnan(tilt), np.inf, tilt), 0)
+        # within the layer that they turn in
+        turns_at = near - (1 / level - near_speed) / gradient
+        arc = np.where(grid > turns_at[:, None], levelest, 0) / (level * gradient)[:, None]
+        arc_tilt = -_ratio(right[:, None], steepest) / gradient[:, None]
+    start = (left / (level * gradient))[:, None]
+    zero = np.zeros((len(near), 1))
+    shortest = np.where(below, start + np.concatenate([zero, np.cumsum(reach, 1)], 1), arc)
+    slope = np.where(below, -1 / gradient[:, None] + np.concatenate([zero, np.cumsum(tilt, 1)], 1), arc_tilt)
+    return np.where(blocked, np.inf, shortest)[:, at_edge], np.where(blocked, np.inf, slope)[:, at_edge]
+
+
+def _ratio(sine, of):
+    """Of sines; where a ray just turns at the place of both it is one."""
+    return np.where((sine == 0) & (of == 0), 1.0, sine / np.maximum(of, TINY))
+
+
+def _goes_on(grid, fast, at_edge):
+    """Tell of cells whether the levelest direct rays from the first run level there, nowhere below: (N, N)."""
+    falls = np.array([np.all(np.diff(fast[a:b + 1]) <= 0) for a, b in zip(at_edge[:-1], at_edge[1:])])
+    cells = len(falls)
+    goes_on = np.zeros((cells, cells), bool)
+    for i in np.flatnonzero(falls):
+        lower = at_edge[i + 1]
+        fastest = np.maximum.accumulate(fast[lower:])
+        goes_on[i, i] = True
+        goes_on[i, i + 1:] = fast[lower] >= fastest[at_edge[i + 2:] - lower]
+    return goes_on
