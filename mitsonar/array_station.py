@@ -128,7 +128,7 @@ class Station:
             closing = []
             for leg, towards, time, at, begin in ways:
                 view, when = self._view(leg), begin + share * moment
-                arm = rotated(_opaque64(view.rotation @ (at - self.position)), view.travel.turned(begin))
+                arm = rotated(_opaque64(view.rotation @ (at - self.position)), view.travel.turned(when))
                 velocity = wide(*view.travel.velocity(when)) + dr.cross(wide(*view.travel.turn_rate(when)), wide(*arm))
                 distance = time * speed
                 towards = dr.normalize(towards * distance - wide(*arm))
@@ -188,14 +188,10 @@ class Station:
         off = np.any(transmit.position[element] != self.position)
         away = self._out(echoes) if off else None
         farther = self._transmit_delay(echoes, element, away) if off else None
-        # ---- return to the centre, where it is then
-        back = self._back(echoes, return_path)
-        total = echoes.arrival + back.return_time
-        if off:
-            # the hit is met later, and the platform is further on by then: first order, for it moves millimetres
-            velocity = view.travel.velocity(total)
-            closing = sum(lib.Float64(n) * v for n, v in zip(back.direction, velocity))
-            total += farther * (1 + closing / (dr.opaque(lib.Float64, self.speed) - closing))
+        # ---- return to the centre, where it is then; from an element farther off the hit is met later
+        met = echoes.arrival + farther if off else echoes.arrival
+        back = self._paths(view, echoes.back, return_path, view.travel, met)
+        total = met + back.return_time
         phase, sample, fraction = centre(total + late, start=survey.start, frequency=survey.frequency,
                                          sampling_rate=survey.sampling_rate)
         factor = self._transmitted(echoes, element, weight, away)

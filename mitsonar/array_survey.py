@@ -21,6 +21,7 @@ from .array_station import GUARD, Station
 from .element_beams import ElementBeams
 from .ensonification import Ensonification
 from .fan_truth import FanTruth
+from .lookups import held
 from .paths import Paths
 from .propagation.device import arrays_of
 from .scatterers import Scatterers
@@ -276,8 +277,9 @@ class _Everything:
         """Receive elements that hear echoes with one factor, as slices, and where they are."""
         return [(slice(None), None)]
 
-    def __call__(self, station, echoes, element, place):
-        return echoes, dr.opaque(mi.Float64, 0.0)
+    def __call__(self, station, echoes, element, place, delay):
+        """All echoes, and how much later [s] is heard what is sent later by a delay [s]."""
+        return echoes, station.time_scale(echoes, element, place, delay)[1] if delay else dr.opaque(mi.Float64, 0.0)
 
 
 class _Sorter:
@@ -296,14 +298,15 @@ class _Sorter:
         self.factors, self.begin, self.pulse = factors, begin, pulse
         self._asked, self._known = None, None
 
-    def __call__(self, station, echoes, element, place):
+    def __call__(self, station, echoes, element, place, delay):
         """When the middles of echoes are heard Float64 (R,) [s], numbers of their classes, and which occur."""
-        asked = station, echoes, element, place
+        asked = station, echoes, element, place, delay
         if self._asked is None or any(one is not other for one, other in zip(asked, self._asked)):
-            doppler, when = station.time_scale(echoes, element, place, self.begin + 0.5 * self.pulse.duration)
+            doppler, when = station.time_scale(echoes, element, place,
+                                              self.begin + 0.5 * self.pulse.duration + delay)
             width = float(self.factors[1] - self.factors[0]) if len(self.factors) > 1 else 1.0
             first, width = (dr.opaque(mi.Float64, v) for v in (float(self.factors[0]), width))
-            nearest = dr.clip(dr.round((doppler - first) / width), 0, dr.opaque(mi.Float64, len(self.factors) - 1))
+            nearest = held(dr.round((doppler - first) / width), 0, dr.opaque(mi.Float64, len(self.factors) - 1))
             number = mi.UInt32(nearest)
             dr.eval(when, number)
             self._asked, self._known = asked, (when, number, set(np.unique(number.numpy()).tolist()))
@@ -326,9 +329,9 @@ class _DopplerClass:
         """Receive elements that hear echoes with nearly one factor, as slices, and where they are."""
         return station.neighbours(echoes, factor_tolerance(self.sorter.pulse))
 
-    def __call__(self, station, echoes, element, place):
-        """The echoes that belong here, and how much they are to be delayed [s]."""
-        when, number, present = self.sorter(station, echoes, element, place)
+    def __call__(self, station, echoes, element, place, delay):
+        """The echoes that belong here, and how much they are to be delayed [s] where they are sent later by a delay."""
+        when, number, present = self.sorter(station, echoes, element, place, delay)
         if self.number not in present:
             return None, None
         index = dr.compress(number == dr.opaque(mi.UInt32, self.number))
@@ -390,7 +393,7 @@ class _Run:
         `sums` are pairs of what chooses echoes and the buffer for them; gives for each whether there were any. `told`
         is called with the share that is done.
         """
-        fans, heard = self.survey.fans, np.zeros(len(sums), bool)
+        fans, heard, delay = self.survey.fans, np.zeros(len(sums), bool), float(delay)
         # what is drawn by chance is the same for all transmit elements only where it is drawn from one place
         places = [(source, fans.position[source], fans.share[source, element])
                   for source in np.flatnonzero(fans.share[:, element])]
@@ -402,13 +405,9 @@ class _Run:
                     continue
                 for rows, place in sums[0][0].neighbours(station, echoes):
                     for number, (chosen, buffer) in enumerate(sums):
-                        some, late = chosen(station, echoes, element, place)
+                        some, late = chosen(station, echoes, element, place, delay)
                         if some is not None:
                             heard[number] = True
-                            if delay:
-                                # what is sent later by τ from a moving platform comes back later by τ / η
-                                late = late + (dr.opaque(self.lib.Float64, float(delay))
-                                               / station.time_scale(some, element, place)[0])
                             station.add(buffer, some, element, return_path, weight=share, late=late, rows=rows)
         return heard
 

@@ -31,6 +31,7 @@ __all__ = ["Lead", "PingTravel", "Recorded", "Sailed", "Smooth", "Trajectory", "
 POWERS = 6
 NEGLIGIBLE = 1e-9                  # [m], [rad]: powers that stay below are none
 STEP = 2e-4                        # [s] of differences
+ROUNDED = 1.0                      # [s] over which a rate of turn grows where a course bends: no kink within a ping
 MOST_TURN = 2.0                    # [rad] that a platform may turn while the echoes of a ping come in
 _POINTS = 0.5 - 0.5 * np.cos(np.pi * (np.arange(1, 10) - 0.5) / 9)
 _FIT = np.linalg.pinv(_POINTS[:, None] ** np.arange(1, POWERS + 1))                             # (power, point)
@@ -113,7 +114,7 @@ class Recorded(Lead):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sailed(Lead):
-    """A course through way points, level, at one speed, heading along it.
+    """A course through way points, level, at one speed, heading along it; turns begin and end within a second.
 
     Parameters
     ----------
@@ -127,7 +128,10 @@ class Sailed(Lead):
     height: Smooth
 
     def at(self, times, since):
-        place, heading, _ = self.course.at(self.speed * times, on=self.speed * since)
+        if self.course.has_arcs:
+            place, heading = self.course.rounded(self.speed * times, self.speed * ROUNDED)
+        else:
+            place, heading, _ = self.course.at(self.speed * times, on=self.speed * since)
         level = np.zeros(np.shape(times))
         return (np.concatenate([place, self.height(times)[..., None]], -1), np.stack([level, level, heading], -1))
 

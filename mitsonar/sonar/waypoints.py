@@ -11,6 +11,12 @@ __all__ = ["Course"]
 
 _BACK_DEG = 179.0                  # a turn beyond this leads back along the leg it came by
 _MOST_POINTS = 1_000_000
+_BLOCK = 2048                      # places rounded at once
+# a cubic B-spline of width 1 about 0, by the share of its mean that falls to each node
+_NODES = (np.arange(400) + 0.5) / 400 - 0.5
+_WEIGHTS = np.where(np.abs(_NODES) < 0.25, 2 / 3 - 16 * _NODES ** 2 * (1 - 2 * np.abs(_NODES)),
+                    4 / 3 * (1 - 2 * np.abs(_NODES)) ** 3)
+_WEIGHTS /= _WEIGHTS.sum()
 
 
 class Course:
@@ -29,6 +35,7 @@ class Course:
         Of the whole course.
     marks : array (N,) [m]
         Distance sailed where each way point is passed: at the middle of its arc.
+    has_arcs : bool
 
     Raises
     ------
@@ -63,6 +70,7 @@ class Course:
         self._headings = np.repeat(headings, 2)[:-1]
         curvature = np.sign(turns) / turn_radius if turn_radius else np.zeros_like(turns)
         self._curvature = np.r_[np.stack([np.zeros(len(turns)), curvature], -1).ravel(), 0.0]
+        self.has_arcs = bool(np.any(arcs > 0))
         self._begins = np.r_[0.0, np.cumsum(self._lengths)]
         self.length = float(self._begins[-1])
         self.marks = np.r_[0.0, self._begins[1:-1:2] + arcs / 2, self.length]
@@ -87,6 +95,50 @@ class Course:
                              f"{np.floor(room * 100) / 100:g} m, or 0 for corners.")
         return radius * tangents[1:-1]
 
+    def rounded(self, distance, width):
+        """Follow the course with its curvature growing and fading over a width [m], as a vessel's rate of turn does.
+
+        Parameters
+        ----------
+        distance : array (...) [m]
+        width : float [m]
+
+        Returns
+        -------
+        position : array (..., 2) [m]
+        heading : array (...) [rad]
+            Of the course, clockwise from north, not wrapped.
+
+        Notes
+        -----
+        The mean of the course over a cubic B-spline of that width: legs stay what they are, an arc of curvature κ keeps
+        its centre and its rate of turn and loses the share 1 - sinc(κ width / 8)^4 of its radius (sinc x = sin(x) / x).
+        """
+        distance = np.asarray(distance, dtype=np.float64)
+        position, heading, curvature = self.at(distance)
+        ends = self._part(distance - 0.5 * width), self._part(distance + 0.5 * width)
+        # amid an arc
+        share = np.sinc(curvature * width / (8 * np.pi)) ** 4
+        inwards = (1 - share) * np.divide(1.0, curvature, out=np.zeros_like(curvature), where=curvature != 0)
+        position = position + inwards[..., None] * np.stack([np.cos(heading), -np.sin(heading)], -1)
+        turning = np.concatenate([[0], np.cumsum(self._curvature != 0)])
+        mixed = (ends[0] != ends[1]) & (turning[ends[1] + 1] > turning[ends[0]])
+        places, forward = distance[mixed], np.empty((np.count_nonzero(mixed), 2))
+        mean = np.empty_like(forward)
+        for start in range(0, len(places), _BLOCK):
+            some = slice(start, start + _BLOCK)
+            there, ahead, _ = self.at(places[some, None] + width * _NODES)
+            mean[some] = np.einsum("n,pnx->px", _WEIGHTS, there)
+            forward[some] = np.einsum("n,pnx->px", _WEIGHTS, np.stack([np.sin(ahead), np.cos(ahead)], -1))
+        position[mixed] = mean
+        turned = np.arctan2(forward[:, 0], forward[:, 1]) - heading[mixed]
+        heading[mixed] += (turned + np.pi) % (2 * np.pi) - np.pi
+        return position, heading
+
+    def _part(self, distance):
+        """Number of the leg or arc that distances lie on."""
+        return np.clip(np.searchsorted(self._begins, distance, side="right") - 1, 0, len(self._lengths) - 1)
+
     def at(self, distance, on=None):
         """Follow the course, and beyond its ends straight on.
 
@@ -107,7 +159,7 @@ class Course:
         """
         distance = np.asarray(distance, dtype=np.float64)
         leg = distance if on is None or self._curvature.any() else np.broadcast_to(on, distance.shape)
-        part = np.clip(np.searchsorted(self._begins, leg, side="right") - 1, 0, len(self._lengths) - 1)
+        part = self._part(leg)
         gone = distance - self._begins[part]
         half = 0.5 * self._curvature[part] * gone
         chord = gone * np.sinc(half / np.pi)

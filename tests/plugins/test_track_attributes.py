@@ -59,11 +59,14 @@ def test_way_points_are_sailed_to_their_end(sensor):
     assert track.pings == int(length / step) + 1 and np.diff(track.time) == pytest.approx(0.5)
     assert track.position[0].tolist() == [0, -50, -12] and track.length == pytest.approx(length, abs=step)
     assert np.ptp(track.position[:, 2]) == 0
-    np.testing.assert_allclose(np.linalg.norm(laid.velocity, axis=1), 4 * KNOT, rtol=1e-9)
-    np.testing.assert_allclose(laid.velocity[:, 0], 4 * KNOT * np.sin(track.heading), atol=1e-9)
-    turning = np.abs(laid.turn_rate[:, 2]) > 0
-    np.testing.assert_allclose(laid.turn_rate[turning, 2], -4 * KNOT / 20)          # to starboard: about down
-    assert turning.sum() * step == pytest.approx(10 * np.pi, abs=2 * step)
+    # rounded over a second: a ten-thousandth of the speed, and a rate of turn that grows and fades
+    np.testing.assert_allclose(np.linalg.norm(laid.velocity, axis=1), 4 * KNOT, rtol=2e-4)
+    np.testing.assert_allclose(laid.velocity[:, 0], 4 * KNOT * np.sin(track.heading), atol=1e-3)
+    rate, whole = laid.turn_rate[:, 2], -4 * KNOT / 20                               # to starboard: about down
+    turning = rate < 0.999 * whole
+    np.testing.assert_allclose(rate[turning], whole, rtol=1e-4)
+    assert turning.sum() * step == pytest.approx(10 * np.pi, abs=3 * step)
+    assert rate.sum() * 0.5 == pytest.approx(-np.pi / 2, abs=0.01)
     assert np.rad2deg(track.heading[[0, -1]]) == pytest.approx([0, 90])
 
 
@@ -276,7 +279,7 @@ def test_courses_that_cannot_be_sailed(sensor, attributes, words):
 
 
 def test_a_recording_of_centuries_is_refused_before_it_is_resampled(sensor, file):
-    path = file("time,x,y,z\n0,0,0,-5\n1e12,1,0,-5\n")
-    with pytest.raises(ValueError, match="the track lasts 1e.12 s, which is more than 10000000 pings"):
+    path = file("time,x,y,z\n0,0,0,-5\n1e10,1,0,-5\n")
+    with pytest.raises(ValueError, match="the track lasts 1e.10 s, which is more than 10000000 pings"):
         voyage(sensor(track=path))
     assert voyage(sensor(track=path, pings=3)).track.pings == 3

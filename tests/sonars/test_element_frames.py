@@ -129,7 +129,8 @@ def test_every_echo_is_in_one_doppler_class(variant):
     echoes = SimpleNamespace(chosen=lambda index: index.numpy())
     station = SimpleNamespace(time_scale=lambda *_: (doppler, mi.Float64(0.5 * PULSE) / doppler))
     sorter = _Sorter(factors, 0.0, pulse)
-    found = [_DopplerClass(sorter=sorter, number=number)(station, echoes, 0, None)[0] for number in range(len(factors))]
+    found = [_DopplerClass(sorter=sorter, number=number)(station, echoes, 0, None, 0.0)[0]
+             for number in range(len(factors))]
     assert np.array_equal(np.sort(np.concatenate(found)), np.arange(dr.width(doppler)))
 
 
