@@ -145,7 +145,7 @@ def _integrals(table, z0, c0, moments0, z, x, p, area, up):
     per_p = x / dr.maximum(p, 1e-9)
     sines = dr.sqrt(dr.maximum((1 - p * p * c0 * c0) * (1 - p * p * c * c), 1e-12))
     slope = area * c0 * c0 / dr.maximum(per_p * sines, 1e-9)
-    y_series, y = y, dr.select(series, y, per_p)
+    y = dr.select(series, y, per_p)
     rest = e * e / dr.maximum(y, 1e-9)
     e = dr.select(series, e, (slope - per_p) / dr.maximum(p * p, 1e-18))
     uneven = dr.maximum(e / (dr.maximum(y, 1e-9) * q * q) - 1, 0)

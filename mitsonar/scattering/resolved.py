@@ -128,7 +128,6 @@ def _left(gamma, log_x):
     left = np.empty_like(x)
     left[near] = 1 - np.exp(_log_structure(np, alpha)) * x[near] ** (2 * alpha) - series
     f = x[~near] ** (2 - gamma) * j0(x[~near])
-    step = log_x[1] - log_x[0]
     total = CubicSpline(log_x[~near], f).antiderivative()(log_x[~near])
     end = -x[-1] ** (1 - gamma) * j1(x[-1])
     left[~near] = (gamma - 2) * x[~near] ** (gamma - 2) * (total[-1] - total + end)

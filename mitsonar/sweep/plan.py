@@ -15,7 +15,7 @@ from ..io import scenes, tables
 from ..spelling import meant
 from .inputs import Inputs
 from .names import Pattern
-from .values import Draw, axis, draw, random_bits, shortened, value, whole
+from .values import axis, draw, random_bits, shortened, value, whole
 
 __all__ = ["Plan", "Render", "load_plan"]
 

@@ -3,7 +3,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import j1
 
-from ..sonar import Aperture, beam_pattern, directivity_index_db, element_array, line_array, planar_array
+from ..sonar import Aperture, beam_pattern, directivity_index_db, element_array, line_array
 from ..sonar.shading import taper_loss_db, window_weights
 from .case import Case, Line, Panel, Row, Table, worst
 

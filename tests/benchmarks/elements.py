@@ -59,7 +59,6 @@ def by_elements(arguments):
     import mitsuba as mi
 
     from mitsonar.array_station import Station
-    from mitsonar.array_survey import _Everything
 
     rows = []
     for elements in arguments.elements:
@@ -91,7 +90,6 @@ def by_elements(arguments):
 
 def lighting(arguments):
     """Print time and level error of both ways to light scatterers."""
-    import drjit as dr
 
     def energies(plan):
         gates = np.arange(0, 2 * arguments.range / 1500, 1.0 / 1500)

@@ -2,7 +2,6 @@
 import copy
 import itertools
 import re
-import string
 import sys
 from pathlib import Path
 

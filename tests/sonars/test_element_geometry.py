@@ -14,7 +14,6 @@ from scipy.signal import resample
 import mitsonar
 from mitsonar.propagation import eigenray, return_time
 from mitsonar.signal import matched_filter
-from mitsonar.water import SoundSpeedProfile
 
 PROFILES = {"constant": "0:1500", "summer": SUMMER}
 RIGHT_CYCLES = 0.002
