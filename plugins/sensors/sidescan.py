@@ -39,6 +39,7 @@ from .platform import ArrayPlan, Platform
 
 WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
 NARROWEST_DEG = 0.01, 0.1          # what the integrals over the beam resolve
+SHORTEST_MS = 1e-6
 LEVELS_DB = {"minimum": -200, "maximum": 300}     # what energies in float32 can hold
 
 
@@ -52,7 +53,7 @@ class SidescanSensor(mi.Sensor):
         self.frequency = float(hertz_from_khz(attributes.number("frequency_khz", default["frequency_khz"], above=0,
                                                                   maximum=10_000, unit="kHz")))
         self.source_level_db = attributes.number("source_level_db", default["source_level_db"], **LEVELS_DB)
-        self.pulse_length = attributes.number("pulse_ms", default["pulse_ms"], above=0, unit="ms") / 1000
+        self.pulse_length = attributes.number("pulse_ms", default["pulse_ms"], minimum=SHORTEST_MS, unit="ms") / 1000
         self.transmit_widths = tuple(attributes.angle(name, default[name], minimum=narrowest, maximum=180)
                                      for name, narrowest in zip(WIDTHS, NARROWEST_DEG))
         self.receive_widths = tuple(
