@@ -1,0 +1,76 @@
+"""Pulses of 100 ms from arrays that turn or accelerate while they are sent: a point against the kinematics.
+
+What element e sends at t_s leaves O(t_s) + R(t_s) d_e, and is heard at t_r at O(t_r), of a trajectory in closed form:
+
+    y(t) = Σ_e w_e s_b(t_s - τ_e) e^{i2πf0 (t_s - τ_e' - t)} / r²,    t_s(t) by interpolation of t_r(t_s) for every e
+
+A line of a metre that turns by 25 degrees a second sweeps its steered beam over the point: with arms that stood still
+the level was 0.27 dB off. A drive that comes 20 ms late on a platform that accelerates by 3.5 m/s² is heard with the
+factor of its own moment, which was half a cycle off. Classes leave 0.02 cycle, on the beam's flank 0.1 dB.
+"""
+import mitsuba as mi
+import numpy as np
+import pytest
+from array_scene import buried_bed, target
+
+import mitsonar
+from mitsonar.scene import prepare
+from mitsonar.sonar.track import rotation_matrix
+
+C, F0, PULSE = 1500.0, 1e5, 0.1
+
+
+def spinning(t):
+    return np.stack([0 * t, 2 * t, 0 * t - 10], -1), np.radians(25) * t
+
+
+def accelerating(t):
+    return np.stack([1.75 * t ** 2, 2 * t, 0 * t - 10], -1), 0 * t
+
+
+def rendered_and_wanted(tmp_path, motion, point, **sensor):
+    prepare()
+    time, distance = np.arange(0, 2.01, 0.05), float(np.linalg.norm(point - np.array([0, 0, -10.0])))
+    place, heading = motion(time)
+    np.savetxt(tmp_path / "track.csv", np.column_stack([time, place, 0 * time, 0 * time, np.degrees(heading)]),
+               delimiter=",", header="time,x,y,z,roll,pitch,heading", comments="", fmt="%.12g")
+    scene = mi.load_dict({
+        "type": "scene", "integrator": {"type": "sonar_path", "cell": 50.0},
+        "sensor": {"type": "array_sonar", "frequency_khz": F0 / 1000, "pulse": "cw", "pulse_ms": 1e3 * PULSE,
+                   "pings": 1, "track": str(tmp_path / "track.csv"), "ping_rate_hz": 1.0, "noise": False, **sensor,
+                   "medium": {"type": "seawater", "absorption_db_per_km": 0.0, "sound_speed": C},
+                   "film": {"type": "sonar_film", "range": distance + 120, "range_min": distance - 5}},
+        "bed": buried_bed(200.0), "ball": target(point)}, optimize=False)
+    signals = mitsonar.element_signals(scene)
+    survey = scene.integrator().array_survey(scene, scene.sensors()[0])
+    heard, wanted = signals["time"].values, 0
+    weight = survey.transmit.weight / np.abs(survey.transmit.weight).sum()
+    sent = np.linspace(-0.1, 1.5, 20_001) * PULSE
+    for element, late, share in zip(survey.transmit.position, survey.transmit.delay, weight):
+        place, heading = motion(sent)
+        leaves = place + rotation_matrix(0 * heading, 0 * heading, heading) @ element
+        met = sent + np.linalg.norm(point - leaves, axis=1) / C
+        received = met + distance / C
+        for _ in range(8):
+            received = met + np.linalg.norm(point - motion(received)[0], axis=1) / C
+        own = np.interp(heard, received, sent, left=-1, right=-1) - late
+        wanted = wanted + share * survey.pulse.envelope(own) * np.exp(2j * np.pi * F0 * (own - heard))
+    level = 10 ** (signals.attrs["source_level_db"] / 20) / distance ** 2
+    return signals.values[0, 0, 0].astype(complex), level * wanted
+
+
+def test_a_steered_line_sweeps_as_it_turns(variant, tmp_path):
+    line = {"transmit": "line", "transmit_elements": 6, "transmit_pitch": 0.2, "transmit_axis": "0, 1, 0",
+            "transmit_normal": "forward", "transmit_steer_deg": "49, 10"}
+    got, wanted = rendered_and_wanted(tmp_path, spinning, [25.0, 20.0, -16.0], **line)
+    assert 20 * np.log10(np.linalg.norm(got) / np.linalg.norm(wanted)) == pytest.approx(0, abs=0.1)
+
+
+def test_a_late_drive_has_the_factor_of_its_moment(variant, tmp_path):
+    np.savetxt(tmp_path / "late.csv", [[0, 0, 0, 1, 0.02]], delimiter=",", header="x,y,z,weight,delay", comments="")
+    got, wanted = rendered_and_wanted(tmp_path, accelerating, [40.0, 20.0, -16.0], transmit="file",
+                                      transmit_file=str(tmp_path / "late.csv"))
+    phase = np.angle(np.sum(got * wanted.conj())) / (2 * np.pi)
+    assert phase == pytest.approx(0, abs=0.03)
+    kept = abs(np.sum(got * wanted.conj())) / np.linalg.norm(got) / np.linalg.norm(wanted)
+    assert 20 * np.log10(kept) > -0.1
