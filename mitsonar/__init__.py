@@ -1,9 +1,10 @@
 """mitsonar: a sonar renderer on Mitsuba.
 
 ``import mitsonar`` costs a few milliseconds and imports neither Mitsuba nor NumPy: public names are imported when first
-used. It does two things that cannot wait. It tells Dr.Jit which libLLVM to load (`mitsonar.llvm`), because Dr.Jit looks
-for one the moment it is imported; and it sees to it that the plugins are registered with Mitsuba, at once where Mitsuba
-is already imported, else right after somebody imports it. So this is all it takes for Mitsuba to read our scenes:
+used. It does two things that cannot wait. It tells Dr.Jit which libLLVM to load (`mitsonar.device.llvm`), because
+Dr.Jit looks for one the moment it is imported; and it sees to it that the plugins are registered with Mitsuba, at once
+where Mitsuba is already imported, else right after somebody imports it. So this is all it takes for Mitsuba to read our
+scenes:
 
     import mitsonar
     import mitsuba as mi
@@ -17,32 +18,32 @@ import os
 import sys
 import threading
 
-from mitsonar import llvm
+from mitsonar.device import llvm
 
 __version__ = "0.1.0"
 
-# Every public name of the package and the module it comes from; a module that is public itself names itself.
+# Every public name of the package: the module that it is, or the module that it comes from and its name there.
 _PUBLIC = {
-    "load_file": "mitsonar.scene",
-    "render": "mitsonar.rendering",
-    "read": "mitsonar.io.reading",
-    "write": "mitsonar.io.reading",
-    "impulse_response": "mitsonar.elements",
-    "element_signals": "mitsonar.elements",
-    "BackendError": "mitsonar.llvm",
+    "load_file": "mitsonar.scene.loading:load_file",
+    "render": "mitsonar.verbs:render",
+    "impulse_response": "mitsonar.verbs:impulse_response",
+    "element_signals": "mitsonar.verbs:element_signals",
+    "read": "mitsonar.io.reading:read",
+    "write": "mitsonar.io.reading:write",
+    "BackendError": "mitsonar.device.llvm:BackendError",
     "dataset": "mitsonar.dataset",
-    "doctor": "mitsonar.doctor",
+    "doctor": "mitsonar.cli.doctor",
     "imaging": "mitsonar.imaging",
     "io": "mitsonar.io",
-    "labelling": "mitsonar.labelling",
+    "labelling": "mitsonar.dataset.labels",
     "plots": "mitsonar.plots",
     "plugins": "mitsonar.plugins",
     "propagation": "mitsonar.propagation",
     "scattering": "mitsonar.scattering",
+    "seabed": "mitsonar.seabed",
     "signal": "mitsonar.signal",
     "sonar": "mitsonar.sonar",
     "sweep": "mitsonar.sweep",
-    "trace": "mitsonar.trace",
     "units": "mitsonar.units",
     "water": "mitsonar.water",
 }
@@ -62,9 +63,9 @@ def __getattr__(name):
     if name not in _PUBLIC:
         raise AttributeError(f"module 'mitsonar' has no attribute {name!r}; it has {', '.join(sorted(_PUBLIC))}")
     with _first_use:
-        module = importlib.import_module(_PUBLIC[name])
-        value = module if _PUBLIC[name] == f"mitsonar.{name}" else getattr(module, name)
-        globals()[name] = value
+        module, _, attribute = _PUBLIC[name].partition(":")
+        value = importlib.import_module(module)
+        value = globals()[name] = getattr(value, attribute) if attribute else value
     return value
 
 

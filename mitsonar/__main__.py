@@ -11,7 +11,8 @@ def main(argv=None):
     if sys.version_info < (3, 10):
         print("mitsonar needs Python 3.10 or newer, and this is {}.{}.".format(*sys.version_info), file=sys.stderr)
         return 2
-    from mitsonar import bootstrap, llvm
+    from mitsonar.cli import bootstrap
+    from mitsonar.device import llvm
 
     try:
         return _run(argv, bootstrap, llvm)
@@ -35,9 +36,9 @@ def _run(argv, bootstrap, llvm):
     if argv[:1] == ["llvm"]:
         print(llvm.locate() or llvm.provide(bootstrap.say))
         return 0
-    from mitsonar import cli
+    from mitsonar.cli.main import main as run_command
 
-    return cli.main(argv)
+    return run_command(argv)
 
 
 if __name__ == "__main__":

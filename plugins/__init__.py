@@ -10,7 +10,7 @@ import importlib
 import sys
 import threading
 
-from mitsonar import llvm
+from mitsonar.device import llvm
 
 if __name__ != "mitsonar.plugins":
     raise ImportError("import mitsonar.plugins, not plugins: the folder is part of the package mitsonar")

@@ -31,7 +31,7 @@ def _scenes(arguments):
 
 
 def _describe(arguments):
-    from .. import attributes
+    from ..plugins import reference as attributes
 
     name = arguments.name
     if name in attributes.plugins():
@@ -55,7 +55,7 @@ def _scene(name, path):
 
 def _use(use):
     """What a parameter is for, by the attribute that it becomes."""
-    from .. import attributes
+    from ..plugins import reference as attributes
 
     kind, label, name = use
     known = {one.name: one for one in attributes.attributes(kind)} if kind in attributes.plugins() else {}
@@ -66,7 +66,7 @@ def _use(use):
 
 
 def _plugin(name):
-    from .. import attributes
+    from ..plugins import reference as attributes
 
     _tell(f'<{attributes.kind_of(name)} type="{name}">', attributes.title(name))
     for one in attributes.attributes(name):

@@ -43,7 +43,7 @@ def add(commands):
 
 
 def _labels(arguments):
-    from ..labelling import Labels, read_shares, write
+    from ..dataset.labels import Labels, read_shares, write
 
     output = arguments.output
     if output is None:

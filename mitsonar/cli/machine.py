@@ -13,7 +13,7 @@ def add(commands):
 
 
 def _doctor(arguments):
-    from .. import doctor
+    from . import doctor
 
     def check():
         from .. import load_file, render

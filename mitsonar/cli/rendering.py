@@ -45,15 +45,14 @@ def _render(arguments):
 
 
 def _signals(arguments):
-    from ..io import files
-    from ..io import signals as netcdf
+    from ..io import files, signals as netcdf
 
     path = scenes.find(arguments.scene)
     files.check_writable(arguments.output)
     if os.path.splitext(arguments.output)[1].lower() != ".nc":
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
-    from ..elements import element_signals, impulse_response, pings
-    from ..scene import load_file
+    from ..scene.loading import load_file
+    from ..verbs import element_signals, impulse_response, pings
 
     set_up(arguments.threads)
     scene = load_file(path, **parameters(arguments))

@@ -46,7 +46,7 @@ def _plot(arguments):
 
 
 def _published(arguments):
-    from .. import published
+    from ..validation import published
 
     set_up(None)
     if arguments.output is None:

@@ -2,7 +2,7 @@
 import numpy as np
 
 from ..io import exr
-from ..labelling import deal, find_sources, groups_of, read_shares
+from .labels import deal, find_sources, groups_of, read_shares
 
 __all__ = ["Images", "open"]
 
@@ -38,7 +38,7 @@ class Images:
 
     Attributes
     ----------
-    sources : tuple of mitsonar.labelling.sources.Source
+    sources : tuple of mitsonar.dataset.sources.Source
         Path, name, parameters, seed and seabed of each.
     classes, object_classes : tuple of str
         Of all shapes, and of objects, in any image, sorted: class numbers of PyTorch targets count along them from 1.

@@ -3,8 +3,8 @@ import numpy as np
 import torch
 import torch.utils.data
 
-from ..labelling.annotations import HIGHLIGHT, annotations
-from ..labelling.frames import frames
+from .labels.annotations import HIGHLIGHT, annotations
+from .labels.frames import frames
 
 __all__ = ["TorchImages"]
 

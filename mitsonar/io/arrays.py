@@ -11,7 +11,7 @@ starting with #. Commas, semicolons or tabs divide them.
 """
 import numpy as np
 
-from ..sonar.arrays import element_array
+from ..sonar.array_makers import element_array
 from . import tables
 
 POSITION, NORMAL, ALONG = ("x", "y", "z"), ("nx", "ny", "nz"), ("ax", "ay", "az")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scattering.roughness import sediment_key
+from ..seabed.roughness import sediment_key
 from . import raster_files, tables
 
 _SHOWN = 10                   # codes that an error lists

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..scattering import Fractal
-from ..scattering.measured_roughness import SMALLEST_PATCH, fit_power_law
+from ..seabed.measured_roughness import SMALLEST_PATCH, fit_power_law
 
 MARGIN = 12                        # nodes of the survey about a part, beyond which splines feel nothing
 _PATCHES, _TRIED = 64, 24          # patches that are enough; places looked at along each side of the file

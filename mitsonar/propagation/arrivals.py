@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import drjit as dr
 import numpy as np
 
+from ..device.arrays import picked, upload
 from .aiming import CLOSE_ENOUGH, aim
-from .device import picked, upload
 from .eigenrays import eigenray
 from .two_point import MAX_TUBE_GAIN, to_hit
 

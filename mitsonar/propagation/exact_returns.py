@@ -10,8 +10,8 @@ there may be an earlier one, the reference tells.
 import drjit as dr
 import numpy as np
 
+from ..device.arrays import picked, upload
 from .aiming import CLOSE_ENOUGH, aim
-from .device import picked, upload
 from .eigenrays import eigenray
 from .travel import rotated
 from .two_point import PointState, to_hit

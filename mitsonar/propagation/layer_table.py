@@ -12,9 +12,9 @@ because the profile is linear either way.
 import drjit as dr
 import numpy as np
 
-from ..lookups import held
-from .device import arrays_of, upload
-from .record import Record
+from ..device.arrays import arrays_of, upload
+from ..device.lookups import held
+from ..device.record import Record
 from .sole_range import sole_range
 
 __all__ = ["LayerTable", "layer_table"]

@@ -16,8 +16,8 @@ beyond. A turned ray's |D| hides a sign: its leg is right to first order only, w
 """
 import drjit as dr
 
+from ..device.record import Record
 from .paper_approximation import paper_centre_return
-from .record import Record
 from .straight_vectors import hit_fields
 from .two_point import LEVEL, SERIES_LIMIT
 from .vector_approximation import centre_return, expected_error, matched_leg

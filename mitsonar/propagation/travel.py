@@ -13,7 +13,7 @@ from __future__ import annotations
 import drjit as dr
 import numpy as np
 
-from .record import Record
+from ..device.record import Record
 
 __all__ = ["REST", "Travel", "rotated", "steady"]
 

@@ -19,9 +19,9 @@ R_w the wavefront's radius: V / (dθ/dθ0), dθ/dθ0 = (c s0/c0 - p g V cos θ) 
 """
 import drjit as dr
 
-from .device import upload
-from .fans import arc_step, first_layer, wavefront_step
-from .record import Record
+from ..device.arrays import upload
+from ..device.record import Record
+from .ray_fans import arc_step, first_layer, wavefront_step
 
 __all__ = ["PointState", "SourceState", "arc_length", "arc_time", "source_state", "to_hit", "walk"]
 

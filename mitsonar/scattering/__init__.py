@@ -1,10 +1,10 @@
 """What the seabed and other surfaces are made of: relief, roughness and the laws of scattering."""
+from ..seabed.fractal import Fractal
+from ..seabed.relief import Plane, Relief, Sinusoid, Sum
+from ..seabed.ripples import Ripples
+from ..seabed.roughness import RoughnessSpectrum
 from .elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
 from .empirical import EmpiricalSeabed
-from .fractal import Fractal
-from .relief import Plane, Relief, Sinusoid, Sum
-from .ripples import Ripples
-from .roughness import RoughnessSpectrum
 from .sea_surface import SeaSurface, bubble_loss_db
 from .sediment import SEDIMENTS, Sediment
 from .spheres import sphere_target_strength_db

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..seabed.roughness import sediment_key
 from .arithmetic import NUMPY, power
 from .elastic import Elastic
 from .rough_interface import ALPHA_RANGE
 from .rough_seabed import RoughSeabed
-from .roughness import sediment_key
 
 __all__ = ["ELASTIC_BOUNDS", "ELASTIC_SEDIMENTS", "ElasticSediment"]
 

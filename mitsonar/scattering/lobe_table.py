@@ -10,9 +10,8 @@ import drjit as dr
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..lookups import held
-from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, ratio_table
-from .resolved import STEP as RATIO_STEP
+from ..device.lookups import held
+from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, STEP as RATIO_STEP, ratio_table
 from .rough_interface import ALPHA_RANGE, log_lobe
 
 __all__ = ["LobeTable", "RatioTable"]

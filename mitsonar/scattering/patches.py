@@ -13,7 +13,7 @@ import drjit as dr
 import numpy as np
 from scipy.special import gammainc, gammaincinv
 
-from .cells import hashed
+from ..device.chance import hashed
 
 __all__ = ["LARGEST_SHAPE", "SMALLEST_SHAPE", "Patches", "gamma_cells"]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..seabed.roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
 from .arithmetic import NUMPY
 from .fluid import Fluid
 from .rough_interface import ALPHA_RANGE
 from .rough_seabed import RoughSeabed
-from .roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
 
 __all__ = ["BOUNDS", "SEDIMENTS", "Sediment"]
 

@@ -21,7 +21,7 @@ from functools import lru_cache
 import drjit as dr
 import numpy as np
 
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.signal.impulses import Nearest, Peterson, make_kernel
 
 __all__ = ["ImpulseResponses", "centre"]

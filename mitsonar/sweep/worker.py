@@ -81,7 +81,7 @@ def _do(job, threads):
 
     scene = load_file(job["scene"], **job["parameters"])
     if job["output"] is None:
-        from ..rendering import opened
+        from ..verbs import opened
 
         opened(scene)
         return {}

@@ -61,13 +61,14 @@ def _printed():
 
 def _traced(count):
     """Hits of traced rays on a rough bed, and the exact eigenrays to the same points: errors of time and spreading."""
-    from ..scene import prepare
+    from ..scene.loading import prepare
 
     prepare()
     import mitsuba as mi
 
-    from ..propagation.device import arrays_of, upload
-    from ..trace import Geometry, Tracer
+    from ..device.arrays import arrays_of, upload
+    from ..scene.geometry import Geometry
+    from ..tracing.tracer import Tracer
 
     geometry = Geometry(mi.load_dict({"type": "scene", "bed": {
         "type": "seabed", "depth": BED_DEPTH, "length": 400.0, "width": 400.0, "spacing": 1.0, "fractal_rms": 0.6,

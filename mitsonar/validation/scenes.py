@@ -33,7 +33,7 @@ def array_sonar(shapes, *, depth, sensor=None, water=None, film=None, integrator
 
 
 def _load(sensor, water, film, integrator, shapes):
-    from ..scene import prepare
+    from ..scene.loading import prepare
 
     prepare()
     import mitsuba as mi
@@ -57,7 +57,7 @@ def water_of(profile):
 
 def bed(depth, material, *, size=800.0):
     """A flat, level bed of two facets, `size` [m] square."""
-    from ..scene import prepare
+    from ..scene.loading import prepare
 
     prepare()
     import mitsuba as mi

@@ -146,7 +146,7 @@ def _tilted(quick):
 
 
 def _run(quick):
-    from ..scene import prepare
+    from ..scene.loading import prepare
 
     prepare()
     rows, panels = _tilted(quick)

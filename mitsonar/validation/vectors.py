@@ -3,9 +3,9 @@ import numpy as np
 
 from ..propagation import eigenray, return_time
 from ..propagation.return_times import approximate
-from ..published import effective_speed, table_1
 from ..water import SoundSpeedProfile
 from .case import Case, Line, Panel, Row, Table, worst
+from .published import effective_speed, table_1
 from .rays import SIX_NODES, SUMMER
 
 __all__ = ["CASE"]

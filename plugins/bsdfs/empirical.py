@@ -12,10 +12,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.arrays import upload
 from mitsonar.io import backscatter
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.material import Material, read_patches
-from mitsonar.plugins.properties import Attributes
-from mitsonar.propagation.device import upload
 
 
 class Empirical(Material):

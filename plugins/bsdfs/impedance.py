@@ -15,8 +15,8 @@ The water has 1025 kg/m³ and the sound speed it has at the surface.
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.smooth import Smooth
-from mitsonar.plugins.properties import Attributes
 from mitsonar.scattering.reflection import WATER_DENSITY, fluid_reflection
 
 

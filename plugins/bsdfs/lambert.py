@@ -13,8 +13,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.material import Material, read_patches
-from mitsonar.plugins.properties import Attributes
 from mitsonar.scattering import lambert
 from mitsonar.units import power_from_db
 

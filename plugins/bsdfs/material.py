@@ -6,7 +6,7 @@ value of a bsdf is f_r cos θ_o = σ / sin θ_i, θ_i the grazing angle that a r
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scattering.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
 
 SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them

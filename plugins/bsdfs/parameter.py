@@ -3,7 +3,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.propagation.device import upload
+from mitsonar.device.arrays import upload
 
 __all__ = ["Parameter"]
 

@@ -28,11 +28,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.lookups import held
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.lookups import held
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.material import Material, read_patches
 from mitsonar.plugins.bsdfs.parameter import Parameter
-from mitsonar.plugins.properties import Attributes
-from mitsonar.propagation.device import arrays_of, upload
 from mitsonar.scattering import Sediment
 from mitsonar.scattering.arithmetic import Arithmetic, power
 from mitsonar.scattering.fluid import Fluid

@@ -1,7 +1,7 @@
 """What perfectly smooth materials share: no scattering of their own, a reflection coefficient for their facets' echoes.
 
-Their facets echo coherently (`mitsonar.smooth_targets`): highlights where a surface is met at right angles, mirrors,
-corners. Rough sound, as rays of energy, they neither scatter nor send on.
+Their facets echo coherently (`mitsonar.echoes.smooth.targets`): highlights where a surface is met at right angles,
+mirrors, corners. Rough sound, as rays of energy, they neither scatter nor send on.
 """
 import drjit as dr
 import mitsuba as mi

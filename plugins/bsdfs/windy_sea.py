@@ -12,8 +12,8 @@ extrapolated beyond. The shape `sea_surface` has it.
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.material import Material
-from mitsonar.plugins.properties import Attributes
 from mitsonar.scattering import sea_surface
 
 STRONGEST_WIND = 60.0              # [m/s]

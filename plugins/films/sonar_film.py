@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.units import hertz_from_khz
 
 FARTHEST = 100_000               # [m]

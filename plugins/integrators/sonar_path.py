@@ -26,17 +26,17 @@ import os
 import mitsuba as mi
 import numpy as np
 
-from mitsonar import materials, scene_objects
-from mitsonar.array_signals import LEAD, received_signals
-from mitsonar.array_survey import ArraySurvey, Fans
-from mitsonar.ensonification import LIGHTING
+from mitsonar.echoes.ensonification import LIGHTING
 from mitsonar.imaging import fan, sidescan
-from mitsonar.plugins.properties import Attributes
-from mitsonar.shape_labels import classes_of
+from mitsonar.plugins.attributes import Attributes
+from mitsonar.scene import materials, objects as scene_objects
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import classes_of
 from mitsonar.signal.noise import ElementNoise
 from mitsonar.sonar import element_directivity_index_db
-from mitsonar.survey import Survey
-from mitsonar.trace import Geometry
+from mitsonar.survey.energy import Survey
+from mitsonar.survey.pressure import ArraySurvey, Fans
+from mitsonar.survey.signals import LEAD, received_signals
 from mitsonar.units import db_from_power
 
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,

@@ -32,7 +32,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.io import casts
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.water import SoundSpeedProfile, absorption, absorption_db, ambient_noise_db, seawater, sound_speed
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import FASTEST, SLOWEST

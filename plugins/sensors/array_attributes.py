@@ -46,7 +46,7 @@ from functools import partial
 import numpy as np
 
 from mitsonar.io import arrays
-from mitsonar.plugins.properties import REQUIRED
+from mitsonar.plugins.attributes import REQUIRED
 from mitsonar.sonar import (body_direction, cylindrical_array, element_array, line_array, planar_array,
                             spherical_array)
 from mitsonar.sonar.axes import AXES, axis_vector

@@ -35,7 +35,7 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.sonar import PULSES
 from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz

@@ -36,7 +36,7 @@ from mitsonar.sonar.trajectory import Recorded, Sailed, Smooth, Trajectory, Voya
 from mitsonar.sonar.waypoints import Course
 from mitsonar.units import metres_per_second_from_knots
 
-from . import placement
+from ...survey import placement
 
 ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
 TURN_RADIUS = 10.0                 # [m]

@@ -30,7 +30,7 @@ What is heard:
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.sonar import Aperture, Sidescan, cw, element_array, length_for_beam_width, presets
 from mitsonar.units import db_from_amplitude, hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST

@@ -3,7 +3,7 @@ import numpy as np
 
 import mitsuba as mi
 from mitsonar.io import bathymetry, sediment_map
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.shapes.grid_mesh import fill, triangulate
 
 _MOST_NODES = 5e7  # 100 million triangles: about 10 GB once Embree has built its tree

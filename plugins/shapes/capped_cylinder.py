@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 import mitsuba as mi
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 
 from .grid_mesh import GridMesh, fill
 

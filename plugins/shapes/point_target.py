@@ -16,7 +16,7 @@ pressures do: in a sidescan's speckle its amplitudes are Rice's.
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 
 from .grid_mesh import GridMesh, fill
 

@@ -12,8 +12,8 @@ It is no seabed: tracks and altitudes are laid as if it were not there.
 import numpy as np
 
 import mitsuba as mi
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.windy_sea import STRONGEST_WIND
-from mitsonar.plugins.properties import Attributes
 
 from .grid_mesh import fill, triangulate
 

@@ -2,7 +2,7 @@
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.shapes.grid_mesh import fill, triangulate
 from mitsonar.scattering import Fractal, Plane, Ripples, RoughnessSpectrum, Sinusoid
 

@@ -33,9 +33,9 @@ import numpy as np
 
 import mitsuba as mi
 from mitsonar.io import meshes
-from mitsonar.placing import Bed, Body, Rules, draw_count, place
-from mitsonar.plugins.errors import plain
-from mitsonar.plugins.properties import Attributes
+from mitsonar.plugins.attributes import Attributes
+from mitsonar.scene.errors import plain
+from mitsonar.seabed import Bed, Body, Rules, draw_count, place
 
 from .grid_mesh import GridMesh, fill
 

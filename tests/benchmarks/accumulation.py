@@ -69,7 +69,7 @@ class Scene:
         import drjit as dr
         import mitsuba as mi
 
-        from mitsonar.propagation.device import arrays_of, upload
+        from mitsonar.device.arrays import arrays_of, upload
         from mitsonar.signal import centre
 
         lib = arrays_of(mi.Float)
@@ -93,7 +93,7 @@ class Scene:
 def _uploaded(rows):
     import mitsuba as mi
 
-    from mitsonar.propagation.device import upload
+    from mitsonar.device.arrays import upload
 
     return [upload(mi.Float, np.asarray(row, np.float32)) for row in rows]
 
@@ -241,7 +241,7 @@ def main():
     parser.add_argument("--scatterers", type=int, default=500, help="of the comparison with PyMUST")
     arguments = parser.parse_args()
 
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     print(measuring.machine())

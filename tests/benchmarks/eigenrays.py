@@ -25,9 +25,9 @@ import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import mitsuba as mi
 from mitsonar.io import casts
 from mitsonar.propagation import eigenrays
-from mitsonar.propagation.device import arrays_of
-from mitsonar.scene import prepare
-from mitsonar.trace import Tracer
+from mitsonar.device.arrays import arrays_of
+from mitsonar.scene.loading import prepare
+from mitsonar.tracing.tracer import Tracer
 from mitsonar.water import SoundSpeedProfile
 
 FIELDS = "time", "arc_length", "launch_angle", "spreading_m2_per_sr"

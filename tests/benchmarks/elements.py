@@ -32,7 +32,7 @@ def main(argv=None):
 def survey(arguments, elements=1, **integrator):
     """Plan a ping."""
     import mitsuba as mi
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     scene = mi.load_dict({
@@ -58,7 +58,7 @@ def by_elements(arguments):
     import drjit as dr
     import mitsuba as mi
 
-    from mitsonar.array_station import Station
+    from mitsonar.survey.element_delays import Station
 
     rows = []
     for elements in arguments.elements:

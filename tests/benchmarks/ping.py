@@ -47,7 +47,7 @@ def load(arguments, pings, rays):
     """Load the scene for a number of pings."""
     import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
     import mitsuba as mi
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     return mi.load_dict({

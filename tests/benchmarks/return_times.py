@@ -30,7 +30,7 @@ import drjit as dr
 from drjit.auto import Float, Float64, UInt32
 from mitsonar.io import casts
 from mitsonar.propagation import eigenray, return_time, return_time_error
-from mitsonar.propagation.device import upload
+from mitsonar.device.arrays import upload
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.return_times import GUARD, approximate, leg_integrals
 from mitsonar.propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS

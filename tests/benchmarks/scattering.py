@@ -17,8 +17,8 @@ import numpy as np
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import drjit as dr
 import mitsuba as mi
-from mitsonar import materials
-from mitsonar.scene import prepare
+from mitsonar.scene import materials
+from mitsonar.scene.loading import prepare
 
 FREQUENCY = 100e3
 LAWS = {

@@ -21,9 +21,9 @@ import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import drjit as dr
 import mitsuba as mi
 from mitsonar.io import casts
-from mitsonar.propagation.device import arrays_of
-from mitsonar.scene import prepare
-from mitsonar.trace import Tracer, _angles, _first_hit
+from mitsonar.device.arrays import arrays_of
+from mitsonar.scene.loading import prepare
+from mitsonar.tracing.tracer import Tracer, _angles, _first_hit
 from mitsonar.water import SoundSpeedProfile
 
 SOURCE_DEPTH, STEEPEST_DEG, TILE = 20.0, 90.0, 4

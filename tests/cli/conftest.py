@@ -14,7 +14,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def refusal(folder, capfd):
     """Run a command that must be refused, and give what it says: one line, exit code 2, no file more than before."""
-    from mitsonar import cli
+    from mitsonar.cli import main as cli
 
     def run(*arguments):
         before = sorted(folder.rglob("*"))

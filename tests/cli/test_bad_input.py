@@ -318,7 +318,7 @@ def test_plot_of_a_foreign_exr(folder, refusal):
 
 
 def test_plot_refuses_what_it_does_not_know(folder, refusal):
-    from mitsonar import cli
+    from mitsonar.cli import main as cli
 
     assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 0
     assert "there is no plot 'fal'; choose one of waterfall, ping, mean" in refusal("plot", "o.exr", "--what", "fal")

@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from mitsonar import cli
+from mitsonar.cli import main as cli
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import re
 import pytest
 from small_scene import TEXT
 
-from mitsonar import cli
+from mitsonar.cli import main as cli
 from mitsonar.io import scene_words, scenes
 
 
@@ -74,7 +74,7 @@ def test_attributes_of_a_plugin(said):
 
 
 def test_every_plugin_can_be_described(said, variant):
-    from mitsonar import attributes
+    from mitsonar.plugins import reference as attributes
 
     for plugin in attributes.plugins():
         out = said("describe", plugin)

@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from mitsonar import cli
+from mitsonar.cli import main as cli
 from mitsonar.io import exr
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "rooms"))

@@ -3,8 +3,8 @@ import csv
 
 import pytest
 
-from mitsonar import cli
-from mitsonar.published import RESULTS
+from mitsonar.cli import main as cli
+from mitsonar.validation.published import RESULTS
 
 
 def test_says_the_result_without_a_file(folder, capfd):

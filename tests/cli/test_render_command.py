@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar import cli
+from mitsonar.cli import main as cli
 from mitsonar.cli import progress
 
 

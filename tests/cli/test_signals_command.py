@@ -4,7 +4,7 @@ import re
 import numpy as np
 import pytest
 
-from mitsonar import cli
+from mitsonar.cli import main as cli
 from mitsonar.io import signals as netcdf
 
 TEXT = """<scene version="3.0.0">
@@ -54,7 +54,7 @@ def test_the_file_holds_what_python_gives(variant, folder, scene, capfd):
 
 
 def test_work_of_more_than_a_moment_is_told_before_it_starts(variant, folder, scene, capfd, monkeypatch):
-    from mitsonar import array_cost
+    from mitsonar.survey import cost as array_cost
 
     monkeypatch.setattr(array_cost, "WORTH_SAYING", 0.0)
     for command in (["signals", "-o", "a.nc"], ["signals", "-o", "a.nc", "--response"], ["render", "-o", "a.exr"]):

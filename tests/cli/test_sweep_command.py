@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mitsonar import cli
+from mitsonar.cli import main as cli
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAN = """

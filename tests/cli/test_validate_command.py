@@ -1,7 +1,7 @@
 """The command `validate`: what it says, the folder it writes, its exit code, and what it refuses in one sentence."""
 import pytest
 
-from mitsonar import cli
+from mitsonar.cli import main as cli
 from mitsonar.validation import CASES, Case, Line, Panel, Row, Table
 
 

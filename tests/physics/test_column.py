@@ -4,8 +4,8 @@ import pytest
 from scipy.integrate import trapezoid
 
 from drjit.auto import Float
-from mitsonar.propagation.device import upload
-from mitsonar.signal.echoes import Absorption
+from mitsonar.device.arrays import upload
+from mitsonar.water.absorption_table import Absorption
 from mitsonar.water import SoundSpeedProfile, absorption_db
 from mitsonar.water.column import AbsorptionColumn
 

@@ -9,7 +9,7 @@ from drjit.auto import Float, Float64
 
 import drjit as dr
 from mitsonar.propagation import eigenray, return_time
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.propagation.exact_returns import exact_return
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.travel import steady

@@ -9,9 +9,9 @@ from scipy.integrate import trapezoid
 
 import drjit as dr
 from drjit.auto import Float, UInt32
-from mitsonar.propagation.device import upload
+from mitsonar.device.arrays import upload
 from mitsonar.sonar import Aperture, Sidescan
-from mitsonar.sonar.launch import CELLS, along_quantiles, draw, first_quantiles, quantiles, refine_quantiles
+from mitsonar.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, quantiles, refine_quantiles
 
 
 @pytest.fixture

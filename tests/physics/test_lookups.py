@@ -16,18 +16,18 @@ import pytest
 from drjit.auto import Float, Float64, UInt32
 
 import drjit as dr
-from mitsonar.lookups import held
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.lookups import held
+from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.propagation.exact_returns import exact_return
-from mitsonar.propagation.fans import build_fans
+from mitsonar.propagation.ray_fans import build_fans
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.travel import steady
 from mitsonar.propagation.two_point import source_state, to_hit, walk
-from mitsonar.propagation.volume_table import volume_table
+from mitsonar.water.volume_table import volume_table
 from mitsonar.scattering.lobe_table import LobeTable, RatioTable
-from mitsonar.signal.echoes import Absorption
-from mitsonar.signal.origins import SECTORS, sector
-from mitsonar.sonar.launch import CELLS, draw
+from mitsonar.water.absorption_table import Absorption
+from mitsonar.echoes.origin_sums import SECTORS, sector
+from mitsonar.tracing.launch import CELLS, draw
 from mitsonar.water import SoundSpeedProfile, VolumeScattering
 from mitsonar.water.column import AbsorptionColumn
 

@@ -12,7 +12,7 @@ import pytest
 
 from mitsonar.io.survey_relief import refine
 from mitsonar.scattering import Fractal, RoughnessSpectrum
-from mitsonar.scattering.measured_roughness import fit_power_law, radial_spectrum
+from mitsonar.seabed.measured_roughness import fit_power_law, radial_spectrum
 
 STEP = 2.0
 HIGHEST = np.pi / STEP

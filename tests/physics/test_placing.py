@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from mitsonar.placing import Bed, Body, Rules, draw_count, place
+from mitsonar.seabed import Bed, Body, Rules, draw_count, place
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 SIDES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from mitsonar.scattering.roughness import W2_CM4_TR9407, RoughnessSpectrum, w2_from_cm4
+from mitsonar.seabed.roughness import W2_CM4_TR9407, RoughnessSpectrum, w2_from_cm4
 
 
 @pytest.mark.parametrize("sediment, w2", [

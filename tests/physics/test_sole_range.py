@@ -9,7 +9,7 @@ from drjit.auto import Float, Float64
 
 import drjit as dr
 from mitsonar.propagation import eigenrays, exact_returns
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.sole_range import sole_range
 from mitsonar.propagation.travel import REST

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import drjit as dr
 from drjit.auto import Array3f64, Float, Float64, UInt32
 from mitsonar.propagation import eigenray, return_time
-from mitsonar.propagation.device import upload
+from mitsonar.device.arrays import upload
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.return_paths import return_paths
 from mitsonar.propagation.slices import Slices

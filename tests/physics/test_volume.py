@@ -45,7 +45,7 @@ def test_one_number_is_the_strength_everywhere():
 def test_device_agrees(variant, volume):
     import mitsuba as mi
 
-    from mitsonar.propagation.volume_table import volume_table
+    from mitsonar.water.volume_table import volume_table
 
     depth = np.concatenate([np.linspace(-10, 120, 100_001), volume.edges]).astype(np.float32)
     for some in (volume, VolumeScattering(0.0, -80.0), VolumeScattering(layers=volume.layers)):

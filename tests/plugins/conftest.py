@@ -13,7 +13,7 @@ def make(variant):
 @pytest.fixture
 def refusal(make):
     """Give the sentence about attributes that must be refused; it names the plugin."""
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     def run(kind, **attributes):
         with pytest.raises(RuntimeError) as caught:

@@ -14,7 +14,7 @@ ROUNDING = 1e-12
 @pytest.fixture
 def read(variant):
     """Read an array of attributes; whatever is left over is refused, as by a sensor."""
-    from mitsonar.plugins.properties import Attributes
+    from mitsonar.plugins.attributes import Attributes
     from mitsonar.plugins.sensors.array_attributes import read_array
 
     def run(prefix="receive", hint=1500.0, frequency=100e3, **written):
@@ -86,7 +86,7 @@ def test_every_kind_is_tested(variant):
 def test_two_arrays_of_one_sensor(read):
     written = {"transmit": "line", "transmit_elements": 8, "transmit_axis": "forward", "receive": "line",
                "receive_elements": 16, "receive_axis": "starboard"}
-    from mitsonar.plugins.properties import Attributes
+    from mitsonar.plugins.attributes import Attributes
     from mitsonar.plugins.sensors.array_attributes import read_array
 
     props = mi.Properties("sonar")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mitsuba as mi
-from mitsonar.plugins.errors import plain
+from mitsonar.scene.errors import plain
 
 rasterio = pytest.importorskip("rasterio")
 pytestmark = pytest.mark.usefixtures("variant")

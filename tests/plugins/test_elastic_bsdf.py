@@ -7,7 +7,7 @@ import pytest
 
 import mitsuba as mi
 from mitsonar.scattering import ELASTIC_SEDIMENTS, ElasticSediment, bistatic_strength_db
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 TOLERANCE = 3e-3
 PARAMETERS = {"density_ratio": [2.2, 2.7], "sound_speed_ratio": [2.0, 2.4], "loss": [0.002, 0.02],

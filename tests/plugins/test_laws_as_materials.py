@@ -7,7 +7,7 @@ import pytest
 
 import mitsuba as mi
 from mitsonar.scattering import LAWS, ElasticSediment, LambertSeabed, SeaSurface, Sediment
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 TABLE = "grazing, 30 kHz, 300 kHz\n8, -32, -28\n20, -26, -22\n45, -20, -18\n75, -14, -14\n90, -4, -9\n"
 

@@ -102,7 +102,7 @@ def resolved(tmp_path, body, **parameters):
     """The body of a scene, resolved."""
     path = tmp_path / "text.xml"
     path.write_text(f'<scene version="3.0.0">{body}</scene>', encoding="utf-8")
-    from mitsonar.scene import resolved
+    from mitsonar.scene.loading import resolved
 
     return resolved(path, parameters).removeprefix('<scene version="3.0.0">').removesuffix("</scene>")
 
@@ -143,7 +143,7 @@ def test_resolved_text_means_to_mitsuba_what_the_original_does(tmp_path, variant
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.xml")))
 def test_resolved_scene_has_nothing_left_to_fill_in(name):
-    from mitsonar.scene import resolved
+    from mitsonar.scene.loading import resolved
 
     parameter = re.search(r'<default name="(\w+)"', (SCENES / f"{name}.xml").read_text())[1]
     text = resolved(SCENES / f"{name}.xml", {parameter: "31.25"})
@@ -289,7 +289,7 @@ def test_shapes_that_share_a_material_keep_their_labels(tmp_path, scene_file):
 def test_meshes_that_mitsuba_merged_are_refused(variant, ask):
     import mitsuba as mi
 
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     scene = mi.load_file(str(SCENES / "sidescan_targets.xml"), **{key: str(value) for key, value in SMALL.items()})
     with pytest.raises((ValueError, RuntimeError)) as caught:       # Mitsuba's own verb wraps what a plugin raises

@@ -31,7 +31,7 @@ READERS = {
 def read():
     """Load XML attributes into a probe shape and give what its readers made of them."""
     mi.set_variant("llvm_ad_mono")
-    from mitsonar.plugins.properties import Attributes
+    from mitsonar.plugins.attributes import Attributes
 
     class Probe(mi.Mesh):
         def __init__(self, props):
@@ -55,7 +55,7 @@ def read():
 @pytest.fixture(scope="module")
 def sentence(read):
     """Load XML that must fail and give the sentence `plain` makes of the exception."""
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     def fail(attributes, scene=SCENE, **parameters):
         with pytest.raises(RuntimeError) as caught:
@@ -139,7 +139,7 @@ def test_refusals_name_place_plugin_attribute_expected_and_got(sentence, written
 
 
 def test_missing_attribute(read):
-    from mitsonar.plugins.properties import Attributes
+    from mitsonar.plugins.attributes import Attributes
     props = mi.Properties("probe")
     with pytest.raises(ValueError, match=r"^probe: attribute depth is missing; expected a number \[m\] above 0\.$"):
         Attributes(props).number("depth", unit="m", above=0)
@@ -148,7 +148,7 @@ def test_missing_attribute(read):
 
 
 def test_texture_takes_numbers_and_refuses_words(read):
-    from mitsonar.plugins.properties import Attributes
+    from mitsonar.plugins.attributes import Attributes
     props = mi.Properties("probe")
     props["mu"], props["nu"] = 0.25, "loud"
     assert "0.25" in str(Attributes(props).texture("mu"))
@@ -202,7 +202,7 @@ def test_wrong_root_element(sentence):
 
 
 def test_place_names_the_file(read, tmp_path):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     path = tmp_path / "s (1).xml"
     path.write_text(SCENE % '<integer name="rays" value="0"/>')
     with pytest.raises(RuntimeError) as caught:
@@ -215,14 +215,14 @@ def test_place_names_the_file(read, tmp_path):
 
 
 def test_dictionary_scenes_name_the_object(read):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     with pytest.raises(RuntimeError) as caught:
         mi.load_dict({"type": "scene", "bed": {"type": "probe", "rays": 0}})
     assert plain(caught.value).startswith('object "bed": probe "bed": rays is the integer 0;')
 
 
 def test_render_errors_show_their_cause(read):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     class Failing(mi.SamplingIntegrator):
         def render(self, *arguments, **options):
@@ -236,6 +236,6 @@ def test_render_errors_show_their_cause(read):
 
 
 def test_system_errors_and_plain_ones():
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     assert plain(OSError(28, "No space left on device", "out.exr")) == "out.exr: No space left on device"
     assert plain(ValueError("a [m] b\nc")) == "a [m] b c"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mitsuba as mi
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 MATERIALS = {
     "lambert": {"type": "lambert"},

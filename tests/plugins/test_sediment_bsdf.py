@@ -11,7 +11,7 @@ import pytest
 
 import mitsuba as mi
 from mitsonar.scattering import SEDIMENTS, Sediment, bistatic_strength_db
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 TOLERANCE = 3e-3
 NAMES = ("density_ratio", "sound_speed_ratio", "loss", "volume_parameter", "w2", "gamma")
@@ -146,7 +146,7 @@ def test_a_map_of_classes_carries_many_sediments(variant, scale):
 
 def test_facets_of_a_mesh_carry_classes_and_parameters(variant):
     """Facets' own class numbers and nodes' own roughness, seen by rays that a scene's materials are asked about."""
-    from mitsonar import materials
+    from mitsonar.scene import materials
 
     prepare()
     mesh = mi.Mesh("bed", 4, 2, has_vertex_normals=False, has_vertex_texcoords=False)

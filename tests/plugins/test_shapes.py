@@ -128,7 +128,7 @@ def test_from_xml_with_id_and_bsdf():
     ({"seed": -1}, "seed is the integer -1; expected an integer at least 0"),
 ])
 def test_seabed_refusals(attributes, said):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     with pytest.raises(RuntimeError) as caught:
         seabed(**attributes)
     assert said in plain(caught.value)
@@ -199,7 +199,7 @@ def test_bathymetry_attributes(survey):
     ({"crop": "400000, 6000056, 400003, 6000060", "local_origin": "0, 0"}, "holds no two neighbouring"),
 ])
 def test_bathymetry_refusals(survey, attributes, said):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     with pytest.raises(RuntimeError) as caught:
         mi.load_dict({"type": "bathymetry", "filename": survey, **attributes})
     assert said in plain(caught.value)

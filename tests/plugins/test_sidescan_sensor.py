@@ -44,7 +44,7 @@ def plan(sensor, origin=None, **shapes):
     """Lay a sensor's track over the seabed, or over other shapes: track, sonar, depth below."""
     import mitsuba as mi
 
-    from mitsonar.trace import Geometry
+    from mitsonar.scene.geometry import Geometry
 
     voyage, *rest = sensor.plan(Geometry(mi.load_dict({"type": "scene", **(shapes or {"bed": bed()})})), origin)
     return voyage.track, *rest
@@ -262,7 +262,7 @@ def test_refusals(refused, attributes, words):
 def test_light_is_refused(sidescan):
     import mitsuba as mi
 
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     scene = mi.load_dict({"type": "scene", "bed": bed(), "sensor": sidescan(), "integrator": {"type": "direct"}})
     with pytest.raises(RuntimeError) as caught:

@@ -82,7 +82,7 @@ def test_faces_look_outwards_whatever_the_pose(strewn):
 def test_a_ray_from_above_meets_what_the_labels_say(strewn):
     import mitsuba as mi
 
-    from mitsonar.trace import Geometry
+    from mitsonar.scene.geometry import Geometry
 
     shape, scene = strewn(species="crate, drum", count=6, spacing=2.0)
     labels = Geometry(scene).labels
@@ -108,7 +108,7 @@ def test_an_image_names_every_target(variant, tmp_path):
 
 
 def test_none_at_all_leaves_nothing_but_the_seabed(strewn):
-    from mitsonar.trace import Geometry
+    from mitsonar.scene.geometry import Geometry
 
     shape, scene = strewn(count=0)
     assert shape.placed == {} and set(Geometry(scene).labels.values()) == {"seabed"}
@@ -161,7 +161,7 @@ def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     ({"radius": 2.0}, 'unknown attribute "radius"'),
 ])
 def test_refusals(strewn, attributes, said):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     with pytest.raises(RuntimeError) as caught:
         strewn(**{"count": 5, **attributes})
     sentence = plain(caught.value)
@@ -180,7 +180,7 @@ def test_refusals(strewn, attributes, said):
     ("big.mine.ply", TETRAHEDRON, "has a dot in its name"),
 ])
 def test_meshes_that_are_refused(strewn, tmp_path, name, text, said):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
     (tmp_path / name).write_text(text)
     with pytest.raises(RuntimeError) as caught:
         strewn(meshes=str(tmp_path / name), count=2)
@@ -190,7 +190,7 @@ def test_meshes_that_are_refused(strewn, tmp_path, name, text, said):
 
 
 def test_a_folder_without_meshes_and_beds_that_are_none_are_refused(strewn, make, tmp_path):
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     def said(run):
         with pytest.raises(RuntimeError) as caught:

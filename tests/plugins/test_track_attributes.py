@@ -38,7 +38,7 @@ def file(tmp_path):
 def geometry(depth=30.0, half=200.0, slope=0.0):
     import mitsuba as mi
 
-    from mitsonar.trace import Geometry
+    from mitsonar.scene.geometry import Geometry
 
     T = mi.ScalarTransform4f
     bed = {"type": "rectangle", "to_world": T().translate([0, 0, -depth]).rotate([1, 0, 0], slope).scale(half)}

@@ -19,8 +19,8 @@ SCENES = Path(__file__).resolve().parents[2] / "scenes"
 STORED = Path(__file__).with_name("bytes.json")
 SMALL = {"pings": 3, "rays": 4000, "bins": 120, "elements": 4, "range": 20, "cell": 0.08}
 NEEDED = {"published_figure_2": {"rays": 50}, "published_figure_3": {"range": 27, "sample_rate_khz": 40},
-          **{name: {"range": 50} for name in ("sidescan_flat", "sidescan_harbour", "sidescan_sediments", "sidescan_survey")},
-          "gallery": {"range": 28}, "sidescan_targets": {"range": 50, "pings": 12}}
+          "sidescan_flat": {"range": 50}, "sidescan_harbour": {"range": 50}, "sidescan_sediments": {"range": 50},
+          "sidescan_survey": {"range": 50}, "gallery": {"range": 28}, "sidescan_targets": {"range": 50, "pings": 12}}
 VERSIONS = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "mitsonar")
 
 

@@ -8,7 +8,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.signal.accumulation import NOWHERE, ImpulseResponses, centre
 from mitsonar.signal.impulses import FLAT, KERNELS, element_responses, in_band_error_db, response_spectrum
 

@@ -10,11 +10,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.connection import LIFT, LIFT_PER_RANGE, Connector
+from mitsonar.tracing.connection import LIFT, LIFT_PER_RANGE, Connector
 from mitsonar.propagation import eigenray
-from mitsonar.propagation.device import arrays_of, upload
-from mitsonar.scatterers import TARGET_RADIUS
-from mitsonar.trace import Geometry, Tracer
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.echoes.scatterers import TARGET_RADIUS
+from mitsonar.scene.geometry import Geometry
+from mitsonar.tracing.tracer import Tracer
 from mitsonar.water import SoundSpeedProfile
 
 POINTS = 6000
@@ -31,7 +32,7 @@ PROFILES = {
 @pytest.fixture(scope="module")
 def bed():
     """A rough bed about 45 m deep."""
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     relief = {"fractal_rms": 0.6, "fractal_gamma": 3.3, "fractal_outer_scale": 60.0}

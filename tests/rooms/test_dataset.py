@@ -10,7 +10,7 @@ from labelled_sidescan import labelled
 
 import mitsonar
 from mitsonar.io import exr
-from mitsonar.labelling.frames import frames
+from mitsonar.dataset.labels.frames import frames
 
 
 @pytest.fixture(scope="module")

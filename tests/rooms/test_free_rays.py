@@ -9,9 +9,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.free_rays import FreeRays
-from mitsonar.propagation.device import arrays_of
-from mitsonar.trace import Tracer
+from mitsonar.tracing.free_rays import FreeRays
+from mitsonar.device.arrays import arrays_of
+from mitsonar.tracing.tracer import Tracer
 from mitsonar.water import SoundSpeedProfile
 
 SUMMER = [0, 11, 20, 40], [1513.2, 1506.4, 1494.2, 1492.2]

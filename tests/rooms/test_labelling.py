@@ -13,10 +13,10 @@ from rasterio.features import rasterize
 
 from mitsonar.imaging.objects import object_bins
 from mitsonar.io import exr
-from mitsonar.labelling import Labels, write
-from mitsonar.labelling.annotations import annotations, clipped, in_the_black
-from mitsonar.labelling.frames import Tile, frames, tiles
-from mitsonar.labelling.polygons import joined, polygons
+from mitsonar.dataset.labels import Labels, write
+from mitsonar.dataset.labels.annotations import annotations, clipped, in_the_black
+from mitsonar.dataset.labels.frames import Tile, frames, tiles
+from mitsonar.dataset.labels.polygons import joined, polygons
 
 
 def filled(rings, shape):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from labelled_sidescan import labelled
 
 from mitsonar.io import exr
-from mitsonar.labelling import Labels, deal, find_sources, read_shares, write
+from mitsonar.dataset.labels import Labels, deal, find_sources, read_shares, write
 
 SHARES = st.dictionaries(st.sampled_from(("train", "val", "test")), st.integers(1, 20), min_size=1).map(
     lambda parts: {name: part / sum(parts.values()) for name, part in parts.items()})

@@ -1,5 +1,5 @@
 """What a material holds, when what it holds is shared: each part once, however many ways lead to it."""
-from mitsonar import materials
+from mitsonar.scene import materials
 
 
 def test_shared_parts_are_found_once(variant):

@@ -13,8 +13,9 @@ import pytest
 
 import mitsuba as mi
 from mitsonar.propagation import eigenrays
-from mitsonar.propagation.device import arrays_of, upload
-from mitsonar.trace import Geometry, Tracer
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.tracing.tracer import Tracer
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"
@@ -33,7 +34,7 @@ RAYS = 4000
 
 def test_room_for_a_fan_is_found_once(bed, monkeypatch):
     """Rays in a zigzag need much room: the first fans find out how much by doubling it, the next ones begin there."""
-    from mitsonar.propagation import fans
+    from mitsonar.propagation import ray_fans as fans
 
     rooms, traced = [], fans._trace_rows
 
@@ -59,7 +60,7 @@ def test_room_for_a_fan_is_found_once(bed, monkeypatch):
 @pytest.fixture(scope="module")
 def bed():
     """A rough bed, and a sphere above it so that both kinds of shape are hit."""
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     relief = {"fractal_rms": 0.6, "fractal_gamma": 3.3, "fractal_outer_scale": 60.0}
@@ -166,7 +167,7 @@ def test_hits_at_the_depth_of_the_source(variant, rng, name, depth):
     """A wall around the sonar, rays within half a degree of level: depths agree to millimetres, where moments of the
     water between them are rounding noise."""
     wall = {"type": "cylinder", "p0": [0.0, 0.0, -60.0], "p1": [0.0, 0.0, -1.0], "radius": 50.0}
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     geometry = Geometry(mi.load_dict({"type": "scene", "wall": wall}, optimize=False))
@@ -187,7 +188,7 @@ def test_hits_at_the_depth_of_the_source(variant, rng, name, depth):
 def test_texture_coordinates_are_those_of_the_shape(variant):
     """Mitsuba's own at the same points, for a mesh with coordinates and for a rectangle, where a material reads
     textures."""
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     T = mi.ScalarTransform4f
@@ -204,7 +205,7 @@ def test_texture_coordinates_are_those_of_the_shape(variant):
 
 def test_shapes_at_the_surface_are_hit(variant):
     """Rays stop above the water, not at it: a plate at z = 0 reflects every ray that looks up at it."""
-    from mitsonar.scene import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     plate = {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale(200.0)}

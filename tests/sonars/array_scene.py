@@ -2,7 +2,7 @@
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 SUMMER = "0:1513.2, 4:1513, 8:1511.6, 11:1506.4, 14:1500.8, 17:1496.6, 20:1494.2, 25:1492.9, 32:1492.3, 40:1492.2"
 

@@ -3,7 +3,7 @@ import mitsuba as mi
 import numpy as np
 
 import mitsonar
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 LEVEL = {"speckle": False, "noise": False}
 

@@ -7,8 +7,9 @@ import pytest
 from array_scene import array_scene, bed
 
 import mitsonar
-from mitsonar import array_cost, ensonification
-from mitsonar.array_signals import LEAD
+from mitsonar.survey import cost as array_cost
+from mitsonar.echoes import ensonification
+from mitsonar.survey.signals import LEAD
 
 CUTS = int(np.ceil(200 * np.sqrt(2) / 2.0))
 LINE = {"receive": "line", "receive_elements": 3, "receive_normal": "down"}

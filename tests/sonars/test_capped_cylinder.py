@@ -45,10 +45,10 @@ def test_highlight_between_side_and_cap(variant):
 def test_it_is_closed_and_smooth_from_rim_to_rim(variant):
     import mitsuba as mi
 
-    from mitsonar.smooth_facets import SmoothFacets
-    from mitsonar.trace import Geometry
+    from mitsonar.echoes.smooth.facets import SmoothFacets
+    from mitsonar.scene.geometry import Geometry
 
-    mitsonar.scene.prepare()
+    mitsonar.scene.loading.prepare()
     shape = drum((1, 0, 0), to_world=mi.ScalarTransform4f().rotate([0, 0, 1], 30).scale(2.0))
     scene = mi.load_dict({"type": "scene", "drum": shape}, optimize=False)
     facets = SmoothFacets(Geometry(scene), WAVELENGTH)
@@ -89,7 +89,7 @@ def test_it_scatters_from_its_cap(variant):
 def test_what_is_no_cylinder_is_refused(variant, wrong, said):
     import mitsuba as mi
 
-    from mitsonar.plugins.errors import plain
+    from mitsonar.scene.errors import plain
 
     if "to_world" in wrong:
         wrong = {"to_world": mi.ScalarTransform4f().scale([1, 1, 2])}

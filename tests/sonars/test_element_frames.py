@@ -15,8 +15,8 @@ import pytest
 from array_scene import SUMMER, array_scene, bed, buried_bed, knots, target
 
 import mitsonar
-from mitsonar.array_survey import _DopplerClass, _Sorter
-from mitsonar.scene import prepare
+from mitsonar.survey.pressure import _DopplerClass, _Sorter
+from mitsonar.scene.loading import prepare
 from mitsonar.signal import doppler_classes
 from mitsonar.sonar import Track, cw
 

@@ -19,9 +19,9 @@ from array_scene import SUMMER, array_scene, bed, buried_bed, target
 from scipy.integrate import quad, trapezoid
 
 import mitsonar
-from mitsonar.ensonification import Ensonification
+from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.propagation import eigenray
-from mitsonar.scatterers import Scatterers
+from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.signal.impulses import BandLimited
 from mitsonar.signal.reception import band_filter
 
@@ -46,7 +46,7 @@ def db(ratio):
 @pytest.fixture
 def sure(monkeypatch):
     """Amplitudes without chance: |g| = 1."""
-    monkeypatch.setattr("mitsonar.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
+    monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
 
 
 def echoes(scene, key=7):

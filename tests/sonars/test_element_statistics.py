@@ -208,7 +208,7 @@ def test_source_and_receiver_change_places(variant, profile):
 
 def test_blocks_leave_no_seams(variant, monkeypatch):
     whole = mitsonar.impulse_response(small()).values
-    monkeypatch.setattr("mitsonar.ensonification.CELLS_PER_BLOCK", 5003)
+    monkeypatch.setattr("mitsonar.echoes.ensonification.CELLS_PER_BLOCK", 5003)
     assert apart_db(mitsonar.impulse_response(small()).values, whole) < -100
 
 

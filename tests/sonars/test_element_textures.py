@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from array_scene import array_scene
 
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 BRIGHTNESS = np.array([[1.0, 0.5], [0.25, 0.125]])
 SIDE = 6.0
@@ -33,7 +33,7 @@ def square(kind, tmp_path):
                          ids=["scatterers", "rays"])
 @pytest.mark.parametrize("kind", ["rectangle", "obj"])
 def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, lighting):
-    monkeypatch.setattr("mitsonar.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
+    monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
     prepare()
     scene = array_scene({"bed": square(kind, tmp_path)}, integrator=lighting)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])

@@ -18,7 +18,7 @@ from array_scene import SUMMER, buried_bed, target
 
 import mitsonar
 from mitsonar.propagation import eigenray
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 from mitsonar.sonar.element_patterns import element_pressure
 from mitsonar.sonar.track import rotation_matrix
 from mitsonar.water import SoundSpeedProfile

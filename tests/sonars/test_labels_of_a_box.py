@@ -17,7 +17,7 @@ from sidescan_scene import lambert, plane, render, sidescan
 import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.io import exr
-from mitsonar.labelling import Labels, write
+from mitsonar.dataset.labels import Labels, write
 
 H, HEIGHT, NEAR, FAR, HALF_LENGTH = 10.0, 1.0, 28.0, 30.0, 3.0
 BIN, STEP, BINS, PINGS = 0.05, 0.25, 800, 41
@@ -26,7 +26,7 @@ BIN, STEP, BINS, PINGS = 0.05, 0.25, 800, 41
 @pytest.fixture(scope="module", params=(1, -1), ids=("starboard", "port"))
 def labelled(request, tmp_path_factory):
     """The folder of labels of a box on that side, and the record."""
-    mitsonar.scene.prepare()
+    mitsonar.scene.loading.prepare()
     to_world = mi.ScalarTransform4f().translate([request.param * 0.5 * (NEAR + FAR), 0, -20 + HEIGHT / 2])
     to_world = to_world.scale([0.5 * (FAR - NEAR), HALF_LENGTH, HEIGHT / 2])
     box = {"type": "cube", "id": "box.1", "bsdf": lambert(-20.0), "to_world": to_world}

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from array_scene import array_scene, bed
 
-from mitsonar.scatterers import Scatterers
-from mitsonar.scene import prepare
-from mitsonar.trace import Geometry
+from mitsonar.echoes.scatterers import Scatterers
+from mitsonar.scene.loading import prepare
+from mitsonar.scene.geometry import Geometry
 
 
 def tilted(tmp_path):

@@ -14,7 +14,7 @@ import pytest
 from array_scene import buried_bed, target
 
 import mitsonar
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 from mitsonar.sonar.track import rotation_matrix
 
 C, F0, PULSE = 1500.0, 1e5, 0.1

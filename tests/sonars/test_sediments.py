@@ -9,7 +9,7 @@ import pytest
 
 import mitsuba as mi
 from array_scene import array_scene
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 from sidescan_scene import render, sidescan
 
 HALVES = np.array([[0.0, 1.0]], np.float32)

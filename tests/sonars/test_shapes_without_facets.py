@@ -9,10 +9,10 @@ import pytest
 from array_scene import array_scene, buried_bed
 
 import mitsonar  # noqa: F401
-from mitsonar.scatterers import Scatterers
-from mitsonar.scene import prepare
-from mitsonar.tessellation import FINEST_SAGITTA
-from mitsonar.trace import Geometry
+from mitsonar.echoes.scatterers import Scatterers
+from mitsonar.scene.loading import prepare
+from mitsonar.scene.tessellation import FINEST_SAGITTA
+from mitsonar.scene.geometry import Geometry
 
 MU_DB = -20.0
 

@@ -10,7 +10,7 @@ from sidescan_scene import plane, sidescan
 
 import mitsonar
 from mitsonar.imaging.sidescan import realisation
-from mitsonar.scene import prepare
+from mitsonar.scene.loading import prepare
 
 RIGID, SILENT = {"type": "rigid"}, -190.0
 

@@ -22,7 +22,7 @@ def box(x, height, width=1.0, length=60.0):
 
 @pytest.fixture(scope="module")
 def boxed():
-    mitsonar.scene.prepare()
+    mitsonar.scene.loading.prepare()
     scene = sidescan({"bed": plane(40.0), "box": box(RANGE, HEIGHT)}, rays=400_000, film={"bins": 2000})
     return mitsonar.render(scene).sel(side="starboard")
 

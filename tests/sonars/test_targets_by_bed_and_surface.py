@@ -93,7 +93,7 @@ def where_heard(image, side, path):
 
 def test_a_sidescan_hears_targets_by_way_of_the_mirror(variant, monkeypatch):
     """To port a point, to starboard a sphere."""
-    monkeypatch.setattr("mitsonar.bounces.Bounces.__call__", nothing)             # of rays: the bed is silent
+    monkeypatch.setattr("mitsonar.echoes.multipath.Bounces.__call__", nothing)             # of rays: the bed is silent
     centre, radius, sonar = np.array([36.0, 0.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     strength_db = 20 * np.log10(radius / 2)
     scene = sidescan({"bed": plane(200.0, mu_db=-190.0), "sea": MIRROR,
@@ -134,7 +134,7 @@ def test_a_flat_surface_straight_above_is_heard_half_from_either_side(variant, r
 
 def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
     """As a point of its strength where both ways halve their angle, and no element hears another level or sign."""
-    monkeypatch.setattr("mitsonar.ensonification.Ensonification.drawn", nothing)
+    monkeypatch.setattr("mitsonar.echoes.ensonification.Ensonification.drawn", nothing)
     centre, radius, sonar = np.array([0.0, 36.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     ball = {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": {"type": "rigid"}}
     line = {"receive": "line", "receive_elements": 3, "receive_pitch": 0.2, "start": list(sonar)}

@@ -27,7 +27,7 @@ def _box(mu_db=-20.0):
 
 @pytest.fixture(scope="module")
 def image():
-    mitsonar.scene.prepare()
+    mitsonar.scene.loading.prepare()
     scene = sidescan({"seabed": plane(20), "box": _box()}, rays=200_000, film={"range": 60.0, "bins": 1200},
                      sensor={"start": [0, 0, -H], "beam_width_deg": 0.5, "pulse_ms": 0.05})
     return render(scene)[0]

@@ -27,7 +27,7 @@ SONAR = {"receive": "line", "receive_elements": 48, "receive_normal": "forward",
 
 @pytest.fixture(scope="module")
 def image():
-    mitsonar.scene.prepare()
+    mitsonar.scene.loading.prepare()
     to_world = mi.ScalarTransform4f().translate([0, 0.5 * (NEAR + FAR), -20 + HEIGHT / 2])
     box = {"type": "cube", "id": "box.1", "bsdf": {"type": "lambert", "mu_db": -15.0},
            "to_world": to_world.scale([HALF, 0.5 * (FAR - NEAR), HEIGHT / 2])}
@@ -118,8 +118,8 @@ def test_a_single_beam_hears_what_it_looks_at():
 
 def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
     """Rays go out in passes of what fits into memory, as many as the bins need."""
-    monkeypatch.setattr("mitsonar.fan_truth.MOST_RAYS", 100_000)
-    monkeypatch.setattr("mitsonar.fan_truth.FEWEST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.survey.fan_truth.MOST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.survey.fan_truth.FEWEST_RAYS", 100_000)
     image = mitsonar.render(array_scene({"seabed": bed(20, size=120)}, sensor=SONAR, film={"range": 28.0},
                                         integrator={"cell": 0.5}))
     lit = image["range"].values > H + 1

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from mitsonar import bootstrap, llvm
+from mitsonar.cli import bootstrap
+from mitsonar.device import llvm
 from mitsonar.__main__ import main
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -1,7 +1,7 @@
 """Debian's packages without root: which are fetched, and that unpacking is all or nothing."""
 import pytest
 
-from mitsonar import debian
+from mitsonar.device import debian
 
 DEPENDS = """libllvm19
   Depends: libc6

@@ -17,7 +17,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS_WITH_EXAMPLES = ("units", "spelling", "water", "scattering", "propagation", "sonar", "signal", "imaging", "io")
+ROOMS_WITH_EXAMPLES = ("units", "spelling", "seabed", "water", "scattering", "propagation", "sonar", "signal",
+                       "imaging", "io")
 SOURCES = sorted([*(ROOT / "mitsonar").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])
 BLOCK = re.compile(r"(?P<mark><!-- not run: .+? -->\n+)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
 

@@ -11,40 +11,34 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # From the ground up: a room imports only rooms that stand before it here.
 FLOORS = """
-    debian llvm units lookups spelling
-    water scattering placing
+    units spelling device
+    seabed water
+    scattering
     propagation
     sonar
     signal
     imaging
     io
-    shape_labels trace scene_objects alterations
-    tessellation
-    materials connection water_echoes scatterers echoes free_rays sights paths bounces array_ghosts drawn_rays
-    element_beams underway
-    smooth_facets
-    smooth_parts
-    smooth_targets
-    place
-    coherent_echoes bin_truth
-    ensonification fan_truth array_station array_survey array_cost array_signals
+    scene
+    tracing
+    echoes
     survey
     plugins
-    scene_files
-    scene rendering elements attributes
-    plots doctor
-    published
+    verbs
+    plots
     validation
-    sweep labelling dataset
-    installer
-    bootstrap cli
+    sweep dataset
+    cli
     __main__
 """
 RANK = {room: rank for rank, room in enumerate(FLOORS.split())}
-PHYSICS = {"units", "water", "scattering", "placing", "propagation", "sonar", "signal", "imaging"}
-WITHOUT_MITSUBA = PHYSICS | {"io", "plots"}
+PHYSICS = {"units", "water", "seabed", "scattering", "propagation", "sonar", "signal", "imaging"}
+WITHOUT_MITSUBA = PHYSICS | {"device", "io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
-STANDARD_LIBRARY_ONLY = {"llvm", "debian", "installer", "bootstrap", "__main__"}
+STANDARD_LIBRARY_ONLY = {"mitsonar", "mitsonar.__main__", "mitsonar.cli", "mitsonar.cli.bootstrap",
+                         "mitsonar.cli.installer", "mitsonar.device", "mitsonar.device.debian", "mitsonar.device.llvm"}
+# Loading a scene registers the plugins first, and what Mitsuba says of an unknown one is answered by their names.
+REGISTRATION = {("mitsonar.scene.loading", "mitsonar.plugins"), ("mitsonar.scene.errors", "mitsonar.plugins")}
 
 SOURCES = sorted([*(ROOT / "mitsonar").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])
 ALL_PYTHON = sorted([*SOURCES, *(ROOT / "tests").rglob("*.py"), *(ROOT / "scenes").rglob("*.py")])
@@ -85,6 +79,8 @@ def test_imports_point_to_lower_floors_only(path):
     assert room in RANK, f"{path.relative_to(ROOT)} is in no room of this test's FLOORS"
     for module in imports_of(path):
         other = room_of(module)
+        if (name_of(path), module) in REGISTRATION:
+            continue
         if module.split(".")[0] == "mitsonar" and other in RANK and other != room:
             assert RANK[other] < RANK[room], f"{path.relative_to(ROOT)} imports {module}, which stands above it"
 
@@ -102,7 +98,7 @@ def test_physics_and_files_know_no_mitsuba(path):
 def test_set_up_needs_the_standard_library_only(path):
     import sys
 
-    if room_of(name_of(path)) in STANDARD_LIBRARY_ONLY | {""}:
+    if name_of(path) in STANDARD_LIBRARY_ONLY:
         # The test runner is imported when the environment stands.
         assert {module.split(".")[0] for module in imports_of(path)} <= sys.stdlib_module_names | {"mitsonar", "pytest"}
 
@@ -119,5 +115,6 @@ def test_lazy_names_lead_somewhere():
     import mitsonar
 
     for name, module in mitsonar._PUBLIC.items():
+        module = module.partition(":")[0]
         file = ROOT / (module.replace(".", "/") if room_of(module) != "plugins" else "plugins")
         assert file.with_suffix(".py").is_file() or (file / "__init__.py").is_file(), f"mitsonar.{name}: no {module}"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from mitsonar import llvm
+from mitsonar.device import llvm
 
 ROOT = Path(__file__).resolve().parents[2]
 CHOICES = [

@@ -18,14 +18,14 @@ NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it
 
 def tables():
     """The tables of attributes: (plugins of the heading, names in the first column)."""
-    from mitsonar import attributes
+    from mitsonar.plugins import reference as attributes
 
     return [(plugins, {name for names, *_ in rows for name in names}) for plugins, rows in attributes.tables()]
 
 
 def known(plugin):
     """The attributes a plugin asks for, in any of its ways."""
-    from mitsonar import attributes
+    from mitsonar.plugins import reference as attributes
 
     return {one.name for one in attributes.attributes(plugin)}
 
@@ -40,8 +40,8 @@ def test_an_error_knows_the_same_attributes(variant, plugin):
     """What a plugin says that it knows is what its table has, but for arrays that are not points."""
     import mitsuba as mi
 
-    from mitsonar.attributes import WAYS
-    from mitsonar.plugins.errors import plain
+    from mitsonar.plugins.reference import WAYS
+    from mitsonar.scene.errors import plain
 
     with pytest.raises(RuntimeError) as caught:
         mi.load_dict({"type": plugin, "surely_unknown": 1, **WAYS.get(plugin, [{}])[0]})
@@ -52,8 +52,8 @@ def test_an_error_knows_the_same_attributes(variant, plugin):
 
 def test_defaults_that_are_numbers_are_those_of_the_plugins(variant):
     """Of 80 and more; words such as "as the range allows" cannot be compared."""
-    from mitsonar import attributes
-    from mitsonar.plugins.properties import declared
+    from mitsonar.plugins import reference as attributes
+    from mitsonar.plugins.attributes import declared
 
     compared = 0
     for plugin in attributes.plugins():
@@ -76,7 +76,7 @@ def test_presets_are_those_of_the_table():
 
 def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_picture():
     """Box, pipe and buoy of the scene lie within the ranges and angles that the command draws, and the cells suit."""
-    from mitsonar.array_signals import LEAD
+    from mitsonar.survey.signals import LEAD
 
     text = README.read_text(encoding="utf-8")
     command = re.search(r"render forward_looking(.*?) -o fan.exr --preview fan.png", text)[1]

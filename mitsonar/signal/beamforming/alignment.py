@@ -13,7 +13,7 @@ from typing import NamedTuple
 import drjit as dr
 import numpy as np
 
-from mitsonar.propagation.device import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 
 from .interpolation import MARGIN, RATE, corrected, interpolation_named
 

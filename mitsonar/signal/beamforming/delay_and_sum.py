@@ -12,7 +12,7 @@ on at v meanwhile hears a target up to 2 v/c from where it stood at transmission
 import drjit as dr
 import numpy as np
 
-from mitsonar.propagation.device import upload
+from mitsonar.device.arrays import upload
 
 from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
 from .interpolation import RATE

@@ -1,0 +1,255 @@
+"""Stand the environment up that a checkout needs, and move into it. Standard library only.
+
+`enter` is called before every command. Where the running interpreter already has the packages, or mitsonar is installed
+without its checkout, there is nothing to do but to have a libLLVM. Otherwise the packages go into ``.venv`` beside
+``pyproject.toml`` (under the user's cache where the checkout cannot be written), and the command starts again in there.
+
+A file in the environment tells its state. Absent: the environment is somebody else's and is added to. "unfinished": a
+set-up was interrupted and is done again from the start. Otherwise it says what the environment was made of, and while
+that still holds it is used as it is. One that is to be replaced waits under another name until the new one stands, and
+gets its own name back if that fails.
+"""
+import contextlib
+import hashlib
+import importlib.metadata
+import os
+import re
+import shutil
+import sys
+
+from mitsonar.cli import installer
+from mitsonar.cli.installer import SetupError
+from mitsonar.device import llvm
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PROJECT = os.path.join(ROOT, "pyproject.toml")
+MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
+UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
+AT_ONCE = ("-h", "--help", "-v", "--version", "completion")  # commands that nobody wants to wait for a library with
+
+
+def enter(argv):
+    """Return when this interpreter can run the command `argv`; start it again in an interpreter that can, otherwise.
+
+    A libLLVM that cannot be had stops only the commands that need it, by `mitsonar.device.llvm.check`.
+
+    Raises
+    ------
+    SetupError
+        The packages cannot be installed.
+    """
+    try:
+        if os.path.isfile(PROJECT):
+            _move_in(argv)
+        if argv and argv[0] not in AT_ONCE:
+            _have_library()
+    except OSError as error:
+        raise SetupError(f"The set-up failed: {error}.") from None
+
+
+def _move_in(argv):
+    moved = os.environ.pop(MOVED, None)
+    folder = environment()
+    if _inside(folder):
+        _forget_python_path(folder)
+    lacking = missing(with_tests=argv[:1] == ["test"])
+    if not lacking:
+        return
+    if moved == "new":
+        raise SetupError(f"The environment {folder} is damaged (it lacks {', '.join(lacking)}); remove that folder and "
+                         "try again.")
+    with _alone(folder):
+        if moved or _inside(folder) or not _is_ready(folder):
+            set_up(folder)
+            moved = "new"
+    python = installer.python_of(folder)
+    # A path beyond ASCII is no text for Mitsuba where Python takes the locale "C" at its word.
+    options = [] if sys.getfilesystemencoding() == "utf-8" else ["-X", "utf8"]
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    os.execve(python, [python, *options, "-m", "mitsonar", *argv], {**variables, MOVED: moved or "old"})
+
+
+def _forget_python_path(folder):
+    """Let PYTHONPATH hide no package of the environment, which has all that is needed."""
+    entries = {os.path.realpath(entry) for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry}
+    foreign = {entry for entry in entries if entry != os.path.realpath(ROOT)
+               and not entry.startswith(os.path.realpath(folder) + os.sep)}
+    if foreign:
+        del os.environ["PYTHONPATH"]
+        sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry) not in foreign]
+
+
+def _have_library():
+    if llvm.is_ready():
+        return
+    with _alone(llvm.private_folder()):
+        if not llvm.is_ready():  # somebody else may just have fetched it
+            try:
+                llvm.provide(say)
+            except llvm.BackendError as error:
+                say(str(error).partition("\n")[0])
+
+
+def run_tests(arguments):
+    """Run the checkout's tests by pytest with `arguments` and return its exit code.
+
+    Raises
+    ------
+    SetupError
+        mitsonar is installed without its checkout, so there are no tests.
+    BackendError
+        Kernels cannot be compiled here.
+    """
+    if not os.path.isdir(os.path.join(ROOT, "tests")):
+        raise SetupError("The tests are part of the source checkout, and this mitsonar is installed without it; "
+                         "run python3 -m mitsonar test there.")
+    llvm.check()
+    import pytest
+
+    os.chdir(ROOT)  # where pytest finds its settings, the tests, and a place for its cache
+    return int(pytest.main(arguments if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider", *arguments]))
+
+
+def environment():
+    """Return the folder of the environment that belongs to this checkout."""
+    folder = os.path.join(ROOT, ".venv")
+    if os.access(ROOT, os.W_OK) or _is_ready(folder):
+        return folder
+    return os.path.join(llvm.cache_folder(), f"venv-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:12]}")
+
+
+def missing(with_tests=False):
+    """Return the requirements of ``pyproject.toml`` that this interpreter does not meet, as ``name>=version``."""
+    with open(PROJECT, encoding="utf-8") as file:
+        text = file.read()
+    # The TOML reader came with Python 3.11; these two plain lists of strings need none.
+    keys = ["dependencies", "test"] if with_tests else ["dependencies"]
+    text = "".join(re.search(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[1] for key in keys)
+    requirement = r'^ *"([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
+    unmet = []
+    for name, relation, version, before in re.findall(requirement, text, re.M):
+        if before and sys.version_info >= (3, int(before)):
+            continue
+        try:
+            installed = importlib.metadata.version(name.partition("[")[0]) or "0"
+        except importlib.metadata.PackageNotFoundError:
+            installed = "0"
+        have, want = (tuple(map(int, re.findall(r"\d+", numbers))) for numbers in (installed, version))
+        if have < want or (relation == "==" and have != want):
+            unmet.append(f"{name}{relation}{version}")
+    return unmet
+
+
+def set_up(folder):
+    """Make the environment `folder`, or bring it up to date; the caller holds its lock.
+
+    Raises
+    ------
+    SetupError
+        The packages cannot be installed; an environment that was there is left as it was.
+    """
+    if os.name != "posix":
+        raise SetupError("The set-up by itself works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
+    before, waiting = _read(_state_file(folder)), f"{folder}.old"
+    there = os.path.isdir(folder) and bool(os.listdir(folder))
+    foreign = there and (before is None or before.endswith(ADDED_TO))
+    in_place = foreign or there and before.startswith(_identity(folder))
+    if there and not in_place:
+        if os.path.lexists(waiting):  # then what is here is a replacement that was not finished
+            shutil.rmtree(folder)
+        else:
+            os.rename(folder, waiting)
+    os.makedirs(folder, exist_ok=True)
+    _write(_state_file(folder), UNFINISHED + (ADDED_TO if foreign else b""))
+    say(f"installing packages into {folder} (0.8 GB; half a minute on a fast line)")
+    try:
+        installer.install(folder, ROOT, say)
+    except BaseException as error:
+        if not in_place:
+            shutil.rmtree(folder)
+            if os.path.lexists(waiting):
+                os.rename(waiting, folder)
+        elif isinstance(error, SetupError):  # which takes back what it began; an interruption does not
+            _restore(folder, before)
+        raise
+    _write(_state_file(folder), _identity(folder) + _digest() + (ADDED_TO if foreign else b""))
+    shutil.rmtree(waiting, ignore_errors=True)
+
+
+def _restore(folder, state):
+    if state is None:
+        os.unlink(_state_file(folder))
+    else:
+        _write(_state_file(folder), state)
+
+
+def about_import(error):
+    """Say what to do about a package that is there, or should be, and cannot be imported."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    what = f"a package that mitsonar needs cannot be imported: {lines[0] if lines else type(error).__name__}"
+    if os.environ.get("PYTHONPATH"):
+        return f"{what}; PYTHONPATH is {os.environ['PYTHONPATH']}: unset it if the package is taken from there"
+    if os.path.isfile(PROJECT) and _inside(environment()):
+        return f"{what}; remove the folder {environment()} and run the command again, which makes it anew"
+    return f"{what}; install it again for {sys.executable}, or mitsonar by pip install --force-reinstall"
+
+
+def say(line):
+    """Print one line of progress, beside the command's own output."""
+    print(f"mitsonar: {line}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def _alone(folder):
+    """Hold the lock of `folder`, a file beside it, which the system takes back however the process ends."""
+    import fcntl
+
+    os.makedirs(os.path.dirname(folder), exist_ok=True)
+    with open(f"{folder}.lock", "w", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            say("waiting for another set-up to end")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _inside(folder):
+    return os.path.realpath(sys.prefix) == os.path.realpath(folder)
+
+
+def _is_ready(folder):
+    state = _read(_state_file(folder))
+    return os.path.exists(installer.python_of(folder)) and state is not None \
+        and state.startswith(_identity(folder) + _digest())
+
+
+def _identity(folder):
+    """Return what makes an environment another one: the checkout it leads to and the interpreter it was made with."""
+    return os.fsencode(f"{ROOT}\n{os.path.realpath(installer.python_of(folder))}\n")
+
+
+def _digest():
+    digest = hashlib.sha256()
+    for path in (PROJECT, installer.LOCK):
+        with open(path, "rb") as file:
+            digest.update(file.read())
+    return f"{digest.hexdigest()}\n".encode()
+
+
+def _state_file(folder):
+    return os.path.join(folder, "mitsonar-state")
+
+
+def _read(path):
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except OSError:
+        return None
+
+
+def _write(path, content):
+    with open(f"{path}.new", "wb") as file:
+        file.write(content)
+    os.replace(f"{path}.new", path)

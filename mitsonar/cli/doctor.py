@@ -1,0 +1,88 @@
+"""Tell what mitsonar found on this machine, and whether it renders."""
+import importlib.metadata
+import os
+import platform
+import sys
+import time
+
+import mitsonar
+from mitsonar.device import llvm
+
+PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
+BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what compiles its kernels
+
+
+def report():
+    """Print versions, libLLVM, usable variants, threads and caches, one line each.
+
+    Raises
+    ------
+    BackendError
+        Kernels cannot be compiled here.
+    """
+    _line("mitsonar", f"{mitsonar.__version__}  {os.path.dirname(mitsonar.__file__)}")
+    _line("python", f"{platform.python_version()}  {sys.executable}")
+    for package in PACKAGES:
+        _line(package, _version(package))
+    llvm.check()
+    import drjit as dr
+    import mitsuba as mi
+
+    library = os.environ[llvm.VARIABLE]
+    if dr.has_backend(dr.JitBackend.LLVM):
+        _line("LLVM", f"{'.'.join(map(str, dr.detail.llvm_version()))}  {library}  (from {llvm.origin(library)})")
+    else:
+        _line("LLVM", "none; the NVIDIA driver makes up for it")
+    usable = tuple(name for name, backend in BACKENDS.items() if dr.has_backend(getattr(dr.JitBackend, backend)))
+    _line("variants", ", ".join(name for name in mi.variants() if name.startswith(usable)))
+    _line("threads", dr.thread_count())
+    _line("kernels", _size(os.environ.get("DRJIT_CACHE_DIR") or os.path.expanduser("~/.drjit")))
+    _line("cache", _size(llvm.cache_folder()))
+
+
+def run(render_check=None):
+    """Print the report, call `render_check`, and say how that went.
+
+    Parameters
+    ----------
+    render_check : callable or None
+        Renders something small; raises where it cannot.
+
+    Returns
+    -------
+    int
+        Exit code: 0 all well, 1 the check failed, 2 kernels cannot be compiled here.
+    """
+    try:
+        report()
+    except llvm.BackendError as error:
+        _line("LLVM", error)
+        return 2
+    if render_check is None:
+        return 0
+    start = time.perf_counter()
+    try:
+        render_check()
+    except Exception as error:  # whatever is wrong is what the doctor was asked to tell
+        _line("check", f"FAILED, {type(error).__name__}: {error}")
+        return 1
+    _line("check", f"ok, rendered in {time.perf_counter() - start:.1f} s")
+    return 0
+
+
+def _version(package):
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _line(name, value):
+    print(f"{name:<10} {value}", flush=True)
+
+
+def _size(folder):
+    if not os.path.isdir(folder):
+        return f"{folder}  (not there yet)"
+    files = (os.path.join(path, name) for path, _, names in os.walk(folder) for name in names)
+    return f"{folder}  ({sum(os.lstat(file).st_size for file in files) / 1e6:.0f} MB)"

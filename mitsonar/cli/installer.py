@@ -1,0 +1,159 @@
+"""Put mitsonar's packages into an environment, by uv where there is one, else by pip. Standard library only.
+
+What is installed is what stands in ``requirements.lock``, with the hashes that stand there, and nothing is built on the
+way; then the checkout itself, by the build tool that came with the lock. What uv and pip say of large downloads and of
+trouble is passed on as they say it.
+"""
+import collections
+import glob
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+
+LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "requirements.lock")
+LOCKED = ("--require-hashes", "--only-binary", ":all:", "-r", LOCK)
+CHECKOUT = ("--no-deps", "--no-build-isolation", "-e")
+SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones Debian's pip knows; a bare system has none
+SHOWN = re.compile(r"\s*(?:Downloading .*\([\d.]+ ?[MG]i?B\)|Installing collected|Building|Could not fetch|WARNING"
+                   r"|ERROR|error\b)")
+WIDEST, LONGEST = 160, 500  # characters of a line that is passed on, and of a reason
+REASONS = 6  # lines of an error that a sentence takes
+CAUSE = re.compile(r"connection broken by '(.+?)': /|^ *Caused by: (.+)|^((?=.*(?:certificate|No space left)).+)"
+                   # pip's first line about a failed child ("subprocess-exited-with-error") says nothing
+                   r"|^ *error: (?!subprocess-exited)(.+)", re.I)
+
+
+class SetupError(Exception):
+    """The environment cannot be made; the message is one sentence."""
+
+
+def install(folder, root, say):
+    """Make the environment `folder` if it is not there, and have all packages in it.
+
+    Parameters
+    ----------
+    folder : str
+    root : str
+        The checkout.
+    say : callable
+        Gets one line of text for each step.
+
+    Raises
+    ------
+    SetupError
+        The packages cannot be installed.
+    """
+    if not (shutil.which("uv") and _by_uv(folder, root, say)):
+        _by_pip(folder, root, say)
+
+
+def python_of(folder):
+    """Return the interpreter of an environment."""
+    return os.path.join(folder, "bin", "python")
+
+
+def _by_uv(folder, root, say):
+    python = python_of(folder)
+    try:
+        run(folder, say, "uv", "venv", "--allow-existing", "--python", _base(), folder)
+        run(folder, say, "uv", "pip", "install", "--python", python, *LOCKED)
+        run(folder, say, "uv", "pip", "install", "--python", python, *CHECKOUT, root)
+    except SetupError as error:
+        say(f"{error} Going on with pip.")
+        return False
+    return True
+
+
+def _by_pip(folder, root, say):
+    import venv
+
+    try:
+        import ensurepip  # noqa: F401  (Debian packs it apart)
+        has_pip = True
+    except ImportError:
+        has_pip = False
+    try:
+        venv.create(folder, symlinks=True, with_pip=has_pip)
+    except (OSError, subprocess.CalledProcessError) as error:
+        said = (getattr(error, "output", None) or b"").decode(errors="replace").strip().splitlines()
+        raise SetupError(f"Could not make a Python environment in {folder}: {said[-1] if said else error}.") from None
+    pip, variables = ["-m", "pip"], {}
+    if not has_pip:
+        wheel = _debian_pip(folder, say)
+        pip = [os.path.join(wheel, "pip")]
+        if not os.path.exists(SYSTEM_CERTIFICATES):
+            its_own = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
+            variables = {"PIP_CERT": its_own}
+    command = [python_of(folder), *pip, "install", "--disable-pip-version-check", "--no-input"]
+    run(folder, say, *command, *LOCKED, **variables)
+    run(folder, say, *command, *CHECKOUT, root, **variables)
+
+
+def _base():
+    """Return the interpreter outside all environments: the one that runs may lie in the folder that is replaced."""
+    return getattr(sys, "_base_executable", None) or sys.executable
+
+
+def _debian_pip(folder, say):
+    """Return the wheel of pip, out of Debian's package."""
+    from mitsonar.device import debian
+
+    try:
+        debian.Packages(say).unpack(["python3-pip-whl"], os.path.join(folder, "pip"))
+    except debian.Unavailable as error:
+        raise SetupError(f"This Python has neither pip nor ensurepip, and Debian's cannot be had: {error}; "
+                         "install pip or python3-venv and try again.") from None
+    return glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0]
+
+
+def run(folder, say, *command, **defaults):
+    """Run a command that installs into `folder`, and pass on what it says of its progress; `defaults` are variables.
+
+    Raises
+    ------
+    SetupError
+        It fails; the message has its own errors.
+    """
+    # A user's standing wish for installs into the home folder would make pip fail in an environment, and packages that
+    # PYTHONPATH leads to would count as installed. What pip unpacks goes into a folder of ours: it is large for a /tmp
+    # in memory, and an interrupted pip leaves it behind.
+    scratch = os.path.join(folder, "scratch")
+    environment = {**defaults, **os.environ, "PIP_USER": "0", "TMPDIR": scratch, "PYTHONUTF8": "1"}
+    for name in ("PYTHONPATH", "PYTHONHOME"):
+        environment.pop(name, None)
+    os.makedirs(scratch, exist_ok=True)
+    said = collections.deque(maxlen=1000)
+    try:
+        with subprocess.Popen(command, cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+                              errors="replace") as child:
+            try:
+                for line in child.stdout:
+                    said.append(line)
+                    if SHOWN.match(line) and ".whl.metadata" not in line:
+                        say(line.strip()[:WIDEST])
+            except BaseException:
+                child.kill()
+                raise
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    if child.returncode:
+        name = os.path.basename(command[0])
+        raise SetupError(_sentence(_reasons(said) or [f"{name} ended with exit code {child.returncode}"]))
+
+
+def _reasons(said):
+    """Return what a failed command gave as reasons, each once."""
+    found = (CAUSE.search(line.rstrip()) for line in said)
+    return list(dict.fromkeys(next(filter(None, match.groups())).strip()[:LONGEST] for match in found if match))
+
+
+def _sentence(reasons):
+    text = "; ".join(reasons[-REASONS:]).rstrip(".")
+    if "certificate" in text.lower():
+        return (f"Could not install mitsonar's packages: {text}. Where a proxy has certificates of its own, name the "
+                "file of them by PIP_CERT and SSL_CERT_FILE.")
+    return f"Could not install mitsonar's packages (is there a network?): {text}."

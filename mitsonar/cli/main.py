@@ -1,0 +1,51 @@
+"""The command line: render, signals, demo, scenes, describe, sweep, plot, published, validate, labels, doctor.
+
+Exit codes: 0 done, 1 where `validate` finds too large an error or renders of a `sweep` failed, 2 for what the user can
+mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.
+"""
+import signal
+import sys
+import warnings
+
+from .. import __version__
+from ..io.errors import sentence
+from . import describing, labels, machine, rendering, results, sweep
+from .arguments import Parser
+from .completion import SHELLS, Completion
+from .words import Signals, mute, warn
+
+__all__ = ["main"]
+
+GROUPS = (rendering, describing, sweep, results, labels, machine)      # of commands, in the order of the help
+
+
+def main(argv=None):
+    """Run one command and return its exit code."""
+    with Signals() as signals:
+        try:
+            arguments = _parser().parse_args(argv)
+            with warnings.catch_warnings():
+                warnings.showwarning = warn
+                return arguments.run(arguments) or 0
+        except BrokenPipeError:
+            mute()
+            return 128 + signal.SIGPIPE
+        except (Exception, KeyboardInterrupt) as error:
+            # between Mitsuba and Python an interrupt may turn into any other exception
+            if signals.received or isinstance(error, KeyboardInterrupt):
+                return signals.end()
+            if not isinstance(error, (ValueError, OSError, MemoryError)):
+                raise
+            print(f"mitsonar: {sentence(error)}", file=sys.stderr)
+            return 2
+
+
+def _parser():
+    parser = Parser(prog="mitsonar", description="Render sonar images of Mitsuba scenes.")
+    parser.add_argument("-v", "--version", action="version", version=f"mitsonar {__version__}")
+    parser.add_argument("--print-completion", action=Completion, metavar="SHELL", choices=SHELLS,
+                        help="a script that completes commands and options: bash or zsh")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command", parser_class=Parser)
+    for group in GROUPS:
+        group.add(commands)
+    return parser

@@ -1,0 +1,179 @@
+"""Highlights and shadows of objects as pieces of a picture: what boxes, polygons and masks are made of.
+
+Every object makes at most a highlight and a shadow on each side of a sidescan: one that both sides hear, under the
+track, is two, for a box around both would hold the water column.
+"""
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from ...imaging.objects import object_bins
+
+__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped", "in_the_black"]
+
+HIGHLIGHT, SHADOW = "highlight", "shadow"
+AROUND = 2                         # bins
+LIT_SHARE = 0.1                    # of a piece, or of the bins around it, that are not black: it can be seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annotation:
+    """What an object brings to a picture, or hides from it.
+
+    Attributes
+    ----------
+    kind : str
+        ``highlight`` or ``shadow``.
+    label : int
+        Number of the object in its record.
+    name, class_name : str
+    side : str
+        ``port``, ``starboard`` or empty.
+    row, column : int
+        Of the upper left corner of ``mask`` in the picture.
+    mask : bool array (h, w)
+        True somewhere in every border row and column.
+    truncated : bool
+        It touches an edge of the picture, beyond which it may go on.
+    visible : float
+        Share of its bins that this picture has; below 1 in tiles only.
+    """
+
+    kind: str
+    label: int
+    name: str
+    class_name: str
+    side: str
+    row: int
+    column: int
+    mask: np.ndarray
+    truncated: bool
+    visible: float = 1.0
+
+    @property
+    def bins(self):
+        """How many bins it has."""
+        return int(self.mask.sum())
+
+    @property
+    def box(self):
+        """Left edge, upper edge, width and height, in bins."""
+        return self.column, self.row, self.mask.shape[1], self.mask.shape[0]
+
+    @property
+    def category(self):
+        """Name of what it is: the object's class, or that and "shadow"."""
+        return category(self.class_name, self.kind)
+
+
+def category(class_name, kind):
+    """Name a class's highlights or shadows."""
+    return class_name if kind == HIGHLIGHT else f"{class_name} shadow"
+
+
+def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=1):
+    """Find what the objects of a dataset make of its pictures.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    frames : list of Frame
+        As `frames` gives them for it.
+    threshold, above_noise_db : float
+        See `mitsonar.imaging.objects.object_bins`.
+    smallest : int
+        Bins that every piece of an annotation must have; see there.
+
+    Returns
+    -------
+    list of list of Annotation
+        For every picture; by label, the highlight first.
+
+    Raises
+    ------
+    ValueError
+        As `object_bins`.
+    """
+    found = [[] for _ in frames]
+    bins = dataset["range"].values
+    near_is_cut = bins.size > 1 and bins[0] > bins[1] - bins[0]
+    for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db, smallest=smallest):
+        for kind, shown in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
+            if not shown.any():
+                continue
+            for frame, own in zip(frames, found, strict=True):
+                laid = frame.lay(shown)
+                for part in frame.parts:
+                    piece = _cut_out(laid[:, part.start:part.stop], smallest)
+                    if piece is None:
+                        continue
+                    row, column, mask = piece
+                    touched = {"top": row == 0, "bottom": row + mask.shape[0] == frame.height, "left": column == 0,
+                               "right": column + mask.shape[1] == part.stop - part.start}
+                    own.append(Annotation(
+                        kind=kind, label=seen.label, name=seen.name, class_name=seen.class_name, side=part.name,
+                        row=row, column=part.start + column, mask=mask,
+                        truncated=any(met and (edge != part.near or near_is_cut) for edge, met in touched.items())))
+    return found
+
+
+def clipped(annotation, tile, smallest=1):
+    """Give the part of an annotation that lies in a tile, counted from the tile's corner.
+
+    Parameters
+    ----------
+    annotation : Annotation
+    tile : Tile
+    smallest : int
+        Bins it must have there.
+
+    Returns
+    -------
+    Annotation or None
+        None where too little of it lies there.
+    """
+    row, column = annotation.row - tile.row, annotation.column - tile.column
+    height, width = annotation.mask.shape
+    inside = annotation.mask[max(0, -row):max(0, min(height, tile.height - row)),
+                             max(0, -column):max(0, min(width, tile.width - column))]
+    piece = _cut_out(inside, smallest)
+    if piece is None:
+        return None
+    visible = int(piece[2].sum()) / annotation.bins
+    return replace(annotation, row=max(0, row) + piece[0], column=max(0, column) + piece[1], mask=piece[2],
+                   visible=visible, truncated=annotation.truncated or visible < 1)
+
+
+def in_the_black(annotation, picture):
+    """Tell whether a picture is black where an annotation lies and around it, so that there is nothing to see.
+
+    So it is under the track, where the beam sends too little for the picture's black: an object there is in the record,
+    but a box on it would teach that black is an object.
+
+    Parameters
+    ----------
+    annotation : Annotation
+    picture : uint8 array (H, W)
+
+    Returns
+    -------
+    bool
+    """
+    height, width = annotation.mask.shape
+    top, left = max(0, annotation.row - AROUND), max(0, annotation.column - AROUND)
+    lit = picture[top:annotation.row + height + AROUND, left:annotation.column + width + AROUND] > 0
+    mask = np.zeros(lit.shape, bool)
+    mask[annotation.row - top:, annotation.column - left:][:height, :width] = annotation.mask
+    around = ndimage.binary_dilation(mask, iterations=AROUND) & ~mask
+    return all(np.count_nonzero(lit & part) < LIT_SHARE * np.count_nonzero(part) for part in (mask, around)
+               if part.any())
+
+
+def _cut_out(mask, smallest):
+    """Row and column of the smallest rectangle that holds a mask, and the mask in there; None if it is too small."""
+    if not mask.size or np.count_nonzero(mask) < max(1, smallest):
+        return None
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    return (int(rows[0]), int(columns[0]),
+            mask[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1].copy())

@@ -1,0 +1,95 @@
+"""What labels are to be written, and by which rules: one record, checked before any work."""
+import math
+from dataclasses import dataclass
+
+from ... import __version__
+from .yolo import FORMS
+
+__all__ = ["Labels"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """What to write, and by which rules.
+
+    Attributes
+    ----------
+    coco, masks : bool
+    yolo : {'boxes', 'polygons', None}
+    threshold, above_noise_db : float
+        See `mitsonar.imaging.objects.object_bins`.
+    classes : sequence of str or None
+        Of objects, in the order in which they are numbered; None: those of the images, in alphabetical order.
+    smallest : int
+        Bins that every piece of an annotation must have; see there.
+    tile : (int, int) or None
+        Pings and columns of a tile; None: whole pictures.
+    overlap : float
+        Share of a tile that its neighbour repeats.
+    drop_empty : bool
+        Leave out pictures, or tiles of them, that have no annotation.
+    tvg : {'seabed', 'target', None}
+    window : (float, float) or None [dB]
+        Levels of black and white; None: found for each image.
+    split : dict of str, float or None
+        Shares of the subsets, by `read_shares`.
+    split_seed : int
+    split_by : str or None
+        The scene parameter by which images belong together; None: their seabed.
+
+    Raises
+    ------
+    ValueError
+        If one of them is out of range, or there is nothing to write.
+    """
+
+    coco: bool = False
+    yolo: object = None
+    masks: bool = False
+    threshold: float = 0.5
+    above_noise_db: float = 0.0
+    classes: object = None
+    smallest: int = 8
+    tile: object = None
+    overlap: float = 0.0
+    drop_empty: bool = False
+    tvg: object = "seabed"
+    window: object = None
+    split: object = None
+    split_seed: int = 0
+    split_by: object = None
+
+    def __post_init__(self):
+        if not (self.coco or self.yolo or self.masks):
+            raise ValueError("nothing to write was asked for; take COCO, YOLO, masks or several of them.")
+        if self.yolo not in (None, *FORMS):
+            raise ValueError(f"YOLO's form is {self.yolo!r}; choose {' or '.join(FORMS)}.")
+        if not 0 <= self.threshold < 1:
+            raise ValueError(f"the threshold is {self.threshold:g}; give a share of at least 0 and below 1, such as "
+                             "0.5.")
+        if not self.above_noise_db < math.inf:
+            raise ValueError(f"highlights are to be {self.above_noise_db:g} dB above the noise; give a number, such as "
+                             "0.")
+        if self.classes is not None and (not all(self.classes) or len(set(self.classes)) < len(self.classes)):
+            raise ValueError(f"the classes are {', '.join(map(repr, self.classes))}; give each name once.")
+        if self.smallest < 1:
+            raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
+        if self.tile is not None and min(self.tile) < 8:
+            raise ValueError(f"a tile is {self.tile[0]} pings by {self.tile[1]} bins; give 8 or more of each.")
+        if not 0 <= self.overlap <= 0.9:
+            raise ValueError(f"the overlap of tiles is {self.overlap:g}; give a share from 0 to 0.9.")
+        if self.overlap and self.tile is None:
+            raise ValueError("an overlap is given, but no tiles; give their size or leave it out.")
+        if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
+            raise ValueError(f"black is {self.window[0]:g} dB and white {self.window[1]:g} dB; give two numbers, white "
+                             "above black.")
+        if self.split is None and self.split_by is not None:
+            raise ValueError("what to split by is given, but no split; give its shares or leave it out.")
+
+    @property
+    def rules(self):
+        """The rules as JSON, for the files."""
+        return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
+                "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
+                "tile": self.tile and list(self.tile), "overlap": self.overlap,
+                "drop_empty": self.drop_empty, "tvg": self.tvg}

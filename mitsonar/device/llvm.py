@@ -1,0 +1,235 @@
+"""Choose the libLLVM that Dr.Jit loads, before Dr.Jit is imported. Standard library only.
+
+Dr.Jit looks for libLLVM once, while it is imported: the file named by ``DRJIT_LIBLLVM_PATH``, else what the system has.
+It takes LLVM 15 and 16, which cannot compile its code: LLVM then ends the whole process. So `locate` sets the variable
+in every case: to the usable library closest to the tested version, and to a file that does not exist where there is
+none, since a clean "not found" from Dr.Jit is better than a process that dies.
+
+On Debian and its relatives `provide` (``python3 -m mitsonar llvm``) unpacks a libLLVM under the user's cache, without
+being root.
+"""
+import ctypes
+import os
+import sys
+import warnings
+
+OLDEST, TESTED = 17, 19
+VARIABLE = "DRJIT_LIBLLVM_PATH"
+NOTHING = "/no/libLLVM/that/mitsonar/can/use"  # a file Dr.Jit cannot load
+
+
+class BackendError(RuntimeError):
+    """The machine lacks what Dr.Jit needs to compile kernels; the message says how to get it."""
+
+
+def cache_folder():
+    """Return the folder for what mitsonar fetches for this user: ``$XDG_CACHE_HOME/mitsonar``."""
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return os.path.join(os.path.realpath(caches), "mitsonar")
+
+
+def private_folder():
+    """Return the folder for an unpacked libLLVM: one per release and processor, as machines may share a home folder."""
+    release = {}
+    try:
+        with open("/etc/os-release", encoding="utf-8") as file:
+            release = dict(line.rstrip().replace('"', "").split("=", 1) for line in file if "=" in line)
+    except OSError:
+        pass
+    version = release.get("VERSION_ID") or release.get("VERSION_CODENAME", "rolling")
+    return os.path.join(cache_folder(), f"llvm-{release.get('ID', sys.platform)}-{version}-{_processor()}")
+
+
+def remedy():
+    """Return what to do about a missing libLLVM, as text for an error message."""
+    return f"""mitsonar needs the LLVM shared library to compile its kernels, version {OLDEST} or newer.
+  Debian/Ubuntu:   sudo apt-get install libllvm{TESTED} libatomic1
+  without root:    python3 -m mitsonar llvm   (unpacks Debian's libllvm{TESTED} under {cache_folder()})
+  elsewhere:       install LLVM {TESTED}, or set {VARIABLE} to its libLLVM.so / libLLVM.dylib / LLVM-C.dll"""
+
+
+def locate():
+    """Choose a libLLVM, tell Dr.Jit by ``DRJIT_LIBLLVM_PATH``, and load what it needs beside it.
+
+    A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the installed ones and the one in
+    our cache compete: the closest to the tested version wins, an installed one before ours.
+
+    Returns
+    -------
+    str or None
+        Path of the library; None where there is none, or no libatomic, without which Dr.Jit cannot be imported.
+    """
+    path = os.environ.get(VARIABLE) or NOTHING
+    if not _usable(path):
+        if path != NOTHING:
+            warnings.warn(f"{VARIABLE} is {path}, not LLVM {OLDEST} or newer; looking for another", stacklevel=2)
+        path = _closest(_installed())
+    os.environ[VARIABLE] = path or NOTHING
+    if path and path.startswith(private_folder() + os.sep):
+        _load_neighbours(path)
+    return path if _has_atomic() else None
+
+
+def is_ready():
+    """Tell whether Dr.Jit, still to be imported, will find a way to compile kernels; `locate` is part of it."""
+    return bool(locate() or _has_atomic() and has_cuda())
+
+
+def check():
+    """Make sure that kernels can be compiled; call this before a variant is set.
+
+    Raises
+    ------
+    BackendError
+        There is neither a usable libLLVM nor an NVIDIA driver, or Dr.Jit was imported before mitsonar and has loaded a
+        libLLVM that cannot compile its code.
+    """
+    drjit = sys.modules.get("drjit")
+    ask = getattr(getattr(drjit, "detail", None), "llvm_version", None)
+    if ask is None:  # not imported, or just about to be, perhaps by another thread
+        if not is_ready():
+            raise BackendError(remedy())
+        return
+    version = ask()[0]
+    if 0 <= version < OLDEST:
+        raise BackendError(f"Dr.Jit was imported before mitsonar and has loaded LLVM {version}, which cannot compile "
+                           f"its code. Import mitsonar first, or set {VARIABLE} to LLVM {OLDEST} or newer.")
+    if version < 0 and not drjit.has_backend(drjit.JitBackend.CUDA):
+        raise BackendError(remedy())
+
+
+def provide(say=print):
+    """Fetch libLLVM, libatomic and what they need from Debian's packages into the user's cache, without root.
+
+    Parameters
+    ----------
+    say : callable
+        Gets one line of text for each step.
+
+    Returns
+    -------
+    str
+        Path of the library, as `locate` chose it.
+
+    Raises
+    ------
+    BackendError
+        The machine has no apt, the packages cannot be fetched, or none of them is usable.
+    """
+    from mitsonar.device import debian
+
+    try:
+        packages = debian.Packages(say)
+        majors = [int(name[len("libllvm"):]) for name in packages.names("libllvm") if name[len("libllvm"):].isdigit()]
+        usable = [major for major in majors if major >= OLDEST]
+        if not usable:
+            raise debian.Unavailable(f"this release has no libllvm{OLDEST} or newer")
+        chosen = min(usable, key=_distance)
+        packages.unpack(packages.closure([f"libllvm{chosen}", "libatomic1"]), private_folder())
+    except debian.Unavailable as error:
+        raise BackendError(f"Could not fetch libLLVM: {error}.\n{remedy()}") from None
+    path = locate()
+    if not path or not _loads(path):
+        raise BackendError(f"The libLLVM unpacked in {private_folder()} cannot be loaded.\n{remedy()}")
+    return path
+
+
+def origin(path):
+    """Say where the library at `path` was found: ``system``, ``mitsonar's cache`` or the variable that names it."""
+    if path.startswith(private_folder() + os.sep):
+        return "mitsonar's cache"
+    return "system" if path in _installed() else VARIABLE
+
+
+def has_cuda():
+    """Tell whether the NVIDIA driver is there: with it Dr.Jit can do without LLVM."""
+    return _loads("libcuda.so.1") or _loads("nvcuda.dll")
+
+
+def major_version(path):
+    """Return the major version of the libLLVM at `path`, by its file name or else by asking it; -1 if unknown."""
+    name = os.path.basename(os.path.realpath(path))
+    for prefix in ("libLLVM-", "libLLVM.so."):  # libLLVM-15.so.1, libLLVM-14.0.6.so.1, libLLVM.so.19.1
+        digits = name[len(prefix):].split(".")[0]
+        if name.startswith(prefix) and digits.isdigit():
+            return int(digits)
+    import subprocess
+
+    # In a child: a library that turns out too old must not stay loaded in this process.
+    ask = ("import ctypes, sys; numbers = [ctypes.c_uint() for _ in range(3)];"
+           "ctypes.CDLL(sys.argv[1]).LLVMGetVersion(*map(ctypes.byref, numbers)); print(numbers[0].value)")
+    child = subprocess.run([sys.executable, "-c", ask, path], capture_output=True, text=True, check=False)
+    return int(child.stdout) if child.returncode == 0 else -1
+
+
+def _folders():
+    triple = f"{_processor()}-linux-gnu"
+    yield from (f"/usr/lib/{triple}", "/usr/lib64", "/usr/lib", f"{sys.prefix}/lib")
+    yield from ("/opt/homebrew/opt/llvm/lib", "/usr/local/opt/llvm/lib")
+    if os.path.isdir("/usr/lib"):
+        yield from (f"/usr/lib/{name}/lib" for name in os.listdir("/usr/lib") if name.startswith("llvm"))
+    yield f"{private_folder()}/usr/lib/{triple}"
+
+
+def _installed():
+    """Return the real paths of all libraries that could be libLLVM, each once."""
+    found = {}
+    for folder in filter(os.path.isdir, _folders()):
+        for name in os.listdir(folder):
+            if name.startswith(("libLLVM-", "libLLVM.")) and (".so" in name or name.endswith(".dylib")):
+                path = os.path.realpath(os.path.join(folder, name))
+                if os.path.isfile(path) and _machine(path) == _machine(os.path.realpath(sys.executable)):
+                    found[path] = None
+    return list(found)
+
+
+def _closest(paths):
+    private = private_folder() + os.sep
+    ranked = [(_distance(major), path.startswith(private), path)
+              for path, major in ((path, major_version(path)) for path in paths) if major >= OLDEST]
+    return min(ranked)[2] if ranked else None
+
+
+def _distance(major):
+    return abs(major - TESTED), -major
+
+
+def _usable(path):
+    return os.path.isfile(path) and major_version(path) >= OLDEST
+
+
+def _machine(path):
+    """Return the word size and processor an ELF file is for; b"" for other formats."""
+    with open(path, "rb") as file:
+        head = file.read(20)
+    return head[4:5] + head[18:20] if head.startswith(b"\x7fELF") else b""
+
+
+def _processor():
+    return os.uname().machine if hasattr(os, "uname") else ""
+
+
+def _loads(name):
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
+
+
+def _has_atomic():
+    if not sys.platform.startswith("linux") or _loads("libatomic.so.1"):
+        return True
+    return _loads(f"{private_folder()}/usr/lib/{_processor()}-linux-gnu/libatomic.so.1")
+
+
+def _load_neighbours(path):
+    """Load the unpacked libraries that the system lacks, so that the libLLVM at `path` finds them loaded by name."""
+    folder = os.path.dirname(path)
+    names = (name for name in os.listdir(folder) if name.rpartition(".so.")[2].isdigit())
+    waiting = [name for name in names if not name.startswith("libLLVM") and not _loads(name)]
+    while waiting:
+        left = [name for name in waiting if not _loads(os.path.join(folder, name))]
+        if len(left) == len(waiting):
+            return
+        waiting = left

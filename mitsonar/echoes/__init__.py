@@ -1,0 +1,1 @@
+"""What comes back: one kind of echo a file, and the sonar equation."""

@@ -1,0 +1,111 @@
+"""Echo energy per time bin, summed exactly.
+
+Sums are kept in 64-bit integers, so they do not depend on the order of additions, hence not on the number of threads.
+One unit is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range, α
+the least absorption of the water: 60 dB finer than a typical ray of a typical bin, with room for a bin 30 dB above a
+perfect reflector that fills the beam.
+"""
+import drjit as dr
+import numpy as np
+
+
+__all__ = ["EchoSums", "sum_size"]
+
+UNIT_BITS = 50
+LARGEST = 2.0 ** 58                # units a single echo may bring
+
+
+def sum_size(needed):
+    """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes
+    exist."""
+    return max(1 << 16, 1 << (int(needed) - 1).bit_length())
+
+
+class EchoSums:
+    """Integer sums of a block of pings, and their reading in physical units.
+
+    Parameters
+    ----------
+    lib : Dr.Jit namespace
+    rows : int
+        Pings x sides of the block.
+    labels : int
+        Number of shapes.
+    bins : int
+    paths : int
+        Number of paths; one is not told apart.
+    """
+
+    def __init__(self, lib, rows, labels, bins, paths=1):
+        self.lib, self.rows, self.labels, self.bins, self.paths = lib, rows, labels, bins, paths
+        self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
+        self.depth = dr.zeros(lib.UInt64, sum_size(rows * bins))
+        self.count = dr.zeros(lib.UInt64, sum_size(rows * bins))
+        self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
+
+    def add(self, *, row, label, bin, units, height, in_beam, active, path=None, counted=True):
+        """Scatter echoes into their bins.
+
+        Parameters
+        ----------
+        row, label, bin : UInt32 (R,)
+            Row of the block; shape number from 1; time bin.
+        units : Float64 (R,)
+            Echo energy in units of the bin.
+        height : Float (R,)
+            Hit depth as a fraction [0, 1] of the scene's depth range.
+        in_beam : Bool (R,)
+            The ray lies in the main lobe.
+        active : Bool (R,)
+        path : UInt32 (R,) or None
+            Number of the path from 1, where there is more than one.
+        counted : bool
+            Whether they are rays that arrive from where they hit, which light the bins.
+        """
+        lib = self.lib
+        U = lib.UInt64
+        units = dr.minimum(units, LARGEST)
+        bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
+        place = row * bins + bin
+        whole = U(units + 0.5)
+        dr.scatter_add(self.energy, whole, (row * labels + (label - 1)) * bins + bin, active)
+        if self.path_energy is not None:
+            paths = dr.opaque(lib.UInt32, self.paths)
+            dr.scatter_add(self.path_energy, whole, (row * paths + (path - 1)) * bins + bin, active)
+        # a quarter: depths must not overflow before the energies they are divided by
+        dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25 + 0.5), place, active)
+        if counted:
+            dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
+
+    def read(self, unit, depth_range):
+        """Give the sums as physical arrays.
+
+        Parameters
+        ----------
+        unit : (bins,) [µPa²]
+            Worth of one unit in each bin.
+        depth_range : (float, float) [m]
+
+        Returns
+        -------
+        dict of (rows, bins) arrays
+            ``intensity`` [µPa²] float64, ``label_intensity`` (rows, labels, bins) of every instance, ``depth`` [m]
+            float32, NaN where no echo, ``rays`` and ``rays_in_beam`` uint32; ``path_intensity`` (rows, paths, bins)
+            [µPa²] where there is more than one path.
+        """
+        shape = (self.rows, self.bins)
+        def values(sums, *shape):
+            return sums.numpy()[:int(np.prod(shape))].reshape(shape)
+
+        energy = values(self.energy, self.rows, self.labels, self.bins)
+        total = energy.sum(1, dtype=np.uint64)
+        height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
+        count = values(self.count, *shape)
+        top, bottom = depth_range
+        by_path = {}
+        if self.path_energy is not None:
+            by_path["path_intensity"] = values(self.path_energy, self.rows, self.paths, self.bins) * unit
+        return {"intensity": total * unit[None], "label_intensity": energy * unit, **by_path,
+                "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
+                "rays": (count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
+                "rays_in_beam": (count >> np.uint64(32)).astype(np.uint32)}

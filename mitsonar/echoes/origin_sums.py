@@ -1,0 +1,157 @@
+"""Where the echoes of a time bin come from: integer sums beside those of `signal.echoes`, of the same rays.
+
+For every bin the sums hold the mean place of the seabed that the main lobe sees there, weighted by echo energy; what
+the seabed behind objects would send if the objects were not there, by object; and from which sectors rays of the main
+lobe arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`):
+where a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
+"""
+import drjit as dr
+import numpy as np
+
+from ..device.lookups import held
+from .energy_sums import LARGEST, sum_size
+
+__all__ = ["SECTORS", "WORDS", "OriginSums", "sector"]
+
+SECTORS = 256
+PLACE, MASK = 5, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth; sectors
+WORDS = PLACE + MASK
+FINER = 16                         # than a unit: places far off count, and a bin 30 dB above a perfect reflector fits
+ROUNDING = 0.02                    # [m] that the rounding of an echo's share in a place to 1 may move it
+
+
+def sector(sine, depth_below, farthest):
+    """Sector of directions: how far along the record they would meet a level bed.
+
+    Parameters
+    ----------
+    sine : Float (R,)
+        Of the angle below the horizon.
+    depth_below : Float (R,) [m]
+        Bed below the sonar.
+    farthest : float [m]
+        Slant range where the record ends.
+
+    Returns
+    -------
+    UInt32 (R,)
+        0 straight below, the last for what meets it beyond the record or not at all.
+    """
+    slant_range = depth_below / dr.maximum(sine, 1e-6)
+    share = (slant_range - depth_below) / dr.maximum(farthest - depth_below, 1e-3)
+    return dr.uint32_array_t(type(sine))(held(share, 0, 1) * (SECTORS - 1e-3))
+
+
+class OriginSums:
+    """Sums of a block of pings.
+
+    Parameters
+    ----------
+    lib : Dr.Jit namespace
+    rows : int
+        Pings x sides of the block.
+    labels : int
+        Number of instances.
+    bins : int
+    hidden : bool
+        Whether anything can hide the seabed.
+    """
+
+    def __init__(self, lib, rows, labels, bins, hidden):
+        self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
+        self.place = dr.zeros(lib.UInt64, sum_size(PLACE * rows * bins))
+        self.sectors = dr.zeros(lib.UInt64, sum_size(MASK * rows * bins))
+        self.hidden = dr.zeros(lib.UInt64, sum_size(rows * labels * bins)) if hidden else None
+
+    def add(self, *, row, bin, units, place, sector, seabed, in_beam, active):
+        """Scatter rays that arrive from where they hit.
+
+        Parameters
+        ----------
+        row, bin : UInt32 (R,)
+        units : Float64 (R,)
+            Echo energy in units of the bin.
+        place : three Float (R,)
+            x, y and depth as fractions [0, 1] of the scene's.
+        sector : UInt32 (R,)
+            Of the ray's direction.
+        seabed : Bool (R,)
+            Whether they hit the seabed.
+        in_beam, active : Bool (R,)
+        """
+        U = self.lib.UInt64
+        index = row * dr.opaque(self.lib.UInt32, self.bins) + bin
+        units = dr.minimum(units, LARGEST)
+        whole = U(FINER * units + 0.5)
+        dr.scatter_add(self.place, whole, PLACE * index, active & seabed)
+        for word, share in enumerate((1.0, *place), 1):
+            part = U(self.lib.Float64(whole) * self.lib.Float64(share) + 0.5)
+            dr.scatter_add(self.place, part, PLACE * index + word, active & seabed & in_beam)
+        dr.scatter_reduce(dr.ReduceOp.Or, self.sectors, U(1) << U(sector & 63), MASK * index + (sector >> 6),
+                          active & in_beam)
+
+    def add_hidden(self, *, row, label, bin, units, active):
+        """Scatter what the seabed behind objects would send; `label` is the object's number."""
+        lib = self.lib
+        bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
+        dr.scatter_add(self.hidden, lib.UInt64(0.25 * dr.minimum(units, LARGEST) + 0.5),
+                       (row * labels + (label - 1)) * bins + bin, active)
+
+    def sums(self):
+        """Arrays to evaluate."""
+        return [array for array in (self.place, self.sectors, self.hidden) if array is not None]
+
+    def read(self, unit, lower, upper):
+        """Give the sums as physical arrays.
+
+        Parameters
+        ----------
+        unit : (bins,) [µPa²]
+            Worth of one unit in each bin.
+        lower, upper : (3,) [m]
+            x, y and depth that the fractions 0 and 1 stand for.
+
+        Returns
+        -------
+        dict of (rows, bins) arrays
+            ``seabed_place`` (rows, bins, 3) [m], of what the main lobe sees, NaN where that is hardly any;
+            ``seabed_intensity`` [µPa²]; ``layover`` uint8, the number of separate runs of sectors;
+            ``hidden_intensity`` (rows, labels, bins) [µPa²] where anything can hide the seabed.
+        """
+        def values(sums, *shape):
+            return sums.numpy()[:int(np.prod(shape))].reshape(shape)
+
+        place = values(self.place, self.rows, self.bins, PLACE).astype(float)
+        seabed, weight = place[..., 0], place[..., 1:2]
+        lower, upper = np.asarray(lower, float), np.asarray(upper, float)
+        there = weight > (upper - lower).max() / ROUNDING
+        place = np.where(there, lower + place[..., 2:] / np.maximum(weight, 1) * (upper - lower), np.nan)
+        out = {"seabed_place": place.astype(np.float32), "seabed_intensity": seabed / FINER * unit,
+               "layover": runs(values(self.sectors, self.rows, self.bins, MASK))}
+        if self.hidden is not None:
+            out["hidden_intensity"] = 4 * values(self.hidden, self.rows, self.labels, self.bins) * unit
+        return out
+
+
+def runs(masks):
+    """Count the runs of ones in masks (..., words) of 64 bits, the lowest first: uint8 (...).
+
+    A single zero between ones is taken for a sector that no ray happened to come from.
+    """
+    masks = masks | _raised(masks) & _lowered(masks)
+    first = np.ascontiguousarray(masks & ~_raised(masks))
+    return np.unpackbits(first.view(np.uint8), axis=-1).sum(-1, dtype=np.uint8)
+
+
+def _raised(masks):
+    """Every bit one place up."""
+    out = masks << np.uint64(1)
+    out[..., 1:] |= masks[..., :-1] >> np.uint64(63)
+    return out
+
+
+def _lowered(masks):
+    """Every bit one place down."""
+    out = masks >> np.uint64(1)
+    out[..., :-1] |= masks[..., 1:] << np.uint64(63)
+    return out

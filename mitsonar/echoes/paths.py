@@ -1,0 +1,72 @@
+"""Names of paths: what sound meets on its way, bounce by bounce.
+
+    b   the seabed or an object
+    s   the sea surface
+    v   the volume of the water
+
+A path and its reverse take the same time and share a name: "bs" is seabed then surface, or surface then seabed. On the
+device a path is a code: bits from 1 on, a bit a bounce, set at the surface.
+"""
+from itertools import product
+
+import drjit as dr
+import numpy as np
+
+from ..device.arrays import upload
+
+__all__ = ["Paths"]
+
+
+class Paths:
+    """The paths of a run, numbered from 1.
+
+    Parameters
+    ----------
+    max_depth : int
+        Bounces at most.
+    surface, volume : bool
+        Whether there is a surface, whether the water scatters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Path n is ``names[n - 1]``; the first is "b".
+    """
+
+    def __init__(self, max_depth, *, surface=False, volume=False):
+        kinds = "bs" if surface else "b"
+        words = ["".join(word) for length in range(1, max_depth + 1) for word in product(kinds, repeat=length)]
+        named = dict.fromkeys(map(_canonical, words))
+        self.names = tuple(sorted(named, key=lambda name: (len(name), name))) + (("v",) if volume else ())
+        self.max_depth = max_depth
+        numbers = np.zeros(2 << max_depth, np.uint32)
+        for word in words:
+            numbers[_code(word)] = 1 + self.names.index(_canonical(word))
+        self._numbers = numbers
+
+    def number(self, name):
+        """Number of a path by its name, either way round."""
+        return 1 + self.names.index(_canonical(name))
+
+    def numbers(self, code):
+        """Numbers of codes, UInt32 (R,)."""
+        return dr.gather(type(code), upload(type(code), self._numbers), code)
+
+    @staticmethod
+    def extended(code, at_surface):
+        """Codes after one more bounce; `at_surface` Bool (R,)."""
+        return 2 * code + dr.select(at_surface, type(code)(1), type(code)(0))
+
+    def __len__(self):
+        return len(self.names)
+
+
+def _canonical(word):
+    return min(word, word[::-1])
+
+
+def _code(word):
+    code = 1
+    for letter in word:
+        code = 2 * code + (letter == "s")
+    return code

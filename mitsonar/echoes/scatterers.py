@@ -1,0 +1,245 @@
+"""The scatterers of a scene: cells of its facets (`scattering.cells`) that a ping may hear, list by list.
+
+Shapes without facets are given some (`tessellation`). Point targets are scatterers of their own, with a target strength
+in place of an area and no chance in their phase. Smooth surfaces have no scatterers (`smooth_targets`).
+"""
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from ..device.chance import gaussian, hashed, shape_key
+from ..scene.tessellation import Grids, grid_of
+from .cells import cell_of, divisions, place
+
+__all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
+
+PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
+TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it: it may lie on a surface
+LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
+MOST_CUTS = 32768                  # s and n² are 32-bit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cells:
+    """Some scatterers, on the device.
+
+    Attributes
+    ----------
+    point : Array3f64 (R,) [m]
+    normal : Vector3f (R,)
+        Of the facet, unit, to the side its vertices run round counter-clockwise.
+    area : Float (R,) [m²]
+    amplitude : (Float, Float) (R,)
+        Real and imaginary part of g.
+    shape : ShapePtr (R,)
+    primitive : UInt32 (R,)
+    uv : Point2f (R,)
+        Texture coordinates, as those of `trace.Hits`; where a shape has none, barycentric.
+    """
+
+    point: object
+    normal: object
+    area: object
+    amplitude: tuple
+    shape: object
+    primitive: object
+    uv: object
+
+
+class Scatterers:
+    """Facets of a scene and how they are cut.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    cell_size : float [m]
+        Longest side of a cell.
+
+    Attributes
+    ----------
+    centre : (F, 3) [m]
+    radius : (F,) [m]
+        Of a ball about the centre that holds the facet.
+    cuts : (F,) uint32
+        n: facet f has n² cells.
+    at_surface : (F,) bool
+        Of the sea surface.
+    targets : list
+        As `trace.Geometry.targets` gives them.
+
+    Raises
+    ------
+    ValueError
+        If a shape has no facets, or facets are too large to be cut that fine.
+    """
+
+    def __init__(self, geometry, cell_size):
+        self.lib = arrays_of(mi.Float)
+        self.geometry = geometry
+        self.targets = geometry.targets()
+        vertices = geometry.vertices.numpy().reshape(-1, 4)
+        faces = geometry.faces.numpy().reshape(-1, 4).copy()
+        grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
+        meshed, meshed_faces, rows = len(vertices), len(faces), []
+        for index, shape, grid in grids:
+            rows.append((index, shape, len(faces), len(grid.faces)))
+            faces = np.concatenate([faces, _four_wide(grid.faces + np.uint32(len(vertices)), np.uint32)])
+            vertices = np.concatenate([vertices, _four_wide(grid.vertices, np.float32)])
+        corner = vertices[faces[:, :3], :3].astype(float)                                        # (F, 3, 3)
+        side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(1)
+        self.cuts = divisions(side, cell_size)
+        if self.cuts.max(initial=1) > MOST_CUTS:
+            raise ValueError(f"cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
+                             "rows; take larger cells or a mesh of smaller facets")
+        faces[:, 3] = self.cuts
+        self._host_vertices, self._host_faces = vertices, faces
+        self.centre = corner.mean(1)
+        self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
+        # of every facet: registry index of its shape, its number there, the key its cells are hashed with, whether its
+        # corners have texture coordinates
+        facts = np.zeros((len(faces), 4), np.uint32)
+        self.scattering, self.at_surface = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
+        known = [(index, shape, first, count) for index, shape, first, count in geometry.meshes] + rows
+        self.rows = np.zeros((max(index for index, *_ in known) + 1, 2), np.uint32)
+        for index, shape, first, count in known:
+            some = slice(first, first + count)
+            facts[some] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
+                                    np.zeros(count)], 1)
+            self.scattering[some] = not (hasattr(shape, "target_strength_db")
+                                         or getattr(shape.bsdf(), "smooth", False)
+                                         or getattr(shape.bsdf(), "mirror", False))
+            self.at_surface[some] = getattr(shape, "sea_surface", False)
+            self.rows[index] = first, first >= meshed_faces
+            facts[some, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
+        self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
+                            len(self.rows))
+        self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
+        self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
+        self._texcoords = None
+        if geometry.textured:
+            texcoords = np.zeros((len(vertices), 2), np.float32)
+            if grids:
+                texcoords[meshed:] = np.concatenate([grid.texcoords for *_, grid in grids])
+            if geometry.texcoords is not None:
+                own = geometry.texcoords.numpy().reshape(-1, 2)
+                texcoords[:len(own)] = own
+            self._texcoords = upload(mi.Float, texcoords)
+        dr.eval(self._vertices, self._faces, self._facts, self._rows)
+
+    def in_reach(self, origin, nearest, farthest):
+        """Facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
+        distance = np.linalg.norm(self.centre - origin, axis=1)
+        return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
+                              & (distance + self.radius > nearest)).astype(np.uint32)
+
+    def stretches(self, facets, origin, farthest):
+        """Cells of facets (K,) that may come nearer to `origin` (3,) than `farthest` [m].
+
+        Returns
+        -------
+        facet, first, count : (S,) uint32, int64, int64
+            Runs of cells by their numbers s. Small facets are taken whole, of large ones what is in reach of each row.
+        """
+        large = self.radius[facets] > LARGE * farthest
+        whole, parts = facets[~large], [self._rows_in_reach(f, origin, farthest) for f in facets[large]]
+        runs = [(whole, np.zeros(len(whole), np.int64), self.cuts[whole].astype(np.int64) ** 2), *parts]
+        return tuple(np.concatenate(column) for column in zip(*runs))
+
+    def _rows_in_reach(self, facet, origin, farthest):
+        n = int(self.cuts[facet])
+        a, b, c = self._host_vertices[self._host_faces[facet, :3], :3].astype(float)
+        e, f = b - a, c - a
+        i = np.arange(n)
+        # the middle of a row is the line q + f v; no point of a cell is further from it than a cell is long
+        q = a + ((i + 0.5) / n)[:, None] * e - origin
+        reach = farthest + 2 * max(map(np.linalg.norm, (e, f, f - e))) / n
+        ff = max(f @ f, 1e-30)
+        foot = -(q @ f) / ff
+        half = np.sqrt(np.maximum(reach ** 2 - np.sum(q ** 2, axis=1) + ff * foot ** 2, 0) / ff)
+        first, last = (np.clip(np.floor(end * n), -1, n - i).astype(np.int64) for end in (foot - half, foot + half))
+        seen = (half > 0) & (first < n - i) & (last >= 0)
+        i, first, last = i[seen], np.maximum(first[seen], 0), np.minimum(last[seen], n - 1 - i[seen])
+        row = i * (2 * n - i)
+        count = np.minimum(2 * last + 2, 2 * (n - i) - 1) - 2 * first
+        return np.full(len(i), facet, np.uint32), row + 2 * first, count
+
+    def listed(self, stretches, most):
+        """Yield the cells of `stretches` as (facet, s), UInt32 arrays of at most `most` each."""
+        facets, firsts, counts = stretches
+        ends = np.cumsum(counts)
+        for start in range(0, int(ends[-1]) if len(ends) else 0, most):
+            stop = min(start + most, int(ends[-1]))
+            first, last = np.searchsorted(ends, [start, stop - 1], side="right")
+            some = slice(first, last + 1)
+            begin = np.maximum(start - (ends[some] - counts[some]), 0)
+            taken = np.minimum(ends[some], stop) - np.maximum(ends[some] - counts[some], start)
+            facet = np.repeat(facets[some], taken)
+            s = np.arange(stop - start) + np.repeat(firsts[some] + begin - (np.cumsum(taken) - taken), taken)
+            yield upload(mi.UInt32, facet), upload(mi.UInt32, s.astype(np.uint32))
+
+    def of(self, hits):
+        """Facet and s of the cell that each of some `trace.Hits` lies in, UInt32 (R,)."""
+        registry = dr.reinterpret_array(mi.UInt32, hits.shape)
+        row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
+        facet, is_quad = row[0] + hits.primitive, row[1] != 0
+        if self.geometry.others:
+            quad, _ = self._grids.first_of(registry, hits.point, hits.valid & is_quad)
+            facet = dr.select(is_quad, quad, facet)
+        a, b, c = self._corners(facet, hits.valid)[:3]
+        u, v = _barycentric(hits.point, a, b, c)
+        # a quad is (a, b, c) and (a, c, d); beyond the side a c, u is negative. At a sphere's pole a is b.
+        facet = dr.select(is_quad & ((u < 0) | (dr.squared_norm(b - a) < 1e-16)), facet + 1, facet)
+        a, b, c, n = self._corners(facet, hits.valid)
+        u, v = _barycentric(hits.point, a, b, c)
+        u, v = dr.clip(u, 0, 1), dr.clip(v, 0, 1)
+        return facet, cell_of(self.lib, u, v, n)
+
+    def _corners(self, facet, active=True):
+        lib = self.lib
+        row = dr.gather(lib.Array4u, self._faces, facet, active)
+        corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
+        return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), row[3])
+
+    def at(self, facet, s):
+        """Give the scatterers of cells s (R,) of facets (R,)."""
+        lib = self.lib
+        a, b, c, n = self._corners(facet)
+        facts = dr.gather(lib.Array4u, self._facts, facet)
+        first = hashed(lib, facts[2], facts[1], s, mi.UInt32(PLACE_SALT))
+        second = hashed(lib, first)
+        third = hashed(lib, facts[2], facts[1], s, mi.UInt32(AMPLITUDE_SALT))
+        fourth = hashed(lib, third)
+        unit = 2.0 ** -32
+        u, v = place(lib, s, n, (lib.Float64(first) + 0.5) * unit, (lib.Float64(second) + 0.5) * unit)
+        point = a + (b - a) * u + (c - a) * v
+        across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
+        twice = dr.norm(across)
+        cuts = mi.Float(n)
+        return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
+                     amplitude=gaussian(lib, third, fourth), primitive=facts[1],
+                     shape=dr.reinterpret_array(mi.ShapePtr, facts[0]),
+                     uv=self._uv(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
+
+    def _uv(self, facet, mapped, u, v):
+        """Texture coordinates of points given by barycentric ones."""
+        if self._texcoords is None:
+            return mi.Point2f(u, v)
+        row = dr.gather(self.lib.Array4u, self._faces, facet)
+        a, b, c = (mi.Point2f(dr.gather(self.lib.Array2f, self._texcoords, row[i], mapped)) for i in range(3))
+        return dr.select(mapped, a * (1 - u - v) + b * u + c * v, mi.Point2f(u, v))
+
+
+def _four_wide(rows, kind):
+    """Rows of three as rows of four, so that one is one aligned packet."""
+    return np.concatenate([rows, np.zeros((len(rows), 1))], 1).astype(kind)
+
+
+def _barycentric(point, a, b, c):
+    """(u, v) of points in the planes of triangles (a, b, c), Float64."""
+    e, f, w = b - a, c - a, point - a
+    ee, ef, ff, we, wf = dr.dot(e, e), dr.dot(e, f), dr.dot(f, f), dr.dot(w, e), dr.dot(w, f)
+    scale = dr.rcp(dr.maximum(ee * ff - ef * ef, 1e-30))
+    return (ff * we - ef * wf) * scale, (ee * wf - ef * we) * scale

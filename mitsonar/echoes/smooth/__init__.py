@@ -1,0 +1,1 @@
+"""Coherent echoes of smooth surfaces."""

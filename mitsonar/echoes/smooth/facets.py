@@ -1,0 +1,344 @@
+"""Facets of the smooth surfaces of a scene, and cells of them: corners, normals, and which facet a hit lies in.
+
+A facet is cut into n² congruent triangles, numbered as in `scattering.cells`; how finely is asked for anew from where
+it is seen. Smooth surfaces are those whose material says so (attribute ``smooth``); shapes without facets are given
+some (`tessellation`). Corners of cells lie on the bent surface that a facet stands for, at the height over it
+
+    h = κ_ab λ_a λ_b + κ_bc λ_b λ_c + κ_ca λ_c λ_a,    κ_ij = (n_j - n_i)·(x_j - x_i) / 2
+
+λ barycentric coordinates, n normals at the facet's corners x: over an edge of a sphere l²/8R in the middle.
+"""
+import warnings
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ...device.arrays import arrays_of, upload
+from ...scene.tessellation import FINEST_SAGITTA, Grids, grid_of
+from ..cells import place
+
+__all__ = ["SmoothCells", "SmoothFacets", "too_coarse", "warn_where_too_coarse"]
+
+ROUNDED = 2e-7                     # of their distance from the origin: what float32 makes of corners
+SHARP = np.radians(30.0)           # angle between neighbours from which on an edge is one
+FLAT_ENOUGH = 1e-5                 # of the wavelength that cells may lie below a bent surface: more acts as a grating
+RESOLVED = 0.55                    # wavelengths a side, below which they do not: there is no angle that they glint at
+TURN = 0.06                        # [rad] that a surface turns by over a cell that is lit or not as a whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothCells:
+    """Some cells, on the device.
+
+    Attributes
+    ----------
+    point : Array3f64 (R,) [m]
+        Their centroids.
+    corners, flat : list of three Vector3f (R,) [m]
+        From the centroid to the bent surface, and in the facet.
+    places : list of three (Float, Float) (R,)
+        Barycentric coordinates of the corners in the facet.
+    normal : Vector3f (R,)
+        Of the facet, unit.
+    facet : UInt32 (R,)
+    area : Float (R,) [m²]
+    """
+
+    point: object
+    corners: list
+    flat: list
+    places: list
+    normal: object
+    facet: object
+    area: object
+
+
+class SmoothFacets:
+    """See the module's text.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    wavelength : float [m]
+        Shapes without facets are given such as lie within a thirty-second of it from them.
+
+    Attributes
+    ----------
+    corner : (F, 3, 3) [m]
+    centre, normal : (F, 3) [m], [-]
+    radius, side : (F,) [m]
+        Of a ball about the centre that holds the facet; its longest side.
+    bent : (F,) bool
+        Whether it stands for a surface that is not flat.
+    fewest, fewest_lit : (F,) int
+        n that the surface's bend asks for, of parts over which phases are linear, and of cells that are lit as a whole.
+    outward : (F,) int
+        1 where the normal leads out of a closed body, -1 where into one, 0 where the shape is open.
+    convex : bool
+        Nothing smooth can be seen from anything smooth: there is one shape, and it is bent outwards everywhere.
+    """
+
+    def __init__(self, geometry, wavelength):
+        self.lib = arrays_of(mi.Float)
+        parts, rows, grids, first = [], [], [], 0
+        known = [(index, shape, slice(row, row + count)) for index, shape, row, count in geometry.meshes]
+        vertices = faces = None
+        for index, shape, some in [*known, *((index, shape, None) for index, shape in geometry.others)]:
+            if not getattr(shape.bsdf(), "smooth", False):
+                continue
+            if some is None:
+                grid = grid_of(shape, min(FINEST_SAGITTA, wavelength / 32))
+                corner, normal = grid.vertices[grid.faces], grid.normals[grid.faces]
+                grids.append((index, grid, first))
+            else:
+                if vertices is None:
+                    vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
+                    faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
+                corner, normal = vertices[faces[some]], _vertex_normals(shape)
+            parts.append((corner, _at_corners(corner, normal), index, shape))
+            rows.append((index, first, some is None))
+            first += len(corner)
+        self.shapes = [shape for *_, shape in parts]
+        if not parts:
+            return
+        self.corner = np.concatenate([corner for corner, *_ in parts])
+        self.centre = self.corner.mean(1)
+        self.radius = np.linalg.norm(self.corner - self.centre[:, None], axis=-1).max(1)
+        self.side = np.linalg.norm(self.corner - np.roll(self.corner, 1, axis=1), axis=-1).max(1)
+        self.area, self.normal = _area_and_normal(self.corner)
+        normals = np.concatenate([normals for _, normals, *_ in parts])
+        bend = _bend(self.corner, normals)
+        deep = np.abs(bend).max(1) / 4
+        self.bent = deep > FLAT_ENOUGH * wavelength
+        self.fewest = np.maximum(1, np.ceil(np.minimum(np.sqrt(deep / (FLAT_ENOUGH * wavelength)),
+                                                       self.side / (RESOLVED * wavelength)))).astype(int)
+        outward = [_outward(corner) for corner, *_ in parts]
+        self.outward = np.repeat(outward, [len(corner) for corner, *_ in parts])
+        turn = np.linalg.norm(normals - np.roll(normals, 1, axis=1), axis=-1).max(1)
+        self.fewest_lit = np.maximum(1, np.ceil(turn / TURN)).astype(int)
+        self.convex = len(parts) == 1 and _is_convex(self.corner, self.normal, outward[0])
+        facts = np.concatenate([np.stack(np.broadcast_arrays(
+            index, np.arange(len(corner)), geometry.named.of_faces(shape, len(corner)), 0), 1)
+            for corner, _, index, shape in parts])
+        table = np.zeros((max(index for index, *_ in rows) + 1, 4), np.uint32)
+        for index, row, is_grid in rows:
+            table[index] = row, 1, is_grid, 0
+        self._registry = len(table)
+        self._grids = Grids(grids, len(table))
+        self._corners = upload(mi.Float64, _four_wide(self.corner))
+        self._normals = upload(mi.Float, _four_wide(normals).astype(np.float32))
+        self._bend = upload(mi.Float, _four_wide(bend).astype(np.float32))
+        self._facts, self._rows = upload(mi.UInt32, facts.astype(np.uint32)), upload(mi.UInt32, table)
+        dr.eval(self._corners, self._normals, self._bend, self._facts, self._rows)
+
+    def __len__(self):
+        return len(self.corner) if self.shapes else 0
+
+    def corners_of(self, facet, active=True):
+        """Corners of facets, three Array3f64 (R,) [m]."""
+        rows = (dr.gather(self.lib.Array4f64, self._corners, 3 * facet + i, active) for i in range(3))
+        return [self.lib.Array3f64(row[0], row[1], row[2]) for row in rows]
+
+    def cells(self, facet, s, n):
+        """Give cells s of facets cut n-fold, UInt32 (R,) each."""
+        lib = self.lib
+        a, b, c = self.corners_of(facet)
+        across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
+        twice, cuts = dr.norm(across), mi.Float(n)
+        normal = across / dr.maximum(twice, 1e-30)
+        # a cell's corners are those of the unit triangle, turned by half a turn where the cell is upside down
+        places = [place(lib, s, n, lib.Float64(x), lib.Float64(y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
+        flat = [(b - a) * u + (c - a) * v for u, v in places]
+        middle = (flat[0] + flat[1] + flat[2]) * (1 / 3)
+        flat = [mi.Vector3f(corner - middle) for corner in flat]
+        places = [(mi.Float(u), mi.Float(v)) for u, v in places]
+        corners = [corner + self.height(facet, u, v) * normal for corner, (u, v) in zip(flat, places)]
+        return SmoothCells(point=a + middle, corners=corners, flat=flat, places=places, normal=normal, facet=facet,
+                           area=0.5 * twice / (cuts * cuts))
+
+    def bend_of(self, facet, active=True):
+        """κ of the three edges of facets, Float (R,) [m]."""
+        row = dr.gather(self.lib.Array4f, self._bend, facet, active)
+        return [row[0], row[1], row[2]]
+
+    def normals_of(self, facet, active=True):
+        """Normals of the surface at the three corners of facets, Vector3f (R,)."""
+        rows = (dr.gather(self.lib.Array4f, self._normals, 3 * facet + i, active) for i in range(3))
+        return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
+
+    def flat_normal(self, facet):
+        """Normals of the facets themselves, Vector3f (R,)."""
+        a, b, c = self.corners_of(facet)
+        return dr.normalize(dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a)))
+
+    def height(self, facet, u, v):
+        """How far the bent surface lies over the facet, to the side of its normal [m]."""
+        bend = self.bend_of(facet)
+        return bend[0] * (1 - u - v) * u + bend[1] * u * v + bend[2] * v * (1 - u - v)
+
+    def barycentric(self, facet, point, offsets):
+        """Barycentric coordinates (u, v) of `point` + each of `offsets` [m] in facets."""
+        a, b, c = self.corners_of(facet)
+        e, f, w = mi.Vector3f(b - a), mi.Vector3f(c - a), mi.Vector3f(point - a)
+        ee, ef, ff = dr.dot(e, e), dr.dot(e, f), dr.dot(f, f)
+        scale = dr.rcp(dr.maximum(ee * ff - ef * ef, 1e-30))
+        products = [(dr.dot(w + offset, e), dr.dot(w + offset, f)) for offset in offsets]
+        return [((ff * we - ef * wf) * scale, (ee * wf - ef * we) * scale) for we, wf in products]
+
+    def facts(self, facet):
+        """Shape, primitive and label of facets."""
+        row = dr.gather(self.lib.Array4u, self._facts, facet)
+        return dr.reinterpret_array(mi.ShapePtr, row[0]), row[1], row[2]
+
+    def normals_at(self, facet, point, offsets):
+        """Normals of the surface that facets stand for, Vector3f (R,), at `point` + each of `offsets` [m].
+
+        Linear between those of the corners: the side is that the facet's corners run round counter-clockwise.
+        """
+        a, b, c = self.normals_of(facet)
+        return [dr.normalize(a + (b - a) * u + (c - a) * v) for u, v in self.barycentric(facet, point, offsets)]
+
+    def of(self, shape, primitive, point, active):
+        """Facet of hits, and whether what they hit is smooth."""
+        registry = dr.reinterpret_array(mi.UInt32, shape)
+        active = active & (registry < self._registry)
+        row = dr.gather(self.lib.Array4u, self._rows, registry, active)
+        smooth = active & (row[1] != 0)
+        quad, gridded = self._grids.first_of(registry, point, smooth & (row[2] != 0))
+        facet = dr.select(gridded, quad, row[0] + primitive)
+        a, b, c = self.corners_of(facet, smooth)
+        # beyond the side a c of a quad lies its second facet; at a sphere's pole there is no other
+        e, f, w = mi.Vector3f(b - a), mi.Vector3f(c - a), mi.Vector3f(point - a)
+        beyond = dr.dot(f, f) * dr.dot(w, e) < dr.dot(e, f) * dr.dot(w, f)
+        return dr.select(gridded & (beyond | (dr.squared_norm(e) < 1e-16)), facet + 1, facet), smooth
+
+
+def too_coarse(corner, wavelength, bend=0.0):
+    """Where a mesh stands for a bent surface, but not finely enough for a wavelength.
+
+    The sagitta of two neighbours is l a / 8: l their mean height over the edge they share, a the angle between them;
+    beyond 30 degrees the edge is taken for one of the object. Facets whose normals tell of the bend are fine enough.
+
+    Parameters
+    ----------
+    corner : (F, 3, 3) [m]
+    wavelength : float [m]
+    bend : (F,) [m]
+        Height of the surface that cells are laid on over the middle of the facet's longest edge.
+
+    Returns
+    -------
+    (float, float) [m] or None
+        The largest sagitta, if over a sixteenth of the wavelength, and the edge length √(R λ / 2) to take there.
+    """
+    _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1, 3)
+    area, normal = _area_and_normal(corner)
+    ends = np.sort(np.stack([vertex, np.roll(vertex, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    length = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=-1).ravel()
+    order = np.lexsort(ends.T)
+    same = np.all(ends[order[1:]] == ends[order[:-1]], axis=1)
+    one, other = order[:-1][same], order[1:][same]
+    good = (length[one] > 0) & (area[one // 3] > 0) & (area[other // 3] > 0)
+    one, other = one[good], other[good]
+    across = np.linalg.norm(np.cross(normal[one // 3], normal[other // 3]), axis=1)
+    angle = np.arctan2(across, np.sum(normal[one // 3] * normal[other // 3], axis=1))
+    height = (area[one // 3] + area[other // 3]) / length[one]
+    sagitta = height * angle / 8
+    sagitta[(angle > SHARP) | (np.broadcast_to(bend, len(corner))[one // 3] > 0.5 * sagitta)] = 0
+    if not sagitta.size or sagitta.max() <= wavelength / 16:
+        return None
+    worst = sagitta.argmax()
+    return float(sagitta[worst]), float(np.sqrt(height[worst] / angle[worst] * wavelength / 2))
+
+
+def warn_where_too_coarse(geometry, wavelength):
+    """Say which smooth meshes are too coarse for a wavelength [m], one sentence each."""
+    vertices = faces = None
+    for _, shape, first, count in geometry.meshes:
+        if not getattr(shape.bsdf(), "smooth", False):
+            continue
+        if vertices is None:
+            vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
+            faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
+        corner = vertices[faces[first:first + count]]
+        bend = _bend(corner, _at_corners(corner, _vertex_normals(shape)))
+        found = too_coarse(corner, wavelength, np.abs(bend).max(1) / 4)
+        if found is not None:
+            warnings.warn(f"the smooth mesh \"{shape.id()}\" is too coarse for a wavelength of {1e3 * wavelength:.3g} "
+                          f"mm: its facets lie {1e3 * found[0]:.2g} mm off the bent surface they stand for, over a "
+                          f"sixteenth of it, and will glint one by one; take edges of at most {found[1]:.2g} m",
+                          stacklevel=2)
+
+
+def _vertex_normals(shape):
+    parameters = mi.traverse(shape)
+    if "vertex_normals" not in parameters or not shape.has_vertex_normals():
+        return None
+    normals = parameters["vertex_normals"].numpy().reshape(-1, 3)
+    return normals[parameters["faces"].numpy().reshape(-1, 3)]
+
+
+def _at_corners(corner, normal):
+    """Normals at corners (F, 3, 3): the facet's own where there are none, or they lead round an edge."""
+    flat = np.broadcast_to(_area_and_normal(corner)[1][:, None], corner.shape)
+    if normal is None:
+        return flat
+    # a mesh's normals may point to the other side than its facets'
+    along = np.sum(normal * flat, -1, keepdims=True)
+    return np.where(np.abs(along) > np.cos(SHARP), normal * np.sign(along), flat)
+
+
+def _bend(corner, normal):
+    """κ of the edges a b, b c, c a, (F, 3) [m], to the side of the facet's normal."""
+    return 0.5 * np.sum((np.roll(normal, -1, axis=1) - normal) * (np.roll(corner, -1, axis=1) - corner), axis=-1)
+
+
+def _area_and_normal(corner):
+    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    twice = np.linalg.norm(across, axis=-1)
+    return 0.5 * twice, across / np.maximum(twice, 1e-30)[:, None]
+
+
+def _outward(corner):
+    """Whether facets are the closed surface of a body, and which way their normals lead: 1 out, -1 in, 0 open."""
+    _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1, 3)
+    ends = np.stack([vertex, np.roll(vertex, -1, axis=1)], -1).reshape(-1, 2)
+    ends = ends[ends[:, 0] != ends[:, 1]]
+    # every edge there and back: closed, and wound one way
+    there, back = (pair[np.lexsort(pair.T)] for pair in (ends, ends[:, ::-1]))
+    if not np.array_equal(there, back):
+        return 0
+    local = corner - corner.mean((0, 1))
+    return int(np.sign(np.sum(local[:, 0] * np.cross(local[:, 1], local[:, 2]))))
+
+
+def _is_convex(corner, normal, outward):
+    """Whether facets are all in one plane, or the surface of a convex body."""
+    points, number = np.unique(corner.reshape(-1, 3).round(6), axis=0, return_inverse=True)
+    slack = 1e-5 * np.ptp(points, axis=0).max() + ROUNDED * np.abs(points).max()
+    if np.abs((points - points[0]) @ normal[0]).max() < slack:
+        return True
+    # a closed, connected surface is convex where it is so over every edge (van Heijenoort 1952)
+    number = number.reshape(-1, 3)
+    edge = np.sort(np.stack([number, np.roll(number, -1, axis=1)], -1), -1).reshape(-1, 2)
+    order = np.lexsort(edge.T)
+    first, second = order[0::2], order[1::2]
+    if not outward or len(order) % 2 or np.any(edge[first] != edge[second]) or np.any(
+            np.all(edge[first][1:] == edge[first][:-1], axis=1)):
+        return False
+    joined = coo_array((np.ones(len(first)), (first // 3, second // 3)), shape=(len(corner), len(corner)))
+    if connected_components(joined, directed=False)[0] > 1:
+        return False
+    # the corner of the one facet that the other has not, over the plane of the other
+    apex = corner[second // 3, (second % 3 + 2) % 3] - corner[first // 3, 0]
+    return bool(np.all(outward * np.sum(apex * normal[first // 3], axis=1) < slack))
+
+
+def _four_wide(rows):
+    return np.concatenate([rows, np.zeros((*rows.shape[:-1], 1))], -1)

@@ -1,0 +1,401 @@
+"""Echoes of smooth surfaces: coherent, from cells so small that phases are linear over them, corners included.
+
+A cell of a facet is lit like a scatterer, along its own bent ray, and sends back (`scattering.facets`)
+
+    e = √(g_out g_back) (ik/4π) R (n·u_s + n·u_r) S <e^iφ>,    g = (c_h / c_0) 10^(-ᾱ L / 10) / A
+
+S its area, φ the phases at its corners: by how much further they are than the cell's centroid, out and back, for
+spherical waves of the radius √A; symbols as in `signal.echoes`. Neighbours' phases meet at their corners. Cells are as
+small as the curvature of the waves, the array's size and the range resolution ask for where they are seen from.
+
+Sound goes on from a lit cell as a tube: its corners are mirrored each at the surface's own normal there, as geometrical
+optics has it, until they meet the next smooth facet. There the tube's footprint sends back as a cell does, S its area,
+φ with the corners' ways in between, the pressure as high as keeps the power in the tube; so do the third facet's
+footprint, and so on. Legs in between are straight. All orders of facets are there, for all are lit: a dihedral's two,
+a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas Propag. 25, 406.)
+
+Under a flat surface all of it is seen straight and by way of the mirror (`sights`).
+"""
+from dataclasses import dataclass, fields
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ...device.arrays import arrays_of, upload
+from ...scattering.facets import phase_mean
+from ...scene.materials import reflection
+from ...tracing.connection import LIFT
+from ..cells import divisions
+from ..record import Echoes, Leg
+from .facets import SmoothFacets, warn_where_too_coarse
+from .kirchhoff import further, mean_sent_back
+
+__all__ = ["SmoothTargets"]
+
+CELLS_PER_BLOCK = 1 << 18
+RUNS_PER_BLOCK = 1 << 20           # facets that a ping sees, all pings together: memory of the host
+CURVED = 0.35                      # √(λ r) a cell spans at most: its phase is linear within π/16
+ASIDE = 1 / 10                     # λ r / D, D of the array: within a fifth of a radian at its ends
+DEEP = 1 / 3                       # of the range resolution: within half a radian at the ends of the band
+BEHIND = 1.0                       # of a facet's side that the source may lie behind its plane
+NEAREST = 0.05                     # [m] range that cells are cut for at least
+MOST_CUTS = 32768
+MOST_CELLS = 10 ** 8               # of a ping: minutes of connecting
+# sides of the cells that tubes start from, in wavelengths, if there are not more such cells to a ping than about this:
+FLAT_CELLS = 0.25, 1 << 18         # edges cut footprints that finely
+BENT_CELLS = 0.125, 1 << 19        # tubes of bent surfaces widen
+FLATTEST = 0.02                    # sine of the grazing angle below which a tube has no footprint
+STRONGEST_FOCUS = 1e4              # ratio of power densities along a tube: beyond lies a caustic
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tube:
+    """Sound between two facets, or between sonar and facet, where it meets a facet; one an entry."""
+
+    active: object
+    place: object                  # number of the ping
+    facet: object
+    point: object                  # of its middle [m]
+    corners: list                  # of its footprint, from there [m]
+    ways: list                     # how much further the corners have come than the middle [m]
+    directions: list               # of the middle and of the corners
+    area: object                   # of the footprint [m²]
+    pressure: object               # at the footprint
+    reflected: tuple               # product of reflection coefficients so far
+    between: object                # from the first facet on [s]
+    out: Leg
+
+    def chosen(self, index):
+        return _Tube(**{field.name: _picked(getattr(self, field.name), index) for field in fields(self)})
+
+
+def _picked(value, index):
+    if isinstance(value, (list, tuple)):
+        return type(value)(_picked(part, index) for part in value)
+    return value.chosen(index) if isinstance(value, Leg) else dr.gather(type(value), value, index)
+
+
+class SmoothTargets:
+    """The smooth surfaces of a scene.
+
+    Parameters
+    ----------
+    sights : Sights
+        How they are seen; its bounces are the most facets, and mirrors, that an echo may have met.
+    tracer : trace.Tracer
+    frequency : float [Hz]
+    resolution : float [m]
+        c / 2B: what ranges are told apart.
+    reach : float [m]
+        How far elements lie from the sources, out and back together.
+    drift : float [-]
+        How much farther off they are, for each metre of range: sources that move on until echoes are back.
+    farthest : float [m]
+        Range beyond which nothing matters.
+    """
+
+    def __init__(self, sights, tracer, *, frequency, resolution, reach, farthest, drift=0.0):
+        self.sights, self.tracer, self.loss_db = sights, tracer, sights.loss_db
+        self.lib = arrays_of(mi.Float)
+        self.frequency, self.bounces = float(frequency), sights.max_depth
+        self.resolution, self.reach, self.farthest = float(resolution), float(reach), float(farthest)
+        self.drift = float(drift)
+        profile, geometry = self.tracer.profile, self.tracer.geometry
+        slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
+        self.wavelength = slowest / self.frequency
+        warn_where_too_coarse(geometry, self.wavelength)
+        self.facets = SmoothFacets(geometry, self.wavelength)
+        self.turn_rate = dr.opaque(mi.Float, 2 * np.pi * self.frequency)
+        self.longest = dr.opaque(self.lib.Float64, self.farthest / slowest)
+
+    def __bool__(self):
+        return len(self.facets) > 0
+
+    def __call__(self, sources, origins, source, choose=None):
+        """Light the surfaces.
+
+        Parameters
+        ----------
+        sources : trace.Sources
+        origins : (P, 3) [m]
+            NumPy; where sound leaves from.
+        source : (P,) uint32
+            NumPy; the index into `sources` of each.
+        choose : callable(number, centre (F, 3), radius (F,)) -> Bool (F,)
+            Which facets, of balls about centres [m], are worth a look from the place of that number; None: all.
+
+        Yields
+        ------
+        place, label : UInt32 (R,)
+            Which of `origins`, and which shape the echo comes from last.
+        echoes : Echoes
+            Of one path, "b", "bb", ...
+        """
+        if not self:
+            return
+        place = _Places(self.lib, np.asarray(origins, float), source)
+        yield from self._single(sources, place, choose)
+        for there, back, sign in self.sights.ways():
+            if there <= back:                        # the others are these the other way round
+                yield from self._single(sources, place, choose, there, back, sign)
+        if self.bounces > 1 and not self.facets.convex:
+            yield from self._several(sources, place, choose, False)
+            if self.sights.mirror and self.bounces > 2:
+                yield from self._several(sources, place, choose, True)
+
+    def edges(self, origin):
+        """Longest side of cells of every facet as seen from an origin (3,), (F,) [m], and which facets may be."""
+        facets = self.facets
+        towards = facets.centre - origin
+        distance = np.linalg.norm(towards, axis=1)
+        plane = -np.sum(towards * facets.normal, axis=1)
+        nearest = np.maximum(np.maximum(distance - facets.radius, np.abs(plane)), NEAREST)
+        edge = np.minimum(CURVED * np.sqrt(self.wavelength * nearest), DEEP * self.resolution)
+        if self.reach > 0 or self.drift > 0:
+            edge = np.minimum(edge, ASIDE * self.wavelength * nearest / (self.reach + self.drift * nearest))
+        # a bent surface is seen a little beyond where its facets are seen from behind
+        hidden = facets.outward * plane < -BEHIND * facets.side
+        return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
+
+    def _blocks(self, places, tubes, choose, views):
+        """Lists of cells as (place, facet, s, n, m): to be lit as a whole and integrated over in m² parts.
+
+        Those that `tubes` start from are smaller, and of one part. `views` are those that they are seen in, straight
+        or by way of the mirror.
+        """
+        facets, runs = self.facets, []
+        for number, origin in enumerate(places.origins):
+            edge, seen = np.inf, np.ones(len(facets), bool)
+            for folded in views:
+                image = np.array([1, 1, -1 if folded else 1])
+                there, visible = self.edges(origin * image)
+                edge, seen = np.minimum(edge, there), seen & visible
+                if choose is not None:
+                    seen &= choose(number, facets.centre * image, facets.radius)
+            seen = np.flatnonzero(seen)
+            if tubes:
+                bent = facets.bent[seen]
+                for some, (share, most) in ((seen[~bent], FLAT_CELLS), (seen[bent], BENT_CELLS)):
+                    affordable = np.sqrt(facets.area[some].sum() * 4 / (np.sqrt(3) * most))
+                    edge[some] = np.minimum(edge[some], max(share * self.wavelength, affordable))
+            n = divisions(facets.side[seen], edge[seen]).astype(np.int64)
+            n = np.maximum(n, facets.fewest[seen] if tubes else facets.fewest_lit[seen])
+            parts = -(-facets.fewest[seen] // n)
+            if n.max(initial=1) > MOST_CUTS:
+                raise ValueError(f"a smooth facet of {facets.side[seen].max():.0f} m has to be cut into cells of "
+                                 f"{edge[seen].min():.2g} m, more than {MOST_CUTS} to a side; take smaller facets")
+            cells = int(np.sum((n * parts) ** 2))
+            if cells > MOST_CELLS:
+                raise ValueError(f"smooth surfaces within reach of a ping take {cells:.2g} cells, of half a wavelength "
+                                 f"where they are bent, and {MOST_CELLS:.0e} is the most; make large surfaces rough, "
+                                 "or take a shorter range or a lower frequency")
+            runs.append(np.stack([np.full(len(seen), number), seen, n, parts], 1))
+            if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
+                yield from _listed(np.concatenate(runs))
+                runs = []
+
+    def _single(self, sources, places, choose, there=False, back=False, sign=1.0):
+        """Echoes of one facet, seen straight or by way of the mirror."""
+        path = {0: "b", 1: "bs", 2: "sbs"}[there + back]
+        for number, facet, s, n, parts in self._blocks(places, False, choose, {there, back}):
+            cells = self.facets.cells(facet, s, n)
+            origin, source = places(number)
+            sights = [self.sights(sources, origin, source, cells.point, cells.normal, folded=folded)
+                      for folded in sorted({there, back})]
+            ways = [sight.way for sight in sights]
+            active = mi.Bool(True)
+            for way in ways:
+                active &= way.free & dr.isfinite(way.spreading_area)
+            active &= ways[0].travel_time + ways[-1].travel_time < 2 * self.longest
+            wavenumber = self.turn_rate / mi.Float(ways[0].sound_speed)
+            waves = [(way.arrival_direction, dr.sqrt(way.spreading_area)) for way in ways]
+            mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
+            gain = sights[0].gain if len(sights) == 1 else dr.sqrt(sights[0].gain * sights[1].gain)
+            pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
+            # what is not specular is told by both angles: the same both ways
+            factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
+                       for way, (direction, _) in zip(ways, waves)]
+            factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
+            for out, home in [(0, None)] if len(sights) == 1 else [(0, 1), (1, 0)]:
+                yield from _sent(number, self.facets.facts(facet)[2], sights[out].leg,
+                                 None if home is None else sights[home].leg, dr.zeros(mi.Float64, dr.width(s)),
+                                 _turned(factor, mean, pressure), path, active)
+
+    def _several(self, sources, places, choose, folded):
+        """Echoes of more facets, of tubes that start straight or by way of the mirror."""
+        for number, facet, s, n, _ in self._blocks(places, True, choose, {folded}):
+            cells = self.facets.cells(facet, s, n)
+            origin, source = places(number)
+            sight = self.sights(sources, origin, source, cells.point, cells.normal, folded=folded)
+            way = sight.way
+            direction, radius = way.arrival_direction, dr.sqrt(way.spreading_area)
+            tube = _Tube(
+                active=way.free & (way.travel_time < self.longest) & dr.isfinite(radius), place=number, facet=facet,
+                point=cells.point, corners=cells.corners, area=cells.area,
+                ways=[further(corner, direction, radius) for corner in cells.corners],
+                directions=[direction, *(dr.normalize(radius * direction + corner) for corner in cells.corners)],
+                pressure=dr.sqrt(sight.gain),
+                reflected=(dr.ones(mi.Float, dr.width(s)), dr.zeros(mi.Float, dr.width(s))),
+                between=dr.zeros(mi.Float64, dr.width(s)), out=sight.leg)
+            tube, path = self._reflected(tube, way.sound_speed), "b"
+            while len(path) + folded < self.bounces:
+                tube = self._on(sources, tube, way)
+                if tube is None:
+                    break
+                origin, source = places(tube.place)
+                normal, path, ends = self.facets.flat_normal(tube.facet), path + "b", {}
+                for back in (False, True)[:1 + (self.sights.mirror and len(path) + folded < self.bounces)]:
+                    ends[back] = self.sights(sources, origin, source, tube.point, normal, folded=back)
+                way = ends[False].way
+                tube = self._reflected(tube, way.sound_speed)
+                for back, sight in ends.items():
+                    name = "s" * (folded and back) + path + "s" * (folded or back)
+                    yield from self._sent_back(tube, sight, name, 1.0 if back == folded else -1.0)
+
+    def _normal(self, facet, point):
+        """Of the surface that facets stand for, at points of them."""
+        return self.facets.normals_at(facet, point, [dr.zeros(mi.Vector3f, dr.width(facet))])[0]
+
+    def _coefficient(self, facet, point, direction, sound_speed, active):
+        """Reflection coefficient for sound that comes along `direction`."""
+        shape, primitive, _ = self.facets.facts(facet)
+        normal = self._normal(facet, point)
+        hits = _Hits(point=point, normal=dr.select(dr.dot(normal, direction) > 0, -normal, normal),
+                     arrival_direction=direction, sound_speed=sound_speed, shape=shape, primitive=primitive,
+                     uv=dr.zeros(mi.Point2f, dr.width(primitive)))
+        return reflection(hits, active, self.frequency)
+
+    def _reflected(self, tube, sound_speed):
+        """The tube with the coefficient of the facet it meets."""
+        real, imaginary = self._coefficient(tube.facet, tube.point, tube.directions[0], sound_speed, tube.active)
+        a, b = tube.reflected
+        changed = {"reflected": (a * real - b * imaginary, a * imaginary + b * real)}
+        return _Tube(**{field.name: getattr(tube, field.name) for field in fields(tube)} | changed)
+
+    def _sent_back(self, tube, sight, path, sign):
+        """What the footprints of tubes send back to where they are seen from."""
+        way = sight.way
+        normal, towards, back = self._normal(tube.facet, tube.point), tube.directions[0], way.arrival_direction
+        wavenumber = self.turn_rate / mi.Float(way.sound_speed)
+        in_cosine, out_cosine = dr.dot(normal, towards), dr.dot(normal, back)
+        active = tube.active & way.free & (in_cosine * out_cosine > 0)
+        active &= tube.out.travel_time + tube.between + way.travel_time < 2 * self.longest
+        radius = dr.sqrt(way.spreading_area)
+        mean = phase_mean(*(-wavenumber * (way_there + further(corner, back, radius))
+                            for way_there, corner in zip(tube.ways, tube.corners)))
+        pressure = tube.pressure * dr.sqrt(sight.gain)
+        pressure *= wavenumber * float(sign * 0.25 / np.pi) * abs(in_cosine + out_cosine) * tube.area
+        yield from _sent(tube.place, self.facets.facts(tube.facet)[2], tube.out, sight.leg, tube.between,
+                         _turned(tube.reflected, mean, pressure), path, active)
+
+    def _on(self, sources, tube, way):
+        """Mirror tubes and follow them to the next smooth facet: the tubes that meet one, or None."""
+        zero = dr.zeros(mi.Vector3f, dr.width(tube.facet))
+        normals = self.facets.normals_at(tube.facet, tube.point, [zero, *tube.corners])
+        directions = [d - 2 * dr.dot(d, n) * n for d, n in zip(tube.directions, normals)]
+        flat, towards = self.facets.flat_normal(tube.facet), tube.directions[0]
+        side = dr.select(dr.dot(flat, towards) > 0, -flat, flat)
+        active = tube.active & (dr.dot(side, directions[0]) > FLATTEST)
+        ray = mi.Ray3f(mi.Ray3f(mi.Point3f(tube.point) + LIFT * side, directions[0]),
+                       dr.opaque(mi.Float, self.farthest))
+        met = self.tracer.geometry.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        active &= met.is_valid() & (met.instance == None)    # noqa: E711  (element-wise)
+        wide = self.lib.Array3f64
+        facet, smooth = self.facets.of(met.shape, met.prim_index, wide(ray.o) + wide(ray.d) * self.lib.Float64(met.t),
+                                       active)
+        active &= smooth
+        dr.eval(active, facet, directions)
+        index = dr.compress(active)
+        if not dr.width(index):
+            return None
+        tube, facet = tube.chosen(index), dr.gather(mi.UInt32, facet, index)
+        directions, side = _picked(directions, index), _picked(side, index)
+        speed, height = _picked(way.sound_speed, index), _picked(tube.point.z, dr.arange(mi.UInt32, dr.width(index)))
+        normal = self.facets.flat_normal(facet)
+        direction, a = directions[0], self.facets.corners_of(facet)[0]
+        length = dr.dot(a - tube.point, wide(normal)) / dr.dot(wide(direction), wide(normal))
+        point = tube.point + wide(direction) * length
+        steep, short = dr.dot(direction, normal), mi.Float(length)
+        active = (length > 0) & (abs(steep) > FLATTEST)
+        corners, ways = [], []
+        for corner, way_there, other in zip(tube.corners, tube.ways, directions[1:]):
+            aside = corner + short * (other - direction)
+            falling = dr.dot(other, normal)
+            active &= falling * steep > FLATTEST * abs(steep)
+            more = -dr.dot(aside, normal) / falling
+            # from the facet on to the bent surface
+            ((u, v),) = self.facets.barycentric(facet, point, [aside + more * other])
+            more += self.facets.height(facet, u, v) / falling
+            corners.append(aside + more * other)
+            ways.append(way_there + more)
+        area = 0.5 * dr.norm(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
+        # power in the tube: its cross-section before and after
+        widening = area * abs(steep) / dr.maximum(tube.area * abs(dr.dot(side, direction)), 1e-30)
+        loss_db = 0.5 * self.loss_db(mi.Float(-height), mi.Float(-point.z), short, dr.zeros(mi.Float, dr.width(short)))
+        pressure = tube.pressure * dr.sqrt(dr.exp(loss_db * float(-np.log(10) / 10))
+                                           / dr.maximum(widening, 1 / STRONGEST_FOCUS))
+        tube = _Tube(active=active & (area > 0), place=tube.place, facet=facet, point=point, corners=corners, ways=ways,
+                     directions=directions, area=area, pressure=pressure, reflected=tube.reflected,
+                     between=tube.between + length / speed, out=tube.out)
+        dr.eval({field.name: getattr(tube, field.name) for field in fields(tube) if field.name != "out"})
+        return tube
+
+
+def _turned(factor, mean, pressure):
+    """i times complex factor, mean and a real pressure."""
+    (a, b), (real, imaginary) = factor, mean
+    return -pressure * (a * imaginary + b * real), pressure * (a * real - b * imaginary)
+
+
+def _sent(place, label, out, back, between, amplitude, path, active):
+    """Yield what of some echoes is there; `back` None: the way out."""
+    energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
+    echoes = Echoes(out=out, back=out if back is None else back, between=between, energy=energy, amplitude=amplitude,
+                    path=path).evaluated()
+    active &= dr.isfinite(energy)
+    dr.eval(active, label, place)
+    index = dr.compress(active)
+    if dr.width(index):
+        yield (dr.gather(mi.UInt32, place, index), dr.gather(mi.UInt32, label, index),
+               echoes.chosen(index).evaluated())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Hits:
+    """Footprints as `materials` looks at hits."""
+
+    point: object
+    normal: object
+    arrival_direction: object
+    sound_speed: object
+    uv: object
+    shape: object
+    primitive: object
+
+
+class _Places:
+    """Where sound leaves from: look-ups by number."""
+
+    def __init__(self, lib, origins, source):
+        self.lib, self.origins = lib, origins
+        self._origin = upload(mi.Float64, np.concatenate([origins, np.zeros((len(origins), 1))], 1))
+        self._source = upload(mi.UInt32, np.asarray(source, np.uint32))
+        dr.eval(self._origin, self._source)
+
+    def __call__(self, number):
+        row = dr.gather(self.lib.Array4f64, self._origin, number)
+        return self.lib.Array3f64(row[0], row[1], row[2]), dr.gather(mi.UInt32, self._source, number)
+
+
+def _listed(runs):
+    """Yield cells (place, facet, s, n, m), UInt32, of runs (K, 4) of all but s, CELLS_PER_BLOCK at most."""
+    counts = runs[:, 2].astype(np.int64) ** 2
+    ends = np.cumsum(counts)
+    total = int(ends[-1]) if len(ends) else 0
+    for start in range(0, total, CELLS_PER_BLOCK):
+        cell = np.arange(start, min(start + CELLS_PER_BLOCK, total))
+        run = np.searchsorted(ends, cell, side="right")
+        s = cell - (ends[run] - counts[run])
+        yield tuple(upload(mi.UInt32, column.astype(np.uint32))
+                    for column in (runs[run, 0], runs[run, 1], s, runs[run, 2], runs[run, 3]))

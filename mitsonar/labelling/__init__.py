@@ -1,7 +1,0 @@
-"""Labelled images for training: pictures, masks, COCO and YOLO from the truth that every image carries."""
-from .rules import Labels
-from .sources import find_sources
-from .split import deal, read_shares
-from .writing import groups_of, write
-
-__all__ = ["Labels", "deal", "find_sources", "groups_of", "read_shares", "write"]

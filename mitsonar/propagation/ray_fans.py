@@ -1,0 +1,293 @@
+"""Fans of exact rays from given source depths, stored as polylines a triangle tracer can follow.
+
+Inside a layer a ray is a circular arc. With p = cos θ / c constant along the ray, g = dc/dz, s = sin θ (positive down),
+κ = p g the curvature (the ray turns towards slower water, dθ/dl = -κ):
+
+    s2² = s1² - p² (c2 - c1)(c2 + c1)            exit sine; negative: the ray turns inside the layer
+    dr  = dz p (c1 + c2) / (s1 + s2)              horizontal advance, |dr| = (|s1| + |s2|)/|κ| when it turns
+    V2  = (s2/s1) V1 + (s0/c0) dz (c1 + c2) / (s1 (s1 + s2))     wavefront displacement per launch radian
+
+(physics of plane-stratified media, e.g. Jensen et al., Computational Ocean Acoustics, ch. 3; the last line keeps V
+finite through turning points). A row of a fan is one exact ray, simplified to chords that stay within `tolerance` of
+the arcs; every vertex carries (r, z) and d(r, z)/dθ0, so that a launch angle between rows moves the vertices along
+their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neighbouring rays part company.
+"""
+
+import drjit as dr
+import numpy as np
+
+from ..device.arrays import upload
+from ..device.lookups import held
+from ..device.record import Record
+
+__all__ = ["FEWEST_VERTICES", "Fans", "build_fans"]
+
+HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
+LOOKUP_PER_ROW = 2
+FEWEST_VERTICES = 16               # room for those of a row, to begin with
+NARROWEST = 2e-7                   # [rad] rows below this are not told apart in float32
+
+
+class Fans(Record):
+    """Polylines of D fans, one a source depth.
+
+    ``vertex`` holds (r, z, dr/dθ0, dz/dθ0) of vertex v of row j of fan d at index ((d R + j) V + v), float32 [m,
+    m/rad].
+    """
+
+    lib: object
+    source_depth: np.ndarray      # (D,) [m]
+    rows: object                  # UInt32 (1,): R
+    vertex: object                # Float (4 D R V,)
+    size: object                  # UInt32 (D R,): vertices in a row
+    stride: object                # UInt32 (1,): V
+    middle: object                # Float (D R,): launch angle of a row [rad]
+    edge: object                  # Float (D (R + 1),): row limits [rad]
+    lookup: object                # UInt32 (D L,): first candidate row of an angle bin
+    bins: object                  # UInt32 (1,): L
+    bins_per_radian: object
+
+    def row(self, fan, launch_angle):
+        """Flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
+        lib = self.lib
+        launch_angle = held(launch_angle, float(-HALF_SPAN), float(HALF_SPAN))
+        cell = held((launch_angle + float(HALF_SPAN)) * self.bins_per_radian, 0, lib.Float(self.bins) - 1)
+        j = dr.gather(lib.UInt32, self.lookup, fan * self.bins + lib.UInt32(cell))
+        j = _step_rows(lib, self.edge, fan * (self.rows + 1), j, launch_angle)
+        j += fan * self.rows
+        return j, launch_angle - dr.gather(lib.Float, self.middle, j)
+
+
+@dr.syntax
+def _step_rows(lib, edge, first, j, angle):
+    more = angle >= dr.gather(lib.Float, edge, first + j + 1)
+    while more:
+        j += 1
+        more = angle >= dr.gather(lib.Float, edge, first + j + 1, more)
+    return j
+
+
+def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008, rows=3072,
+               max_vertices=FEWEST_VERTICES):
+    """Trace and simplify one fan of exact rays per source depth.
+
+    Parameters
+    ----------
+    table : LayerTable
+    profile : SoundSpeedProfile
+        The profile `table` was made of.
+    source_depth : (D,) [m]
+    slab : (float, float) [m]
+        Depths of the scene's highest and lowest point; chords are kept only from where a ray enters it.
+    max_range : float [m]
+        Horizontal range at which rays end.
+    tolerance : float [m]
+        Largest distance between chord and arc.
+    rows : int
+        Rows per fan before the split at critical angles.
+    max_vertices : int
+        Room for the vertices of a row, doubled as often as a row needs it; what other fans needed saves trials.
+
+    Returns
+    -------
+    Fans
+    """
+    lib = table.lib
+    source_depth = np.atleast_1d(np.asarray(source_depth, float))
+    edges = _row_edges(profile, source_depth, rows)                                           # (D, R + 1)
+    count = edges.shape[1] - 1
+    middle = 0.5 * (edges[:, 1:] + edges[:, :-1])
+    bins = rows * LOOKUP_PER_ROW
+    lookup = _row_lookup(edges, bins)
+    lanes = len(source_depth) * count
+    # a launch angle off the row's middle moves vertices along the wavefront, also out of a thin slab
+    margin = 0.1 + 0.01 * max_range
+    limits = [dr.opaque(lib.Float64, float(v)) for v in (tolerance, max_range, slab[0] - margin, slab[1] + margin)]
+    depth = upload(lib.Float64, np.repeat(source_depth, count))
+    angle = upload(lib.Float64, middle)
+    # where edges coincide lies a row of no width: no ray finds it, and it may be one that never leaves its depth
+    wanted = upload(lib.UInt32, (np.diff(edges, axis=1) > NARROWEST).astype(np.uint32)) != 0
+    edge32 = edges.astype(np.float32)
+    edge32[:, -1] = 9.0                                     # no launch angle walks past the last row
+    while True:
+        stride = dr.opaque(lib.UInt32, max_vertices)
+        vertex = dr.empty(lib.Float, 4 * lanes * max_vertices)
+        size = dr.empty(lib.UInt32, lanes)
+        full = _trace_rows(table, lib, depth, angle, wanted, *limits, vertex, size, stride)
+        dr.eval(vertex, size, full)
+        if not dr.any(full):
+            break
+        max_vertices *= 2                                   # a duct bends rays many times: give the rows more room
+    fans = Fans(lib=lib, source_depth=source_depth, rows=dr.opaque(lib.UInt32, count), vertex=vertex, size=size,
+                stride=stride, middle=upload(lib.Float, middle.astype(np.float32)), edge=upload(lib.Float, edge32),
+                lookup=upload(lib.UInt32, lookup.astype(np.uint32)), bins=dr.opaque(lib.UInt32, bins),
+                bins_per_radian=dr.opaque(lib.Float, bins / (2 * HALF_SPAN)))
+    dr.eval(fans.middle, fans.edge, fans.lookup)
+    return fans
+
+
+def _row_edges(profile, source_depth, rows):
+    """Equal rows, cut at the launch angles that just reach the speed of a node."""
+    equal = np.linspace(-HALF_SPAN, HALF_SPAN, rows + 1)
+    ratio = profile.at(source_depth)[:, None] / np.asarray(profile.sound_speed)[None]         # (D, node)
+    critical = np.arccos(np.clip(ratio, -1, 1))                                 # 0 where the node is slower
+    edges = np.concatenate([np.broadcast_to(equal, (len(source_depth), rows + 1)), critical, -critical], 1)
+    edges = np.sort(edges, 1)
+    # cuts closer than float32 can tell apart would make rows no angle finds: move them onto their neighbour
+    edges[:, 1:] = np.where(np.diff(edges, axis=1) < NARROWEST, edges[:, :-1], edges[:, 1:])
+    return edges
+
+
+def _row_lookup(edges, bins):
+    """First row that can hold an angle of each equal bin; one bin early, for rounding."""
+    start = -HALF_SPAN + 2 * HALF_SPAN * (np.arange(bins) - 0.01) / bins
+    offset = 10.0 * np.arange(len(edges))[:, None]          # one sorted search for all fans
+    found = np.searchsorted((edges + offset).ravel(), (start + offset).ravel(), side="right")
+    row = found.reshape(len(edges), bins) - 1 - np.arange(len(edges))[:, None] * edges.shape[1]
+    return np.clip(row, 0, edges.shape[1] - 2)
+
+
+def arc_step(table, k, z, s, p, longest, active):
+    """Advance along the arc inside layer k to its end, or by an arc of squared length `longest`/|κ| at most.
+
+    Returns the new layer, depth and sine, the advance (dr, dz), the speeds at both ends and the gradient.
+    """
+    lib = table.lib
+    z_k, c_k, g, z_next = table.shape(lib.UInt32(k), active)
+    c1 = dr.fma(g, z - z_k, c_k)
+    c_next = dr.fma(g, z_next - z_k, c_k)
+    curvature = p * g
+    down = (s > 0) | ((s == 0) & (g < 0))
+    ahead, behind = dr.select(down, c_next, c_k), dr.select(down, c_k, c_next)
+    s_ahead = dr.fma(s, s, -p * p * (ahead - c1) * (ahead + c1))
+    s_behind = dr.fma(s, s, -p * p * (behind - c1) * (behind + c1))
+    turns = s_ahead <= 0
+    leaves_down = down ^ turns
+    s_exit = dr.sqrt(dr.maximum(dr.select(turns, s_behind, s_ahead), 0))
+    c_exit = dr.select(turns, behind, ahead)
+    z_exit = dr.select(leaves_down, z_next, z_k)
+    dz = z_exit - z
+    dr_exit = dr.select(turns, (abs(s) + s_exit) / dr.maximum(abs(curvature), 1e-20),
+                        abs(dz) * p * (c1 + c_exit) / dr.maximum(abs(s) + s_exit, 1e-20))
+    length2 = longest / dr.maximum(abs(curvature), 1e-12)
+    whole = dr.fma(dr_exit, dr_exit, dz * dz) <= length2
+    # part of the arc: turn by half the angle, walk the chord, turn again
+    length = dr.sqrt(length2)
+    half = dr.select(whole, 0, 0.5 * curvature * length)
+    sin_half, cos_half = dr.sincos(half)
+    cosine = p * c1
+    s_mid, c_mid = s * cos_half - cosine * sin_half, cosine * cos_half + s * sin_half
+    chord = length * (1 - half * half / 6)
+    dr_part, dz_part, s_part = chord * c_mid, chord * s_mid, s_mid * cos_half - c_mid * sin_half
+    advance, descent = dr.select(whole, dr_exit, dr_part), dr.select(whole, dz, dz_part)
+    s2 = dr.select(whole, dr.select(leaves_down, s_exit, -s_exit), s_part)
+    k2 = dr.select(whole, dr.select(leaves_down, k + 1, k - 1), k)
+    z2 = dr.select(whole, z_exit, z + dz_part)
+    c2 = dr.select(whole, c_exit, dr.fma(g, z2 - z_k, c_k))
+    return k2, z2, s2, advance, descent, c1, c2, g
+
+
+def wavefront_step(v, s1, s2, dz, c1, c2, g, p, launch):
+    """Displacement V after an arc; `launch` = s0/c0. The second form holds where s changes sign (turning)."""
+    total = s1 + s2
+    plain = abs(total) > 1e-3 * abs(s1 - s2)
+    s1 = dr.select(abs(s1) > 1e-12, s1, 1e-12)
+    curved = dr.maximum(abs(p * p * g), 1e-30) * dr.sign(g)
+    gain = dr.select(plain, dz * (c1 + c2) / (s1 * dr.select(plain, total, 1)), (1 - s2 / s1) / curved)
+    return s2 / s1 * v + launch * gain
+
+
+def first_layer(table, z, s):
+    """Layer a ray starts in: at a node, the one it is heading into."""
+    k = table.lib.Int32(table.find(z))
+    z_k, _, _, _ = table.shape(table.lib.UInt32(k))
+    return dr.select((s < 0) & (z <= z_k), k - 1, k)
+
+
+@dr.syntax
+def _trace_rows(table, lib, depth, angle, wanted, tolerance, max_range, slab_top, slab_bottom, vertex, size, stride):
+    """One row a lane: exact arcs, simplified by the swing-door rule within ±tolerance."""
+    F, U = lib.Float64, lib.UInt32
+    s, cosine = dr.sincos(angle)
+    k = first_layer(table, depth, s)
+    z_k, c_k, g_k, _ = table.shape(U(k))
+    c0 = dr.fma(g_k, depth - z_k, c_k)
+    p = cosine / c0
+    launch = s / c0
+    row = dr.arange(U, dr.width(angle))
+    base = row * stride
+    last = lib.Int32(table.last)
+    # --------------------------------------------------------------- loop state
+    z, r, v = F(depth), F(0), F(0)                     # present point and wavefront displacement
+    m = U(0)                                           # vertices written
+    r_a, z_a = F(0), F(depth)                          # anchor: start of the chord being stretched
+    r_p, z_p, vr_p, vz_p = F(0), F(depth), F(0), F(0)  # previous point, the chord's end if the next one fails
+    lo_r, lo_z, hi_r, hi_z = F(0), F(0), F(0), F(0)    # the open door: directions the chord may take
+    fresh = lib.Bool(True)                             # no door yet
+    inside = (depth >= slab_top)                       # has entered the slab (a source inside it has)
+    started = lib.Bool(inside)
+    first = lib.Bool(inside)
+    full = lib.Bool(False)
+    slab_bottom = dr.maximum(slab_bottom, depth + 1)   # a scene may lie above the source
+    surface = dr.minimum(slab_top, 0)                  # above it there is nothing to hit, and no water
+    active = wanted & (k >= 0) & (k <= last)
+    while active:
+        k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, tolerance, active)
+        r2 = r + advance
+        v2 = wavefront_step(v, s, s2, descent, c1, c2, g, p, launch)
+        # a ray leaves the region on a straight piece: cut it there, long chords cost precision
+        cut = dr.minimum((max_range - r) / dr.maximum(advance, 1e-9),
+                         dr.minimum((slab_bottom - z) / dr.select(z2 > slab_bottom, z2 - z, 1e-9),
+                                    (z - surface) / dr.select(z2 < surface, z - z2, 1e-9)))
+        leaves = (r2 > max_range) | (z2 > slab_bottom) | (z2 < surface)
+        cut = dr.select(active & leaves & (cut > 0), dr.minimum(cut, 1), 1)
+        r2, z2 = dr.fma(cut, advance, r), dr.select(cut < 1, dr.fma(cut, z2 - z, z), z2)
+        v2 = dr.fma(cut, v2 - v, v)
+        vr, vz = -v2 * s2, v2 * p * c2
+        # entry into the slab
+        enters = ~started & (z2 >= slab_top)
+        f = dr.clip((slab_top - z) / dr.select(abs(z2 - z) > 1e-12, z2 - z, 1), 0, 1)
+        r_p = dr.select(enters, dr.fma(f, r2 - r, r), r_p)
+        z_p = dr.select(enters, slab_top, z_p)
+        vr_p = dr.select(enters, dr.fma(f, vr - vr_p, vr_p), vr_p)
+        vz_p = dr.select(enters, dr.fma(f, vz - vz_p, vz_p), vz_p)
+        r_a, z_a = dr.select(enters, r_p, r_a), dr.select(enters, z_p, z_a)
+        started |= enters
+        fresh |= enters
+        # does the new point still lie in the open door?
+        dx, dz = r2 - r_a, z2 - z_a
+        shut = started & ~fresh & ((lo_r * dz - lo_z * dx < 0) | (dx * hi_z - dz * hi_r < 0))
+        emit = first | enters | shut
+        _put(lib, vertex, base + m, r_p, z_p, vr_p, vz_p, emit)
+        m = dr.select(emit, m + 1, m)
+        first = lib.Bool(False)
+        r_a, z_a = dr.select(shut, r_p, r_a), dr.select(shut, z_p, z_a)
+        fresh |= shut
+        # narrow the door by the directions that pass within ±tolerance of the new point
+        dx, dz = r2 - r_a, z2 - z_a
+        w = tolerance * dr.rsqrt(dr.maximum(dr.fma(dx, dx, dz * dz), 1e-18))
+        narrow = (w < 0.7) & started
+        w = dr.select(narrow, w, 0.7)
+        cw = dr.sqrt(1 - w * w)
+        ax, az = dx * cw + dz * w, dz * cw - dx * w
+        bx, bz = dx * cw - dz * w, dz * cw + dx * w
+        lower = narrow & (fresh | (lo_r * az - lo_z * ax > 0))
+        upper = narrow & (fresh | (bx * hi_z - bz * hi_r > 0))
+        lo_r, lo_z = dr.select(lower, ax, lo_r), dr.select(lower, az, lo_z)
+        hi_r, hi_z = dr.select(upper, bx, hi_r), dr.select(upper, bz, hi_z)
+        fresh &= ~narrow
+        r_p, z_p, vr_p, vz_p = F(r2), F(z2), F(vr), F(vz)
+        r, z, s, k, v = F(r2), F(z2), F(s2), k2, F(v2)
+        room = m < stride - 2
+        within = (cut >= 1) & (k >= 0) & (k <= last) & (r < max_range) & (z < slab_bottom) & ((z > surface) | (s > 0))
+        full |= active & within & ~room
+        active = active & within & room
+    started &= wanted
+    _put(lib, vertex, base + m, r_p, z_p, vr_p, vz_p, started)
+    m = dr.select(started, m + 1, m)
+    dr.scatter(size, m, row)
+    return full
+
+
+def _put(lib, vertex, index, r, z, vr, vz, active):
+    dr.scatter(vertex, lib.Array4f(lib.Float(r), lib.Float(z), lib.Float(vr), lib.Float(vz)), index, active)

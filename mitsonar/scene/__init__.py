@@ -1,0 +1,1 @@
+"""A Mitsuba scene as sound meets it: loading, errors, geometry, labels, materials."""

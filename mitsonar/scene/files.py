@@ -1,0 +1,144 @@
+"""The files that a scene names, checked before Mitsuba opens them.
+
+Mitsuba's readers believe what they read: a mesh whose face names a vertex that is not there is read and written outside
+memory, and as much memory is taken as the header of a picture claims. So the scene is parsed first, by Mitsuba's own
+parser, with parameters filled in and included files followed, and each file that an object names is looked at here,
+before any object is made.
+"""
+import os
+import re
+from xml.etree import ElementTree
+
+import mitsuba as mi
+
+from ..io import files, meshes, pictures, scenes
+
+__all__ = ["check"]
+
+MESHES = ("ply", "obj", "serialized", "linearcurve", "bsplinecurve")
+PICTURES, VOLUMES = ("bitmap", "envmap"), ("gridvolume", "sdfgrid")
+# their readers take memory or write outside of it as the file says, and none of them is of use to sound
+REFUSED = ("ellipsoids", "ellipsoidsmesh", "measured", "measured_polarized")
+MOST_WAYS = 100_000
+TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
+
+
+def check(path, values):
+    """Check every file that a scene names.
+
+    Parameters
+    ----------
+    path : str
+        Of the scene; it is there.
+    values : dict of str to str
+        Of its parameters.
+
+    Raises
+    ------
+    ValueError
+        If a file is a folder, a device or a pipe, or is no mesh or picture that Mitsuba can read without harm; names
+        the place in the scene.
+    RuntimeError
+        Of Mitsuba's parser.
+
+    Notes
+    -----
+    Files that are not there are left to who opens them.
+    """
+    scenes.check(path, values)
+    former = mi.file_resolver()
+    resolver = mi.FileResolver(former)
+    resolver.prepend(os.path.dirname(path))
+    mi.set_file_resolver(resolver)
+    try:
+        state = _parsed(path, values)
+    finally:
+        mi.set_file_resolver(former)
+    _check_ways(state, path)
+    for index, node in enumerate(state.nodes):
+        kind = node.props.plugin_name()
+        if kind == "bitmap" and not any(name in node.props for name in ("filename", "bitmap", "data")):
+            # which ends the process in Mitsuba 3.9
+            raise ValueError(f'{path}: the bitmap "{_name(state, index)}" has no filename; write <string '
+                             'name="filename" value="..."/> into it')
+        try:
+            _check_node(node, resolver)
+        except (ValueError, OSError) as error:
+            place = _place(state, node) if len(state.files) and state.files[0] != "<string>" else path
+            raise ValueError(f"{place}: {kind}: {str(error).rstrip('.')}.") from None
+
+
+def _parsed(path, values):
+    config = mi.parser.ParserConfig(mi.variant())
+    if not set(TAKEN) & set(values):
+        return mi.parser.parse_file(config, path, **values)
+    around = ElementTree.Element("scene", version="3.0.0")
+    around.extend(ElementTree.Element("default", name=name, value=value) for name, value in values.items()
+                  if name in TAKEN)
+    ElementTree.SubElement(around, "include", filename=os.path.abspath(path))
+    others = {name: value for name, value in values.items() if name not in TAKEN}
+    return mi.parser.parse_string(config, ElementTree.tostring(around, encoding="unicode"), **others)
+
+
+def _check_node(node, resolver):
+    props, kind = node.props, node.props.plugin_name()
+    # Mitsuba takes a ball of radius -1 for one that is turned inside out
+    if "radius" in props and props.type("radius").name in ("Float", "Integer") and props["radius"] < 0:
+        raise ValueError(f"radius is {props['radius']:g}; expected a number [m] above 0")
+    if "filename" not in props or props.type("filename").name != "String":
+        return
+    path = str(resolver.resolve(props["filename"]))
+    if kind in REFUSED:
+        raise ValueError(f"its files are not checked, and Mitsuba believes them: {kind} cannot be used here")
+    if not props["filename"] or not os.path.exists(path):
+        return
+    if kind in MESHES:
+        index = props["shape_index"] if "shape_index" in props else 0
+        meshes.check(path, kind, index if isinstance(index, int) else 0)
+    elif kind in PICTURES:
+        pictures.check(path)
+    elif kind in VOLUMES:
+        pictures.check_volume(path)
+    else:
+        files.check_readable(path)
+
+
+def _check_ways(state, path):
+    """Refuse objects that hold others in too many ways: Mitsuba takes memory for each way down, and asks each."""
+    places = {node.props.id(): index for index, node in enumerate(state.nodes) if node.props.id()}
+    ways, waiting = {}, [(0, None)]
+    while waiting:
+        index, held = waiting.pop()
+        if index in ways:
+            continue
+        if held is None:
+            props = state.nodes[index].props
+            kinds = [(props.type(name).name, name) for name in props.keys()]
+            held = [props[name].index() for kind, name in kinds if kind == "ResolvedReference"]
+            held += [places[props[name].id()] for kind, name in kinds
+                     if kind == "Reference" and props[name].id() in places]
+            waiting += [(index, held), *((other, None) for other in held if other not in ways)]
+            if len(waiting) > MOST_WAYS:
+                raise ValueError(f"{path}: objects refer to one another in a circle, or more than {MOST_WAYS} times")
+        else:
+            ways[index] = 1 + sum(ways.get(other, 0) for other in held)
+            if index and ways[index] > MOST_WAYS:
+                raise ValueError(f"{_place(state, state.nodes[index])}: {state.nodes[index].props.plugin_name()}: it "
+                                 f"holds others in more than {MOST_WAYS} ways, each of which is computed by itself; "
+                                 "simplify it.")
+
+
+def _name(state, index):
+    """What an object is called: its id, or what the object that holds it calls it."""
+    if state.nodes[index].props.id():
+        return state.nodes[index].props.id()
+    for node in state.nodes:
+        for name in node.props.keys():
+            if node.props.type(name).name == "ResolvedReference" and node.props[name].index() == index:
+                return "" if name.startswith("_arg_") else name
+    return ""
+
+
+def _place(state, node):
+    found = re.fullmatch(r"(.*) \(line (\d+), col \d+\)(?: \[.*\])?", mi.parser.file_location(state, node), re.DOTALL)
+    return f"{found[1]}, line {found[2]}"

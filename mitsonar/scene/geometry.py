@@ -1,0 +1,124 @@
+"""A Mitsuba scene's facets and what they are called, gathered once for the tracer."""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import upload
+from .labels import ShapeLabels
+
+__all__ = ["Geometry"]
+
+
+class Geometry:
+    """A scene's facets, gathered once so that hit points can be rebuilt without a call per shape.
+
+    Attributes
+    ----------
+    named : ShapeLabels
+        Numbers, names and classes of what the scene holds.
+    labels : dict[int, str]
+        Number → name of every instance, in the order of the names.
+    kinds : UInt32
+        Kind of every shape by its registry index: 1 seabed, 2 object, 0 neither.
+    depth_range : (float, float) [m]
+        Highest and lowest point of the scene.
+    surface_label : int
+        Number of the sea surface (a shape whose attribute ``sea_surface`` is true), 0 if there is none.
+    surface_mirrors : bool
+        Whether that is perfectly flat.
+    horizontal_bounds : ((float, float), (float, float)) [m]
+        Least and largest x and y of all else.
+    meshes : list of (int, mitsuba.Shape, int, int)
+        Registry index, shape, first row and number of rows in `faces`.
+    others : list of (int, mitsuba.Shape)
+        Registry index and shape of what is not made of facets.
+    """
+
+    def __init__(self, scene):
+        shapes = scene.shapes()
+        if not shapes:
+            raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
+        _check_extents(shapes)
+        _check_merged(shapes)
+        self.scene = scene
+        self.named = ShapeLabels(shapes)
+        self.labels = self.named.names
+        registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
+        # Mitsuba's own materials may read textures; those of sonar say whether they do
+        self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
+        # label, first face, is a mesh, has texture coordinates
+        rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
+        vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0
+        self.meshes, self.others = [], []
+        for index, shape in zip(registry, shapes):
+            rows[index, 0] = self.named.of(shape)
+            parameters = mi.traverse(shape)
+            if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
+                self.others.append((int(index), shape))
+                continue
+            vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
+            face = parameters["faces"].numpy().reshape(-1, 3)
+            if face.max(initial=0) >= len(vertex):     # in a scene that Mitsuba itself loaded, or made in Python
+                raise ValueError(f'a face of the mesh "{shape.id()}" names vertex {face.max()}, and the vertices count '
+                                 f"from 0 to {len(vertex) - 1}; repair the mesh")
+            rows[index, 1:] = first_face, 1, self.textured and shape.has_vertex_texcoords()
+            texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
+                             else np.zeros((len(vertex), 2), np.float32))
+            vertices.append(vertex)
+            label = self.named.of_faces(shape, len(face))
+            faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))
+            self.meshes.append((int(index), shape, first_face, len(face)))
+            first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
+        self.only_meshes = len(faces) == len(shapes)
+        self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
+        # four wide, so that a vertex is one aligned packet, and a face with its label another
+        self.vertices = upload(mi.Float, _padded(vertices))
+        self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
+        self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
+        dr.eval(self.rows, self.kinds, self.vertices, self.faces)
+        box = scene.bbox()
+        self.depth_range = -float(box.max.z), -float(box.min.z)
+        surface = [shape for shape in shapes if getattr(shape, "sea_surface", False)]
+        if len(surface) > 1:
+            raise ValueError(f"the scene has {len(surface)} sea surfaces; leave one")
+        self.surface_label = self.named.surface
+        self.surface_mirrors = any(getattr(shape.bsdf(), "mirror", False) for shape in surface)
+        if len(shapes) > len(surface):
+            box = mi.ScalarBoundingBox3f()
+            for shape in shapes:
+                if shape not in surface:
+                    box.expand(shape.bbox())
+        self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
+
+    def mesh(self, first, count):
+        """Vertices (V, 3) [m] and corners of faces (count, 3) of a mesh with these rows in `faces`."""
+        faces = self.faces.numpy().reshape(-1, 4)[first:first + count, :3]
+        lowest, highest = int(faces.min()), int(faces.max())
+        return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
+
+    def targets(self):
+        """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
+        return [(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape))
+                for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
+
+
+def _check_merged(shapes):
+    """Refuse meshes that Mitsuba has joined into one without a name: their labels are gone."""
+    if any(type(shape) is mi.Mesh and shape.class_name() == "Mesh" and not shape.id() for shape in shapes):
+        raise ValueError("Mitsuba has merged meshes of one material in this scene, and their names with them; load it "
+                         "by mitsonar.load_file, or by mi.load_file or mi.load_dict with optimize=False")
+
+
+def _check_extents(shapes):
+    for shape in shapes:
+        box = shape.bbox()
+        extents = np.array(box.max, float) - np.array(box.min, float)
+        # a point target has none: rays pass it
+        if not (np.isfinite(extents).all() and (np.sum(extents > 0) >= 2 or hasattr(shape, "target_strength_db"))):
+            name = f'"{shape.id()}"' if shape.id() else f"of the kind {shape.class_name().lower()}"
+            raise ValueError(f"the shape {name} has no extent; give it a radius, a length or a scale above 0")
+
+
+def _padded(parts):
+    table = np.concatenate(parts) if parts else np.zeros((1, 3), np.float32)
+    return np.concatenate([table, np.zeros((len(table), 1), np.float32)], 1, dtype=np.float32)

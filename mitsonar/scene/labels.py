@@ -1,0 +1,115 @@
+"""Names, numbers and classes of what a scene holds: which shape an echo comes from, and what kind of thing that is.
+
+A shape's id is the name of its instance; its class is what stands before the first dot: "cylinder.3" is a cylinder,
+"wreck" a wreck. A mesh may hold several instances; it says so by ``part_names`` and ``part_of_face``. What bears the
+attribute ``seabed``, or is of a class such as "seabed", is seabed; ``sea_surface`` the sea surface; all else are
+objects.
+"""
+import hashlib
+
+import numpy as np
+
+__all__ = ["ShapeLabels"]
+
+SEABED, OBJECT = 1, 2              # kinds, as `ShapeLabels.label_kinds` gives them
+SEABED_CLASSES = ("seabed", "bed", "bottom", "seafloor")
+
+
+class ShapeLabels:
+    """Number the instances of a scene.
+
+    Parameters
+    ----------
+    shapes : list of mitsuba.Shape
+
+    Attributes
+    ----------
+    names : dict[int, str]
+        Number, from 1 → name of every instance, in the order of the names.
+    classes : dict[int, str]
+        Number, from 1 → name of every class, in the order of the names.
+    class_of : dict[int, int]
+        Number of an instance → number of its class.
+    seabed : frozenset of int
+        Numbers of what is seabed.
+    surface : int
+        Number of the sea surface, 0 if there is none.
+    objects : frozenset of int
+        Numbers of all else.
+    """
+
+    def __init__(self, shapes):
+        names = sorted({name for shape in shapes for name in _names(shape)})
+        self.names = dict(enumerate(names, 1))
+        self._number = {name: number for number, name in self.names.items()}
+        self.classes, self.class_of = classes_of(self.names)
+        self.surface = next((self.of(shape) for shape in shapes if getattr(shape, "sea_surface", False)), 0)
+        self.seabed = frozenset(
+            self._number[name] for shape in shapes for name in _names(shape)
+            if getattr(shape, "seabed", False)
+            or class_name(name) in SEABED_CLASSES and not hasattr(shape, "part_names"))        # parts are objects
+        self.objects = frozenset(self.names) - self.seabed - {self.surface}
+
+    def __len__(self):
+        return len(self.names)
+
+    @property
+    def hides(self):
+        """Whether there are objects that may hide a seabed."""
+        return bool(self.objects) and bool(self.seabed)
+
+    def of(self, shape):
+        """Number of a shape, of its first part where it has parts."""
+        return self._number[_names(shape)[0]]
+
+    def of_faces(self, shape, faces):
+        """Numbers of a mesh's `faces` faces, uint32 (faces,)."""
+        numbers = np.array([self._number[name] for name in _names(shape)], np.uint32)
+        return numbers[part_of_face(shape)] if hasattr(shape, "part_names") else np.full(faces, numbers[0])
+
+    def label_kinds(self):
+        """Kind of every number from 0, uint32: 1 seabed, 2 object, 0 neither."""
+        kinds = np.zeros(len(self.names) + 1, np.uint32)
+        kinds[list(self.seabed)], kinds[list(self.objects)] = 1, 2
+        return kinds
+
+
+def class_name(name):
+    """Class of an instance."""
+    return name.partition(".")[0] or name
+
+
+def classes_of(names):
+    """Number the classes of instances.
+
+    Parameters
+    ----------
+    names : dict[int, str]
+
+    Returns
+    -------
+    classes : dict[int, str]
+        From 1, in the order of their names.
+    class_of : dict[int, int]
+        Number of an instance → number of its class.
+    """
+    classes = dict(enumerate(sorted({class_name(name) for name in names.values()}), 1))
+    number_of = {name: number for number, name in classes.items()}
+    return classes, {number: number_of[class_name(name)] for number, name in names.items()}
+
+
+def part_of_face(shape):
+    """Part that each face of a mesh with several belongs to, (F,)."""
+    return np.asarray(shape.part_of_face).astype(np.int64).ravel()
+
+
+def fingerprint(meshes):
+    """Hash of the geometry of meshes given as (vertices, faces), in any order: 16 hexadecimal digits."""
+    digests = sorted(hashlib.sha256(np.ascontiguousarray(vertices, np.float32).tobytes()
+                                    + np.ascontiguousarray(faces, np.uint32).tobytes()).hexdigest()
+                     for vertices, faces in meshes)
+    return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
+
+
+def _names(shape):
+    return tuple(getattr(shape, "part_names", ())) or (shape.id() or shape.class_name(),)

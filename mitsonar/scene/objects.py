@@ -1,0 +1,95 @@
+"""What an image says about the things in its scene: the boxes of objects, and which seabed they lie on."""
+import warnings
+
+import mitsuba as mi
+import numpy as np
+
+from .labels import class_name, fingerprint
+
+__all__ = ["described", "unseen"]
+
+MOST_NAMES = 5                     # told of what no ping sees
+
+
+def described(geometry):
+    """Describe a scene's objects and its seabed.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+
+    Returns
+    -------
+    dict, plain JSON
+        ``objects``: number (as text) → ``class``, ``lower`` and ``upper`` corner of its box [m], and what a shape that
+        placed it says of it (``placed``); ``seabed``: a hash of the seabed's geometry, empty where there is none.
+    """
+    named = geometry.named
+    boxes, placed, beds = {}, {}, []
+    for _, shape, first, count in geometry.meshes:
+        labels = named.of_faces(shape, count)
+        if hasattr(shape, "placed"):
+            placed.update(shape.placed)                    # none placed is a grain under the seabed, labelled as that
+        elif int(labels[0]) in named.seabed:
+            beds.append(geometry.mesh(first, count))
+            continue
+        if (labels == labels[0]).all():
+            _widen(boxes, int(labels[0]), shape.bbox())
+            continue
+        vertices, faces = geometry.mesh(first, count)
+        for label in np.unique(labels):
+            corners = vertices[faces[labels == label]].reshape(-1, 3)
+            _widen(boxes, int(label), corners.min(0), corners.max(0))
+    for _, shape in geometry.others:
+        label = named.of(shape)
+        if label in named.seabed:
+            beds.append(_whole(shape))
+        _widen(boxes, label, shape.bbox())
+    objects = {str(label): {"class": class_name(named.names[label]),
+                            "lower": [round(float(v), 4) for v in low], "upper": [round(float(v), 4) for v in high],
+                            **placed.get(named.names[label], {})}
+               for label, (low, high) in sorted(boxes.items()) if label in named.objects}
+    return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
+
+
+def unseen(image):
+    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        With ``share``, ``object_shadow``, and the attributes of `described`.
+
+    Returns
+    -------
+    list of str
+        Their names.
+    """
+    heard = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
+             *np.unique(image["object_shadow"].values).tolist()}
+    names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in heard]
+    if names:
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        warnings.warn(f"no ping sees {', '.join(names[:MOST_NAMES])}{more}: out of range, beyond the track, hidden or "
+                      "buried", stacklevel=2)
+    return names
+
+
+def _whole(shape):
+    """Numbers that tell a shape without facets from others, and those of its kind's name."""
+    known = mi.traverse(shape)
+    matrix = known["to_world"].matrix if "to_world" in known else ()
+    # entry by entry: of the whole a kernel would be compiled, another for every matrix
+    numbers = [float(entry[0]) for row in matrix for entry in row]
+    kind = np.frombuffer(shape.class_name().encode(), np.uint8)
+    return np.array([*shape.bbox().min, *shape.bbox().max, *numbers]), kind
+
+
+def _widen(boxes, label, low, high=None):
+    """Let the box of an instance hold another."""
+    if high is None:
+        low, high = low.min, low.max
+    low, high = np.array(low, float), np.array(high, float)
+    if label in boxes:
+        low, high = np.minimum(low, boxes[label][0]), np.maximum(high, boxes[label][1])
+    boxes[label] = low, high

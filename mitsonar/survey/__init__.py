@@ -1,0 +1,1 @@
+"""Pings along a track: what each kind of sonar receives."""

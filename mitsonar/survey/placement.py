@@ -1,0 +1,208 @@
+"""Where a sonar without a recorded track goes, and whether any track makes sense over the scene."""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import upload
+from mitsonar.sonar.track import Track
+
+SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
+SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
+FAR = 10_000.0                     # [m] beyond which a track belongs to another place
+
+
+def soundings(geometry, x, y):
+    """Depth [m] of the lowest surface at points (x, y) [m], the seabed but for what is buried; NaN where there is none.
+
+    Looked for from below, so that a ship above does not count; nor does the sea surface.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    below = geometry.depth_range[1] + 1.0
+    ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, -below)),
+                   mi.Vector3f(0, 0, 1))
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
+    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))    # noqa: E711
+    label = dr.gather(mi.UInt32, geometry.rows, 4 * row, pi.is_valid())
+    seabed = pi.is_valid() & (label != geometry.surface_label)
+    return np.where(seabed.numpy(), below - pi.t.numpy(), np.nan).reshape(x.shape)
+
+
+def _wet(geometry, x, y):
+    """Tell where points (x, y) [m] have seabed under water."""
+    return np.nan_to_num(soundings(geometry, x, y), nan=-1.0) > 0
+
+
+def lines_up(geometry, *, heading, altitude, pings, interval, speed):
+    """Lay a straight track over the middle of the surveyed area, at a fixed altitude.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    heading : float [rad] or None
+        None: along the area's longer axis.
+    altitude : float [m]
+        Above the seabed, smoothed along the track.
+    pings, interval, speed : int, s, m/s
+
+    Returns
+    -------
+    Track
+
+    Raises
+    ------
+    ValueError
+        If no line of that length stays over water with a seabed.
+    """
+    (x0, y0), (x1, y1) = geometry.horizontal_bounds
+    x, y = np.meshgrid(*(a + (b - a) * (np.arange(SOUNDINGS) + 0.5) / SOUNDINGS for a, b in ((x0, x1), (y0, y1))))
+    covered = _wet(geometry, x, y)
+    if not covered.any():
+        raise ValueError("the scene has no seabed below z = 0 to lay a track over; give the sensor a start or a track")
+    points = np.stack([x[covered], y[covered]], -1)
+    centre = points.mean(0)
+    if heading is None:
+        spread, axes = np.linalg.eigh(np.cov((points - centre).T) + 1e-9 * np.eye(2))
+        along = axes[:, 1] if spread[1] > 1.1 * spread[0] else np.array([0.0, 1.0])
+        along = along * (1 if along[1] >= 0 else -1)
+        heading = float(np.arctan2(along[0], along[1]))
+    course = np.array([np.sin(heading), np.cos(heading)])
+    reach = np.hypot(x1 - x0, y1 - y0)
+    step = max(reach / 4000, 0.05)
+    place = np.arange(-reach, reach, step)
+    line = centre + place[:, None] * course
+    over = _wet(geometry, line[:, 0], line[:, 1])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], over, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        raise ValueError(f"no seabed lies on the line through the middle of the scene at heading "
+                         f"{np.rad2deg(heading):.0f} degrees; choose another heading or give the sensor a start")
+    first, last = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    room = place[last - 1] - place[first]
+    length = speed * interval * (pings - 1)
+    if length > room:
+        raise ValueError(f"track outside the bathymetry: {pings} pings cover {length:.1f} m, but the seabed reaches "
+                         f"only {room:.1f} m at heading {np.rad2deg(heading):.0f} degrees; take fewer pings or a lower "
+                         "speed")
+    middle = 0.5 * (place[first] + place[last - 1])
+    path = middle + speed * interval * (np.arange(pings) - 0.5 * (pings - 1))
+    position = centre + path[:, None] * course
+    z = -_smoothed(geometry, position, course)
+    track = Track(time=np.arange(pings) * interval, position=np.column_stack([position, z]), roll=0.0, pitch=0.0,
+                  heading=heading)
+    return _raised(track, altitude)
+
+
+def lifted(geometry, track, altitude):
+    """Fly a track's x and y at an altitude [m] above the seabed, smoothed along its headings."""
+    course = np.stack([np.sin(track.heading), np.cos(track.heading)], -1)
+    seabed = _smoothed(geometry, track.position[:, :2], course)
+    if np.any(np.isnan(seabed)):
+        ping = int(np.argmax(np.isnan(seabed)))
+        raise ValueError(f"track outside the bathymetry: no seabed lies around ping {ping} at x = "
+                         f"{track.position[ping, 0]:.1f} m, y = {track.position[ping, 1]:.1f} m to hold an altitude "
+                         "over; move the track")
+    on_bed = np.column_stack([track.position[:, :2], -seabed])
+    return _raised(Track(time=track.time, position=on_bed, roll=track.roll, pitch=track.pitch, heading=track.heading),
+                   altitude)
+
+
+def _raised(track, altitude):
+    z = track.position[:, 2]
+    if np.any(z + altitude > 0):
+        raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is {-z.max():.1f} m "
+                         "deep; lower the altitude")
+    return Track(time=track.time, position=track.position + np.array([0, 0, altitude]), roll=track.roll,
+                 pitch=track.pitch, heading=track.heading)
+
+
+def _smoothed(geometry, position, course):
+    """Mean seabed depth over ± SMOOTHING along the course at each position (P, 2); NaN where there is none at all."""
+    offset = np.linspace(-SMOOTHING, SMOOTHING, 21)
+    line = position[:, None] + offset[:, None] * np.broadcast_to(course, position.shape)[:, None]
+    depth = soundings(geometry, line[..., 0], line[..., 1])
+    found = np.isfinite(depth)
+    return np.where(found.any(1), np.where(found, depth, 0).sum(1) / np.maximum(found.sum(1), 1), np.nan)
+
+
+def check_near(geometry, position, crs):
+    """Refuse positions (P, 2) [m], laid by their coordinates on Earth, of which none lies near the scene.
+
+    Raises
+    ------
+    ValueError
+        If all are more than 10 km away, as in a wrong zone; the distance and the coordinate system are named.
+    """
+    away = _away(geometry, position)
+    nearest = int(np.argmin(away))
+    if away[nearest] > FAR:
+        x, y = position[nearest]
+        raise ValueError(f"the track lies {away[nearest] / 1000:.0f} km away from the seabed, at x = {x:.0f} m, "
+                         f"y = {y:.0f} m of it in {crs.splitlines()[0] if crs else 'its coordinates'}; check zone and "
+                         "hemisphere, and that latitude and longitude are not swapped")
+
+
+def check_local(geometry, position, origin):
+    """Refuse positions (P, 2) [m] in the scene's own coordinates of which none lies near it, such as eastings.
+
+    Parameters
+    ----------
+    geometry : trace.Geometry
+    position : (P, 2) [m]
+    origin : (2,) [m] or None
+        Easting and northing of the scene's origin.
+
+    Raises
+    ------
+    ValueError
+        If all are more than 10 km away.
+    """
+    away = _away(geometry, position)
+    if away.min() <= FAR:
+        return
+    x, y = position[int(np.argmin(away))]
+    there = origin is not None and _away(geometry, position - origin).min() <= FAR
+    remedy = ("they are eastings and northings of the bathymetry: write georeferenced true" if there else "if they are "
+              "eastings and northings, write georeferenced true, over a bathymetry that has a geographic origin")
+    raise ValueError(f"the track lies {away.min() / 1000:.0f} km away from the seabed, at x = {x:.0f} m, y = {y:.0f} m "
+                     f"of the scene; {remedy}")
+
+
+def _away(geometry, position):
+    """Distance [m] of positions (P, 2) from the scene's bounds, seen from above."""
+    low, high = (np.asarray(corner, float) for corner in geometry.horizontal_bounds)
+    return np.hypot(*np.maximum(np.maximum(low - position, position - high), 0).T)
+
+
+def check(geometry, track):
+    """Depth of seabed below the sonar at every ping [m], (P,).
+
+    Raises
+    ------
+    ValueError
+        If a ping lies outside the seabed, below it, or above the sea surface; the first such ping is named.
+    """
+    x, y, z = track.position.T
+    if np.any(z > 0):
+        ping = int(np.argmax(z > 0))
+        raise ValueError(f"ping {ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is negative "
+                         "under water")
+    depth = soundings(geometry, x, y)
+    if np.any(np.isnan(depth)):
+        ping = int(np.argmax(np.isnan(depth)))
+        (x0, y0), (x1, y1) = geometry.horizontal_bounds
+        raise ValueError(f"track outside the bathymetry: ping {ping} is at x = {x[ping]:.1f} m, y = {y[ping]:.1f} m, "
+                         f"where no seabed lies below (the scene spans x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f} m); "
+                         "move the track or crop it")
+    below = _below(geometry, track.position)
+    if np.any(np.isnan(below)):
+        ping = int(np.argmax(np.isnan(below)))
+        raise ValueError(f"sonar below the seabed: at ping {ping} it is {-z[ping]:.2f} m deep, the seabed "
+                         f"{depth[ping]:.2f} m; raise the track or the altitude")
+    return below
+
+
+def _below(geometry, position):
+    x, y, z = (upload(mi.Float, column.astype(np.float32)) for column in position.T)
+    ray = mi.Ray3f(mi.Point3f(x, y, z), mi.Vector3f(0, 0, -1))
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
+    return np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)

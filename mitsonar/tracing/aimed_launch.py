@@ -1,0 +1,105 @@
+"""Directions of the rays that an array sends out, drawn where time and beams need them, each with its solid angle.
+
+Half of what is not spread evenly over directions is drawn evenly over the time that a flat bed, and a surface where
+there is one, send echoes back at; all of it follows the beams. What a ray stands for is the reciprocal of the density
+it was drawn with (`sonar.launch`): no choice can bias a level.
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from .launch import Strata, draw, quantiles
+
+__all__ = ["DrawnRays"]
+
+AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn from
+EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
+FAINTEST = 1e-3                    # beam intensity that directions count with at least, relative to the strongest
+
+
+class DrawnRays:
+    """Draw directions.
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+    window : (float, float) [s]
+        Two-way times that matter.
+    rays : int
+        About how many.
+    pattern : callable or None
+        As of `Ensonification`.
+    surface : bool
+        Whether the scene has a sea surface that scatters.
+    """
+
+    def __init__(self, profile, *, window, rays, pattern, surface):
+        self.speed, self.window, self.rays = float(np.mean(profile.sound_speed)), window, rays
+        self.pattern, self.surface = pattern, surface
+
+    def __call__(self, origin, rotation, depth_below, key):
+        """Draw the rays of a source.
+
+        Parameters
+        ----------
+        origin : Array3f64 [m]
+        rotation : (3, 3)
+            Body to scene.
+        depth_below : float [m] or None
+            Seabed below the source; None draws by beams alone.
+        key : int
+            Of the random numbers.
+
+        Returns
+        -------
+        direction : Vector3f (R,)
+            Scene coordinates.
+        solid_angle : Float (R,) [sr]
+        strata : Strata
+            How they are numbered.
+        """
+        azimuth, across = np.linspace(-np.pi, np.pi, AZIMUTHS + 1), np.linspace(-np.pi / 2, np.pi / 2, ELEVATIONS + 1)
+        a, e = (0.5 * (edges[1:] + edges[:-1]) for edges in (azimuth, across))
+        a, e = np.meshgrid(a, e, indexing="ij")
+        towards = np.stack([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)], -1)
+        beam = np.ones(a.shape) if self.pattern is None else self.pattern(towards, rotation)
+        beam = np.maximum(beam / max(beam.max(), 1e-30), FAINTEST)      # beams that look apart leave nothing
+        everywhere = np.cos(e) * beam
+        density = everywhere / everywhere.sum()
+        if depth_below is not None:
+            above = abs(float(np.ravel(origin.z.numpy())[0])) if self.surface else None
+            even = np.abs(np.diff(self._times(across, depth_below, above)))[None] * np.sqrt(beam)
+            density = (1 - EVEN_SHARE) * even / max(even.sum(), 1e-30) + EVEN_SHARE * density
+        rows = density.sum(1)
+        first = quantiles(azimuth, rows[None] / np.diff(azimuth), AZIMUTHS)
+        second = quantiles(across, density / np.diff(across), ELEVATIONS)
+        return _rays(self.rays, first, second, azimuth, key)
+
+    def _times(self, across, below, above):
+        """Two-way times at which directions that far down meet level planes, within the window."""
+        with np.errstate(divide="ignore"):
+            time = np.where(across > 0, 2 * abs(below) / (self.speed * np.sin(across)), np.inf)
+            if above is not None:
+                time = np.where(across < 0, -2 * above / (self.speed * np.sin(across)), time)
+        return np.clip(time, *self.window)
+
+
+def _rays(rays, first, second, azimuth, key):
+    """Stratified draws through the quantile tables of azimuth, and of elevation within each cell of azimuth."""
+    steps = max(4, 4 * round(np.sqrt(rays / 4) / 2))
+    rows = max(4, 4 * round(rays / (4 * steps)))
+    strata = Strata(arrays_of(mi.Float), 1, steps, rows)
+    index = dr.arange(mi.UInt32, strata.rays)
+    _, _, i, j = strata.split(index)
+    x, y = mi.sample_tea_32(index, dr.opaque(mi.UInt32, key & 0xFFFFFFFF))
+    below = float(np.nextafter(np.float32(1), np.float32(0)))
+    x = dr.minimum((mi.Float(i) + mi.Float(x >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, steps), below)
+    y = dr.minimum((mi.Float(j) + mi.Float(y >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, rows), below)
+    a, width_a, _ = draw(upload(mi.Float, first.astype(np.float32)), mi.UInt32(0), x, AZIMUTHS)
+    cell = dr.clip((a - float(azimuth[0])) * (AZIMUTHS / (2 * np.pi)), 0, AZIMUTHS - 1)
+    e, width_e, _ = draw(upload(mi.Float, second.astype(np.float32)), mi.UInt32(cell), y, ELEVATIONS)
+    sine, cosine = dr.sincos(e)
+    sine_a, cosine_a = dr.sincos(a)
+    direction = mi.Vector3f(sine_a * cosine, cosine_a * cosine, -sine)
+    return direction, cosine * width_a * width_e / dr.opaque(mi.Float, steps * rows), strata

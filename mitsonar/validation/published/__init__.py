@@ -1,0 +1,77 @@
+"""What was published of the method, computed anew: each result a module, named in `RESULTS`.
+
+Every one has ``compute()`` that gives an `xarray.Dataset`, ``table(dataset)`` that says it in text, ``rows(dataset)``
+that gives header and records of a CSV file, and ``plot(dataset)`` that draws a matplotlib figure.
+"""
+import csv
+from pathlib import Path
+
+from ...io.files import check_writable, replacing
+from ...spelling import meant
+from . import effective_speed, figure_2, figure_3, table_1
+
+__all__ = ["RESULTS", "text", "write"]
+
+RESULTS = {"table_1": table_1, "effective_speed": effective_speed, "figure_2": figure_2, "figure_3": figure_3}
+
+
+def text(name):
+    """Compute a result and say it in text.
+
+    Parameters
+    ----------
+    name : str
+        One of RESULTS.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ValueError
+        If there is no such result.
+    """
+    result = _known(name)
+    return result.table(result.compute())
+
+
+def write(name, path):
+    """Compute a result and write it: its numbers to a .csv, its figure to a .png, .pdf or .svg.
+
+    Parameters
+    ----------
+    name : str
+        One of RESULTS.
+    path : str or path
+
+    Raises
+    ------
+    ValueError
+        If there is no such result, or the file is of another kind.
+    FileNotFoundError, PermissionError, OSError
+        If the file cannot be written.
+    """
+    from ...plots import canvas
+
+    result, as_table = _known(name), Path(path).suffix.lower() == ".csv"
+    if not as_table and Path(path).suffix.lower().removeprefix(".") not in canvas.FORMATS:
+        raise ValueError(f"cannot write {path}: its name must end in .csv for the numbers, or in "
+                         f".{', .'.join(canvas.FORMATS)} for the figure.")
+    check_writable(path)
+    dataset = result.compute()
+    if not as_table:
+        canvas.save(result.plot(dataset), path)
+        return
+    header, records = result.rows(dataset)
+    with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(records)
+
+
+def _known(name):
+    if name not in RESULTS:
+        raise ValueError(f"there is no published result {name!r}{meant(name, RESULTS)}; give one of "
+                         f"{', '.join(RESULTS)}")
+    return RESULTS[name]

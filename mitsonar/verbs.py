@@ -1,0 +1,258 @@
+"""The verbs: a scene in, an image (`render`) or what elements hear (`impulse_response`, `element_signals`) out."""
+import importlib.metadata
+import operator
+import os
+
+import mitsuba as mi
+import numpy as np
+
+from . import __version__
+from .io.records import SonarImage, SonarSignals
+from .propagation.vector_approximation import DIFFERENCES
+from .scene.alterations import altered
+from .scene.errors import as_exception
+from .scene.loading import load_file, prepare
+from .signal.impulses import KERNELS, make_kernel
+from .spelling import meant
+from .survey.signals import LEAD, pair_responses, received_signals
+
+__all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "impulse_response", "opened", "pings", "provenance",
+           "render"]
+
+RETURN_PATHS = (*DIFFERENCES, "eigenray")
+SEEDS = 1 << 32                    # what Mitsuba takes, and what tells rays apart
+
+
+def render(scene, seed=0, *, sensor=0, progress=None, say=None):
+    """Render a sonar scene.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene, or str or path
+        As `mitsonar.load_file` or `mi.load_file` give it, or what `mitsonar.load_file` takes.
+    seed : int
+        Of everything random: ray directions, speckle, noise. The same scene and seed give the same bytes.
+        From 0 to 4294967295.
+    sensor : int
+        Which of the scene's sensors.
+    progress : callable(done, total) or None
+        Told the number of pings done, block by block; of arrays with parts of a ping.
+    say : callable(text) or None
+        Of arrays: told in a sentence, before work of more than a moment begins, how much there is, how long it will
+        take, and what would be faster.
+
+    Returns
+    -------
+    SonarImage
+        An `xarray.Dataset`; for sidescans over (ping, side, range): ``level`` [dB re 1 µPa], ``mean_level``, and ground
+        truth from the same rays (``label``, ``class``, ``share`` of every shape, ``hidden`` and ``object_shadow``,
+        ``layover``, ``depth``, ``seabed_x``, ``seabed_y``, ``seabed_depth``, ``shadow``, ``rays``); axes, units,
+        resolved scene, objects and versions in coordinates and attributes.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the scene's file is not there.
+    ValueError
+        If scene, sensor and integrator do not make a sonar survey, or the seed is out of range.
+    TypeError
+        If `scene` is neither a file's name nor a scene of the present variant, or `seed` or `sensor` no whole number.
+    """
+    seed = checked_seed(seed)
+    scene, sensor, integrator = opened(scene, sensor)
+    try:
+        image = integrator.dataset(scene, sensor, seed, progress, say)
+    except RuntimeError as error:
+        raise as_exception(error) from error
+    return SonarImage.of(image.assign_attrs(provenance(scene, sensor)))
+
+
+def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
+                     progress=None, say=None):
+    """Compute the response of every pair of transmit and receive elements.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene, or str or path
+        With a sensor that has arrays, such as ``array_sonar``.
+    ping : int or sequence of int
+        Which of the track's pings, from 0.
+    kernel : str
+        How an echo is put on samples: ``band_limited`` (-55 dB within a third of the sampling rate of the carrier),
+        ``peterson`` (low-pass impulse centred on the exact delay) or ``nearest`` (shifted impulse).
+    return_path : str
+        How delays to elements are found: ``vector``, ``paper`` or ``eigenray`` (exact, an eigenray for every hit and
+        element; slow).
+    seed : int
+        Of rays, where they light the scatterers; the scatterers themselves belong to the scene.
+    sensor : int
+        Which of the scene's sensors.
+    paths : sequence of str or None
+        Only echoes along these, such as ("b", "bs"), see `paths`; None: all.
+    progress : callable(done, total) or None
+        Told how far the work is, block by block of cells: a number between those of whole pings and elements.
+    say : callable(text) or None
+        Told in a sentence, before work of more than a moment begins, how much there is, how long it will take, and
+        what would be faster.
+
+    Returns
+    -------
+    SonarSignals
+        An `xarray.DataArray` (ping, tx, rx, sample), complex64: pressure per unit pressure at 1 m. ``time`` [s] of the
+        samples since the transmission, element positions ``tx_x`` ... ``rx_z`` [m] in the body frame, and of the pings
+        ``x``, ``y``, ``z``, ``roll``, ``pitch``, ``heading`` and ``ping_time``. The attribute ``kernel_energy`` is what
+        the kernel makes of the energy of an echo of amplitude a: Σ|h|² = kernel_energy |a|², 0.792 with the default;
+        ``lost_arrivals`` counts the arrivals at elements that no ray brings although the echo meets the array's centre,
+        and a warning tells it where it is not 0.
+
+    Raises
+    ------
+    ValueError
+        If scene and sensor do not fit together, there is no such ping, or kernel or return path is unknown.
+    """
+    _known(kernel, return_path)
+    scene, sensor, integrator = opened(scene, sensor)
+    survey, chosen = _survey(integrator, scene, sensor, ping)
+    paths = _known_paths(survey, paths)
+    array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
+                           paths=paths, progress=progress, say=say)
+    return _told(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
+                 **provenance(scene, sensor))
+
+
+def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
+                    progress=None, say=None):
+    """Compute what every receive element hears of a ping: echoes of the pulse, and noise.
+
+    All transmit elements send together, with their weights and delays. Doppler from the platform's motion stretches
+    every echo; absorption is that of each frequency of the pulse; noise is that of the sea and of the receivers.
+
+    Parameters
+    ----------
+    scene, ping, kernel, return_path, sensor, paths, progress, say
+        As of `impulse_response`.
+    seed : int
+        Of noise, and of rays where they light the scatterers.
+
+    Returns
+    -------
+    SonarSignals
+        An `xarray.DataArray` (ping, tx, rx, sample), complex64 [µPa], tx of size 1: the whole transmit array; with its
+        ``pulse``. An echo of delay t begins at time t, later by the element's own delay where the receive
+        array is steered or focused. Coordinates as of `impulse_response`, and ``rx_weight``, ``rx_delay`` [s].
+
+    Notes
+    -----
+    The record has the band of its sampling rate: kernels are flat to a third of it either side of the carrier. At the
+    rate taken where the scene writes none, what an unshaded pulse has beyond costs its echoes 0.1 to 0.3 dB of energy
+    (an lfm of 10 kHz and 1 ms 0.12 dB, a cw of 0.1 ms 0.25 dB); ``sample_rate_khz`` of the film keeps more of it.
+
+    Raises
+    ------
+    ValueError
+        As `impulse_response`, or if the sampling rate is below the pulse's bandwidth, or the pulse longer than the
+        record.
+    """
+    _known(kernel, return_path)
+    scene, sensor, integrator = opened(scene, sensor)
+    survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
+    paths = _known_paths(survey, paths)
+    array = received_signals(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
+                             paths=paths, progress=progress, say=say)
+    return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor))
+
+
+def pings(scene, *, sensor=0):
+    """Number of pings of a scene's sensor with arrays."""
+    scene, sensor, integrator = opened(scene, sensor)
+    return integrator.array_survey(scene, sensor).track.pings
+
+
+def opened(scene, sensor=0):
+    """Give a scene (loaded if it is a path), the sensor of that number, and an integrator that renders sound.
+
+    Raises
+    ------
+    ValueError, TypeError, FileNotFoundError
+        As `render`.
+    """
+    sensor = operator.index(sensor)
+    prepare()
+    if not isinstance(scene, mi.Scene):
+        if not isinstance(scene, (str, os.PathLike)):
+            raise TypeError(f"a scene of the variant {mi.variant()} or the path of a file was wanted, got a "
+                            f"{type(scene).__name__}; load the scene after mi.set_variant")
+        scene = load_file(scene)
+    sensors, integrator = scene.sensors(), scene.integrator()
+    if not sensors:
+        raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")
+    if not 0 <= sensor < len(sensors):
+        raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
+    if not hasattr(integrator, "dataset"):
+        raise ValueError("the scene's integrator cannot render sound; write <integrator type=\"sonar_path\"/>")
+    return scene, sensors[sensor], integrator
+
+
+def checked_seed(seed):
+    """Give a seed as a number, or refuse it."""
+    number = operator.index(seed)
+    if not 0 <= number < SEEDS:
+        raise ValueError(f"seed is {number}; give a whole number from 0 to {SEEDS - 1}")
+    return number
+
+
+def provenance(scene, sensor):
+    """Where a result comes from: scene, parameters, versions, origin."""
+    bed = next((shape for shape in scene.shapes() if getattr(shape, "local_origin", None) is not None), None)
+    # without a surveyed seabed, the track's latitudes and longitudes say where the scene lies
+    frame = getattr(getattr(sensor, "platform", None), "frame", None)
+    origin, crs = (None, None) if frame is None else (frame.origin, frame.crs)
+    if bed is not None:
+        origin, crs = bed.local_origin, getattr(bed, "crs", None)
+    known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
+    loaded = getattr(sensor, "loaded", None)
+    versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
+    way = getattr(getattr(sensor, "platform", None), "way", None)
+    sailed = {} if way is None else {"course_sailed": way[0], "course_planned": way[1]}
+    return {**known, **sailed, "altered": None if loaded is None else altered(scene, loaded),
+            "versions": {"mitsonar": __version__, **versions},
+            "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}
+
+
+def _told(array, **attributes):
+    """Signals that say where they come from."""
+    return SonarSignals.of(array.assign_attrs(attributes))
+
+
+def _known(kernel, return_path):
+    for name, value, known in (("kernel", kernel, KERNELS), ("return_path", return_path, RETURN_PATHS)):
+        if value not in known:
+            raise ValueError(f"{name} is {value!r}{meant(value, known)}; give one of {', '.join(known)}")
+
+
+def _known_paths(survey, paths):
+    """Names of the paths asked for, either way round; None for all."""
+    if paths is None:
+        return None
+    known = survey.path_names
+    chosen = [name if name in known else name[::-1] for name in map(str, paths)]
+    for name in chosen:
+        if name not in known:
+            raise ValueError(f"path {name[::-1]!r} was asked for, but the scene has {', '.join(known)}; raise "
+                             "max_depth for longer ones, or leave it out")
+    return chosen
+
+
+def _survey(integrator, scene, sensor, ping, lead=0.0):
+    """Plan the run, and say which pings are meant."""
+    try:
+        survey = integrator.array_survey(scene, sensor, lead)
+    except RuntimeError as error:
+        raise as_exception(error) from error
+    wanted = [operator.index(one) for one in np.atleast_1d(ping).tolist()]
+    for one in wanted:
+        if not 0 <= one < survey.track.pings:
+            raise ValueError(f"ping {one} was asked for, but the track has {survey.track.pings}, counted from 0")
+    if not wanted:
+        raise ValueError("no ping was asked for; give at least one number")
+    return survey, wanted

@@ -1,0 +1,55 @@
+"""Two-way absorption along bent rays, from a table on the device; see `column` for the equation."""
+import drjit as dr
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from ..device.lookups import held
+from .column import column_integrals
+
+__all__ = ["Absorption"]
+
+ABSORPTION_STEPS = 1024
+
+
+class Absorption:
+    """Two-way absorption on the device; see `water.column` for the equation.
+
+    Parameters
+    ----------
+    column : AbsorptionColumn
+    profile : SoundSpeedProfile
+    deepest : float [m]
+        Of source and scene.
+    like : Dr.Jit array or type
+    top : float [m]
+        Shallowest depth asked for.
+    """
+
+    def __init__(self, column, profile, deepest, like, top=0.0):
+        self.lib = lib = arrays_of(like)
+        deepest = max(float(deepest), 1.0)
+        integrals, c_r = column_integrals(column, profile, deepest, ABSORPTION_STEPS, top)
+        self.table = upload(lib.Float, integrals.astype(np.float32))
+        self.top = dr.opaque(lib.Float, top)
+        self.steps_per_metre = dr.opaque(lib.Float, ABSORPTION_STEPS / (deepest - top))
+        self.c2 = dr.opaque(lib.Float, c_r ** 2)
+        dr.eval(self.table)
+
+    def __call__(self, z0, z1, arc_length, ray_parameter):
+        """Loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
+        a, b = self._at(z0), self._at(z1)
+        apart = z1 - z0
+        far = abs(apart) > 0.5                              # nearer, float32 differences are worse than α itself
+        per_metre = dr.select(far, 1 / dr.select(far, apart, 1), 0)
+        mean, mean_product, e = ((b[i] - a[i]) * per_metre for i in range(3))
+        square = ray_parameter * ray_parameter * self.c2
+        flat = dr.maximum(1 - square * (1 + e), 0.01)       # about to turn: the expansion ends here
+        mean += 0.5 * square / flat * (mean_product - mean * e)
+        mean = dr.select(far, mean, 0.5 * (a[3] + b[3]))
+        return 2 * mean * arc_length
+
+    def _at(self, z):
+        place = held((z - self.top) * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
+        index = self.lib.UInt32(place)
+        low, high = (dr.gather(self.lib.Array4f, self.table, index + i) for i in (0, 1))
+        return low + (high - low) * (place - self.lib.Float(index))

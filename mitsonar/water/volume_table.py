@@ -1,0 +1,68 @@
+"""Volume scattering strength against depth on the device.
+
+    s_v(z) = c + exp(a + b (z - z_0))      in the piece that holds the depth z, z_0 its upper edge
+
+as `water.VolumeScattering` has it; found by bisection, so that edges of layers stay sharp.
+"""
+import drjit as dr
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from ..device.record import Record
+
+__all__ = ["VolumeTable", "volume_table"]
+
+NOTHING = -200.0                   # the exponent of a piece without a first term: e^-200 is 0 in float32
+
+
+class VolumeTable(Record):
+    """Hold the pieces of a `VolumeScattering` as Dr.Jit arrays."""
+
+    lib: object           # Dr.Jit namespace the arrays live in
+    edges: object         # Float (E,): [m]
+    pieces: object        # Float (4 (E + 1),): a, b, c, z_0
+    count: object         # UInt32 (1,): E
+
+    def __call__(self, depth, active=True):
+        """Give s_v [1/m], Float (R,), at depths [m] Float (R,)."""
+        piece = _pieces_above(self.lib, self.edges, self.count, depth, active)
+        row = dr.gather(self.lib.Array4f, self.pieces, piece, active)
+        return row[2] + dr.exp(dr.fma(row[1], depth - row[3], row[0]))
+
+
+@dr.syntax
+def _pieces_above(lib, edges, count, depth, active):
+    """How many edges lie at or above each depth, by bisection."""
+    low, high = lib.UInt32(0), lib.UInt32(count)
+    more = (low < high) & lib.Bool(active)
+    while more:
+        middle = (low + high) // 2
+        above = dr.gather(lib.Float, edges, middle, more) <= depth
+        low, high = dr.select(above, middle + 1, low), dr.select(above, high, middle)
+        more = more & (low < high)
+    return low
+
+
+def volume_table(volume, like):
+    """Put volume scattering on the device.
+
+    Parameters
+    ----------
+    volume : water.VolumeScattering
+    like : Dr.Jit array or type
+        Decides the backend.
+
+    Returns
+    -------
+    VolumeTable
+    """
+    lib = arrays_of(like)
+    a, b, c = volume.pieces.T
+    start = np.concatenate([volume.edges[:1], volume.edges])
+    with np.errstate(invalid="ignore"):
+        a = np.maximum(a + b * start, NOTHING)
+    table = VolumeTable(lib=lib, edges=upload(lib.Float, volume.edges.astype(np.float32)),
+                        pieces=upload(lib.Float, np.stack([a, b, c, start], -1).astype(np.float32)),
+                        count=dr.opaque(lib.UInt32, len(volume.edges)))
+    dr.eval(table.edges, table.pieces)
+    return table
