@@ -78,7 +78,7 @@ def fit_power_law(patches, steps, gamma=None):
     Notes
     -----
     Of 16 patches of 64 x 64 nodes the exponent is right within 0.2 and the spectrum at the grid's highest wavenumber
-    within 1.5 dB (``tests/physics/test_measured_roughness.py``). Exponents beyond `GAMMAS` are set to the nearer end.
+    within 1.5 dB (``tests/seabed/test_measured_roughness.py``). Exponents beyond `GAMMAS` are set to the nearer end.
     """
     from scipy.optimize import least_squares
 

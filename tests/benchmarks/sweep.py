@@ -22,7 +22,7 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "inputs"))
 
 from measuring import ROOT, machine, table  # noqa: E402
 from small_scene import TEXT  # noqa: E402

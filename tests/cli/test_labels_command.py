@@ -2,7 +2,6 @@
 import errno
 import json
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,7 @@ from PIL import Image
 from mitsonar.cli import main as cli
 from mitsonar.io import exr
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "rooms"))
-from labelled_sidescan import labelled  # noqa: E402
+from labelled_sidescan import labelled
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """What the shape `bathymetry` does with a survey beyond meshing it: sediments, holes and relief, as XML asks for them.
 
-`tests/rooms` has the numbers; here is whether attributes reach them, and whether bsdfs read what is painted.
+`tests/io` has the numbers; here is whether attributes reach them, and whether bsdfs read what is painted.
 """
 from pathlib import Path
 

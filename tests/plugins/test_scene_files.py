@@ -1,15 +1,12 @@
 """The files that a scene names, wherever it names them: looked at before Mitsuba opens them."""
 import os
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
 
 import mitsonar
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "rooms"))
-from mesh_files import FACES, ascii_ply, binary_ply, damaged, obj, serialized  # noqa: E402
+from mesh_files import FACES, ascii_ply, binary_ply, damaged, obj, serialized
 
 SCENE = """<scene version="3.0.0">
     <default name="mesh" value="sound.ply"/>

@@ -1,6 +1,6 @@
 """The medium `seawater`: which attribute decides what, and what it refuses.
 
-The formulas are tested in tests/physics; here only their way through the attributes, exactly.
+The formulas are tested in tests/water; here only their way through the attributes, exactly.
 """
 import functools
 

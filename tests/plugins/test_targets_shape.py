@@ -1,6 +1,6 @@
 """The shape `targets`: what it makes of a folder of meshes and a seabed, what it says of them, what it refuses.
 
-Where targets lie and how is the business of tests/physics/test_placing.py; here a ray from above must meet them there.
+Where targets lie and how is the business of tests/seabed/test_placing.py; here a ray from above must meet them there.
 """
 import json
 from pathlib import Path

@@ -184,7 +184,7 @@ for return_path in ("vector", "eigenray"):
 
 def test_points_to_which_no_ray_leads_end_no_process():
     """Through a thermocline some points lie in the shadow of some elements."""
-    path = os.pathsep.join([str(ROOT), str(ROOT / "tests" / "sonars"), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests" / "inputs"), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run([sys.executable, "-c", SCENE], capture_output=True, text=True, cwd=ROOT, timeout=300,
                           env=os.environ | {"PYTHONPATH": path})
     assert done.returncode == 0, done.stderr

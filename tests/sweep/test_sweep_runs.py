@@ -8,7 +8,6 @@ import errno
 import hashlib
 import json
 import os
-import sys
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -16,11 +15,9 @@ import hypothesis
 import pytest
 from hypothesis import strategies
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
+from small_scene import TEXT
 
-from small_scene import TEXT  # noqa: E402
-
-from mitsonar.sweep import estimate, execute, load_plan, local, manifest, run  # noqa: E402
+from mitsonar.sweep import estimate, execute, load_plan, local, manifest, run
 
 FUZZ = {"deadline": None, "derandomize": True, "suppress_health_check": list(hypothesis.HealthCheck)}
 PLAN = """

@@ -2,20 +2,18 @@
 import copy
 import itertools
 import re
-import sys
 from pathlib import Path
 
 import hypothesis
 import pytest
 from hypothesis import strategies
 
+from small_scene import TEXT
+
+from mitsonar.io import scenes
+from mitsonar.sweep import execute, load_plan, values
+
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "cli"))
-
-from small_scene import TEXT  # noqa: E402
-
-from mitsonar.io import scenes  # noqa: E402
-from mitsonar.sweep import execute, load_plan, values  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ from synthetic_sidescan import sidescan
 from mitsonar.io import exr, files
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+INPUTS = REPOSITORY / "tests" / "inputs"
 
 
 def forward_looking():
@@ -223,7 +224,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file_and_nothing_else(tmp_path):
     """)
     limits = [0, 100, 5000, size // 4, size // 2, size - 100, size - 1]
     done = subprocess.run([sys.executable, "-c", code, path, *map(str, limits)], capture_output=True, text=True,
-                          check=True, env={**os.environ, "PYTHONPATH": f"{REPOSITORY}:{Path(__file__).parent}"})
+                          check=True, env={**os.environ, "PYTHONPATH": f"{REPOSITORY}:{INPUTS}"})
     lines = done.stdout.splitlines()
     assert len(lines) == len(limits)
     for line in lines:
