@@ -234,7 +234,7 @@ def _known_paths(survey, paths):
     """Names of the paths asked for, either way round; None for all."""
     if paths is None:
         return None
-    known = survey.path_names
+    known = survey.paths.names
     chosen = [name if name in known else name[::-1] for name in map(str, paths)]
     for name in chosen:
         if name not in known:

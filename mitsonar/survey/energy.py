@@ -29,7 +29,7 @@ from ..echoes.volume import WaterEchoes
 from ..imaging.sidescan import mean_intensity, pulse_shares
 from ..scene.materials import scattering_strength
 from ..sonar.directivity import sinc
-from ..sonar.trajectory import Voyage
+from ..sonar.sidescan import Sidescan
 from ..tracing.connection import Connector
 from ..tracing.free_rays import FreeRays
 from ..tracing.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles, refine_quantiles
@@ -37,10 +37,11 @@ from ..tracing.tracer import Tracer
 from ..water.absorption_table import Absorption
 from .coherent_sidescan import CoherentEchoes
 from .places import Place
+from .survey import Survey
 from .truth import BinTruth
 from .underway import Underway
 
-__all__ = ["Survey"]
+__all__ = ["SidescanSurvey"]
 
 RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
@@ -51,48 +52,25 @@ BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main l
 
 
 @dataclass(frozen=True, kw_only=True)
-class Survey:
-    """What a run needs to know.
+class SidescanSurvey(Survey):
+    """A run of a sidescan.
 
     Attributes
     ----------
-    geometry : trace.Geometry
-    profile : SoundSpeedProfile
-    absorption : AbsorptionColumn
     sonar : Sidescan
-    voyage : Voyage
-    depth_below : (P,) [m]
-        Seabed below the sonar.
     window : (float, float) [s]
         Two-way time recorded.
     bins : int
-    rays : int
-        Per ping, both sides and both passes together; each side's share of a pass is rounded to strata, at least 16.
     first_pass : float
         Share of the rays that only finds out where rays are needed; 0 for none.
-    max_depth : int
-        Bounces that an echo may have made.
-    volume : water.VolumeScattering or None
-        What the water itself sends back.
+
+    `rays` are both sides and both passes together; each side's share of a pass is rounded to strata, at least 16.
     """
 
-    geometry: object
-    profile: object
-    absorption: object
-    sonar: object
-    voyage: Voyage
-    depth_below: np.ndarray
-    window: tuple
+    sonar: Sidescan
+    window: tuple[float, float]
     bins: int
-    rays: int
     first_pass: float
-    max_depth: int = 1
-    volume: object = None
-
-    @property
-    def track(self):
-        """Of the pings."""
-        return self.voyage.track
 
     @property
     def bin_length(self):
@@ -122,11 +100,6 @@ class Survey:
         """Number → what it stands for: the scene's shapes and, where it scatters, the water."""
         labels = self.geometry.labels
         return labels if self.volume is None else {**labels, 1 + max(labels): "water"}
-
-    @cached_property
-    def paths(self):
-        """The paths that are told apart."""
-        return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
 
     @cached_property
     def underway(self):

@@ -10,6 +10,7 @@ they stand for. What is drawn by chance, paths of more bounces and the water, is
 Elements' patterns are taken at the frequency of the carrier, towards where each element's own ray leaves and, coming
 back, from where it returns to the moved and turned array.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -21,15 +22,18 @@ from ..device.arrays import arrays_of
 from ..device.lookups import held
 from ..echoes.element_beams import ElementBeams
 from ..echoes.ensonification import Ensonification
-from ..echoes.paths import Paths
 from ..echoes.scatterers import Scatterers
 from ..signal.accumulation import ImpulseResponses
 from ..signal.doppler import factor_tolerance
-from ..sonar.trajectory import Voyage
+from ..signal.noise import ElementNoise
+from ..sonar.array import Array
+from ..sonar.pulses import Pulse
 from .element_delays import GUARD, Station
 from .fan_truth import FanTruth
+from .sources import Fans
+from .survey import Survey
 
-__all__ = ["ArraySurvey", "Fans"]
+__all__ = ["ArraySurvey"]
 
 SUMS_BYTES = 1 << 30               # of the buffers of one ping
 MOST_DOUBTFUL = 0.5                # share of such echoes at which an array is too large for it, beyond
@@ -40,75 +44,15 @@ DRAWN = -1                         # number that stands for a source of what is 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fans:
-    """Sources that rays are traced from, and how they stand for the transmit elements.
+class ArraySurvey(Survey):
+    """A run of a sonar with arrays.
 
     Attributes
     ----------
-    position : (S, 3) [m]
-        Body frame.
-    share : (S, T)
-        Of every transmit element's echoes that each source's rays bring; columns add to one.
-    """
-
-    position: np.ndarray
-    share: np.ndarray
-
-    @classmethod
-    def from_centre(cls, transmit):
-        """One fan from the array's centre: all elements light the same scatterers."""
-        return cls(position=np.zeros((1, 3)), share=np.ones((1, transmit.elements)))
-
-    @classmethod
-    def from_elements(cls, transmit):
-        """A fan from every transmit element."""
-        return cls(position=transmit.position, share=np.eye(transmit.elements))
-
-    @classmethod
-    def interpolated(cls, transmit, count):
-        """A few fans along the array; elements between take both neighbours' rays, the nearer one's more.
-
-        Parameters
-        ----------
-        transmit : Array
-        count : int
-            At least 2.
-
-        Raises
-        ------
-        ValueError
-            If elements stand so unevenly that a fan would stand for none.
-        """
-        centred = transmit.position - transmit.position.mean(0)
-        along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
-        if np.ptp(along) == 0 or count >= transmit.elements:
-            return cls.from_elements(transmit)
-        place = (along - along.min()) / np.ptp(along) * (count - 1)
-        share = np.maximum(1 - np.abs(place[None] - np.arange(count)[:, None]), 0)
-        total = share.sum(1, keepdims=True)
-        if not total.all():
-            raise ValueError(f"{count} fans were asked for, but some would stand for no element; take fewer")
-        # a fan starts amid the elements it stands for: of a planar array, amid those equally far along
-        return cls(position=share @ transmit.position / total, share=share)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArraySurvey:
-    """What a run needs to know.
-
-    Attributes
-    ----------
-    geometry : trace.Geometry
-    profile : SoundSpeedProfile
-    absorption : AbsorptionColumn
-        At the frequency of the carrier.
     pulse : Pulse
     source_level_db : float [dB re 1 µPa @ 1 m]
         Of all transmit elements together, where their waves add up.
     transmit, receive : Array
-    voyage : Voyage
-    depth_below : (P,) [m]
-        Seabed below the sonar.
     start : float [s]
         Time of sample 0, from the transmission on.
     sampling_rate : float [Hz]
@@ -118,44 +62,27 @@ class ArraySurvey:
     cell_size : float [m]
     lighting : str
         One of `ensonification.LIGHTING`.
-    rays : int
-        Per source and ping, where rays light the scatterers.
     fans : Fans
-    noise : signal.noise.ElementNoise or None
-    max_depth : int
-        Bounces that an echo may have made.
-    volume : water.VolumeScattering or None
-        What the water itself sends back.
+    noise : ElementNoise or None
     absorption_db : callable or None
         Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
+
+    `rays` are per source and ping, where rays light the scatterers.
     """
 
-    geometry: object
-    profile: object
-    absorption: object
-    pulse: object
+    pulse: Pulse
     source_level_db: float
-    transmit: object
-    receive: object
-    voyage: Voyage
-    depth_below: np.ndarray
+    transmit: Array
+    receive: Array
     start: float
     sampling_rate: float
     samples: int
     lead: int
     cell_size: float
     lighting: str
-    rays: int
     fans: Fans
-    noise: object = None
-    max_depth: int = 1
-    volume: object = None
-    absorption_db: object = None
-
-    @property
-    def track(self):
-        """Of the pings."""
-        return self.voyage.track
+    noise: ElementNoise | None = None
+    absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
     @cached_property
     def velocity(self):
@@ -165,11 +92,6 @@ class ArraySurvey:
     def travel(self, ping, position):
         """How a point (3,) of the body moves and turns while the echoes of a ping come in: a `PingTravel` of one."""
         return self.voyage.trajectory.carried(position).during(self.track.time[[ping]], self.time[-1]).trimmed()
-
-    @property
-    def path_names(self):
-        """Names of the paths that echoes may take."""
-        return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None).names
 
     @property
     def frequency(self):
@@ -184,11 +106,6 @@ class ArraySurvey:
     def sound_speed(self, ping):
         """At the array [m/s]."""
         return float(self.profile.at(-self.track.position[ping, 2]))
-
-    @property
-    def labels(self):
-        """Number → name of what may bring echoes."""
-        return self.geometry.labels
 
     @cached_property
     def _run(self):

@@ -34,8 +34,9 @@ from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
 from mitsonar.signal.noise import ElementNoise
 from mitsonar.sonar import element_directivity_index_db
-from mitsonar.survey.energy import Survey
-from mitsonar.survey.pressure import ArraySurvey, Fans
+from mitsonar.survey.energy import SidescanSurvey
+from mitsonar.survey.pressure import ArraySurvey
+from mitsonar.survey.sources import Fans
 from mitsonar.survey.signals import LEAD, received_signals
 from mitsonar.units import db_from_power
 
@@ -81,10 +82,10 @@ class SonarPath(mi.SamplingIntegrator):
         voyage, sonar, below = sensor.plan(geometry, *_origin(scene))
         window, bins = sensor.film().window(sonar.sound_speed)
         materials.check(geometry, sensor.water.profile, sonar.frequency)
-        survey = Survey(geometry=geometry, profile=sensor.water.profile, sonar=sonar, voyage=voyage, depth_below=below,
-                        absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins,
-                        rays=self.rays, first_pass=self.first_pass, max_depth=self.max_depth,
-                        volume=sensor.water.volume)
+        survey = SidescanSurvey(
+            geometry=geometry, profile=sensor.water.profile, sonar=sonar, voyage=voyage, depth_below=below,
+            absorption=sensor.water.absorption_column(sonar.frequency), window=window, bins=bins, rays=self.rays,
+            first_pass=self.first_pass, max_depth=self.max_depth, volume=sensor.water.volume)
         _check_size(survey)
         return survey
 

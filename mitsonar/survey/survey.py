@@ -1,0 +1,61 @@
+"""What every run of a sonar over a scene needs to know."""
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..echoes.paths import Paths
+from ..scene.geometry import Geometry
+from ..sonar.track import Track
+from ..sonar.trajectory import Voyage
+from ..water.column import AbsorptionColumn
+from ..water.profile import SoundSpeedProfile
+from ..water.volume import VolumeScattering
+
+__all__ = ["Survey"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """A scene, its water, and pings along a track.
+
+    Attributes
+    ----------
+    geometry : Geometry
+    profile : SoundSpeedProfile
+    absorption : AbsorptionColumn
+        At the sonar's frequency.
+    volume : VolumeScattering or None
+        What the water itself sends back.
+    voyage : Voyage
+    depth_below : (P,) [m]
+        Seabed below the sonar.
+    rays : int
+        Per ping.
+    max_depth : int
+        Bounces that an echo may have made.
+    """
+
+    geometry: Geometry
+    profile: SoundSpeedProfile
+    absorption: AbsorptionColumn
+    volume: VolumeScattering | None = None
+    voyage: Voyage
+    depth_below: np.ndarray
+    rays: int
+    max_depth: int = 1
+
+    @property
+    def track(self) -> Track:
+        """Of the pings."""
+        return self.voyage.track
+
+    @cached_property
+    def paths(self) -> Paths:
+        """The paths that are told apart."""
+        return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
+
+    @property
+    def labels(self) -> dict[int, str]:
+        """Number → what it stands for: the scene's shapes."""
+        return self.geometry.labels
