@@ -61,10 +61,11 @@ def render(scene, seed=0, *, sensor=0, progress=None, say=None):
     seed = checked_seed(seed)
     scene, sensor, integrator = opened(scene, sensor)
     try:
-        image = integrator.dataset(scene, sensor, seed, progress, say)
+        survey = integrator.survey(scene, sensor)
+        image = integrator.picture(survey, sensor, seed, progress, say)
     except RuntimeError as error:
         raise as_exception(error) from error
-    return SonarImage.of(image.assign_attrs(provenance(scene, sensor)))
+    return SonarImage.of(image.assign_attrs(provenance(scene, sensor, survey)))
 
 
 def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
@@ -117,7 +118,7 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
                            paths=paths, progress=progress, say=say)
     return _told(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
-                 **provenance(scene, sensor))
+                 **provenance(scene, sensor, survey))
 
 
 def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
@@ -159,7 +160,7 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     paths = _known_paths(survey, paths)
     array = received_signals(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
                              paths=paths, progress=progress, say=say)
-    return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor))
+    return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor, survey))
 
 
 def pings(scene, *, sensor=0):
@@ -188,7 +189,7 @@ def opened(scene, sensor=0):
         raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")
     if not 0 <= sensor < len(sensors):
         raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
-    if not hasattr(integrator, "dataset"):
+    if not hasattr(integrator, "picture"):
         raise ValueError("the scene's integrator cannot render sound; write <integrator type=\"sonar_path\"/>")
     return scene, sensors[sensor], integrator
 
@@ -201,20 +202,17 @@ def checked_seed(seed):
     return number
 
 
-def provenance(scene, sensor):
+def provenance(scene, sensor, survey):
     """Where a result comes from: scene, parameters, versions, origin."""
-    bed = next((shape for shape in scene.shapes() if getattr(shape, "local_origin", None) is not None), None)
-    # without a surveyed seabed, the track's latitudes and longitudes say where the scene lies
-    frame = getattr(getattr(sensor, "platform", None), "frame", None)
-    origin, crs = (None, None) if frame is None else (frame.origin, frame.crs)
-    if bed is not None:
-        origin, crs = bed.local_origin, getattr(bed, "crs", None)
-    known = getattr(sensor, "provenance", None) or {"file": None, "scene": None, "parameters": {}}
-    loaded = getattr(sensor, "loaded", None)
+    passage, geometry = survey.passage, survey.geometry
+    origin, crs = geometry.local_origin, geometry.crs
+    if origin is None and passage.frame is not None:
+        # without a surveyed seabed, the track's latitudes and longitudes say where the scene lies
+        origin, crs = passage.frame.origin, passage.frame.crs
+    known = sensor.provenance or {"file": None, "scene": None, "parameters": {}}
+    lengths = {} if passage.planned is None else {"course_sailed": passage.sailed, "course_planned": passage.planned}
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
-    way = getattr(getattr(sensor, "platform", None), "way", None)
-    sailed = {} if way is None else {"course_sailed": way[0], "course_planned": way[1]}
-    return {**known, **sailed, "altered": None if loaded is None else altered(scene, loaded),
+    return {**known, **lengths, "altered": None if sensor.loaded is None else altered(scene, sensor.loaded),
             "versions": {"mitsonar": __version__, **versions},
             "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}
 

@@ -21,9 +21,9 @@ LOCK = threading.RLock()            # of registration, and of setting the varian
 
 MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lambert", "bsdfs.sediment",
            "bsdfs.elastic", "bsdfs.empirical", "bsdfs.smooth", "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance",
-           "bsdfs.windy_sea", "sensors.sidescan", "sensors.array_sonar", "integrators.sonar_path", "shapes.seabed",
-           "shapes.bathymetry", "shapes.capped_cylinder", "shapes.point_target", "shapes.sea_surface",
-           "shapes.targets")
+           "bsdfs.windy_sea", "sensors.sonar_sensor", "sensors.sidescan", "sensors.array_sonar",
+           "integrators.sonar_path", "shapes.seabed", "shapes.bathymetry", "shapes.capped_cylinder",
+           "shapes.point_target", "shapes.sea_surface", "shapes.targets")
 
 _installed = False
 _registered = None                  # the variant

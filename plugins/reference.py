@@ -22,7 +22,7 @@ from .attributes import REQUIRED, declared
 __all__ = ["Attribute", "attributes", "kind_of", "plugins", "title", "tables"]
 
 SONAR = {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}}
-BASES = ("material", "smooth")     # modules of what plugins share
+BASES = ("material", "smooth", "sonar_sensor")     # modules of what plugins share
 # what plugins need to be read to their end, and other ways of writing them that have attributes of their own
 WAYS = {
     "sidescan": [SONAR],

@@ -28,6 +28,10 @@ class Geometry:
         Whether that is perfectly flat.
     horizontal_bounds : ((float, float), (float, float)) [m]
         Least and largest x and y of all else.
+    local_origin : (3,) [m] or None
+        Easting, northing and height of the scene's origin, from the first shape that knows them.
+    crs : str or None
+        Their coordinate system, where that shape knows it.
     meshes : list of (int, mitsuba.Shape, int, int)
         Registry index, shape, first row and number of rows in `faces`.
     others : list of (int, mitsuba.Shape)
@@ -89,6 +93,9 @@ class Geometry:
                 if shape not in surface:
                     box.expand(shape.bbox())
         self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
+        known = [shape for shape in shapes if getattr(shape, "local_origin", None) is not None]
+        self.local_origin = np.asarray(known[0].local_origin, float) if known else None
+        self.crs = getattr(known[0], "crs", None) if known else None
 
     def mesh(self, first, count):
         """Vertices (V, 3) [m] and corners of faces (count, 3) of a mesh with these rows in `faces`."""

@@ -97,7 +97,7 @@ def load_file(path, /, **parameters):
     values_now = held(scene)
     provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():
-        if hasattr(sensor, "provenance"):
+        if getattr(sensor, "kind", None):                # a sonar, no camera
             sensor.provenance, sensor.loaded = provenance, values_now
     return scene
 

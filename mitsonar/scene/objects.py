@@ -3,12 +3,33 @@ import warnings
 
 import mitsuba as mi
 import numpy as np
+import xarray as xr
 
+from .geometry import Geometry
 from .labels import class_name, fingerprint
 
-__all__ = ["described", "unseen"]
+__all__ = ["annotated", "described", "unseen"]
 
 MOST_NAMES = 5                     # told of what no ping sees
+
+
+def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, int], geometry: Geometry) -> xr.Dataset:
+    """Write into an image's attributes what it shows of the scene.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        With ``share`` and ``object_shadow``.
+    classes : dict
+        Number → name.
+    class_of : dict
+        Number of a shape → that of its class.
+    geometry : Geometry
+    """
+    image = image.assign_attrs(classes={str(number): name for number, name in classes.items()},
+                               label_class={str(label): number for label, number in class_of.items()},
+                               **described(geometry))
+    return image.assign_attrs(unseen=unseen(image))
 
 
 def described(geometry):
@@ -16,7 +37,7 @@ def described(geometry):
 
     Parameters
     ----------
-    geometry : trace.Geometry
+    geometry : Geometry
 
     Returns
     -------

@@ -37,7 +37,7 @@ def lines_up(geometry, *, heading, altitude, pings, interval, speed):
 
     Parameters
     ----------
-    geometry : trace.Geometry
+    geometry : Geometry
     heading : float [rad] or None
         None: along the area's longer axis.
     altitude : float [m]
@@ -141,15 +141,13 @@ def check_near(geometry, position, crs):
                          "hemisphere, and that latitude and longitude are not swapped")
 
 
-def check_local(geometry, position, origin):
+def check_local(geometry, position):
     """Refuse positions (P, 2) [m] in the scene's own coordinates of which none lies near it, such as eastings.
 
     Parameters
     ----------
-    geometry : trace.Geometry
+    geometry : Geometry
     position : (P, 2) [m]
-    origin : (2,) [m] or None
-        Easting and northing of the scene's origin.
 
     Raises
     ------
@@ -160,7 +158,8 @@ def check_local(geometry, position, origin):
     if away.min() <= FAR:
         return
     x, y = position[int(np.argmin(away))]
-    there = origin is not None and _away(geometry, position - origin).min() <= FAR
+    origin = geometry.local_origin
+    there = origin is not None and _away(geometry, position - origin[:2]).min() <= FAR
     remedy = ("they are eastings and northings of the bathymetry: write georeferenced true" if there else "if they are "
               "eastings and northings, write georeferenced true, over a bathymetry that has a geographic origin")
     raise ValueError(f"the track lies {away.min() / 1000:.0f} km away from the seabed, at x = {x:.0f} m, y = {y:.0f} m "

@@ -11,6 +11,7 @@ from ..sonar.trajectory import Voyage
 from ..water.column import AbsorptionColumn
 from ..water.profile import SoundSpeedProfile
 from ..water.volume import VolumeScattering
+from .voyage import Passage
 
 __all__ = ["Survey"]
 
@@ -27,9 +28,8 @@ class Survey:
         At the sonar's frequency.
     volume : VolumeScattering or None
         What the water itself sends back.
-    voyage : Voyage
-    depth_below : (P,) [m]
-        Seabed below the sonar.
+    passage : Passage
+        The pings and the track they lie on.
     rays : int
         Per ping.
     max_depth : int
@@ -40,10 +40,19 @@ class Survey:
     profile: SoundSpeedProfile
     absorption: AbsorptionColumn
     volume: VolumeScattering | None = None
-    voyage: Voyage
-    depth_below: np.ndarray
+    passage: Passage
     rays: int
     max_depth: int = 1
+
+    @property
+    def voyage(self) -> Voyage:
+        """The pings' track, and the trajectory it lies on."""
+        return self.passage.voyage
+
+    @property
+    def depth_below(self) -> np.ndarray:
+        """Seabed below the sonar (P,) [m]."""
+        return self.passage.depth_below
 
     @property
     def track(self) -> Track:

@@ -1,12 +1,12 @@
 """Pictures and volumes before Mitsuba sees them: those that claim too much, and those that its readers run wild on."""
 import io
 import struct
-import zlib
 
 import numpy as np
 import OpenEXR
 import pytest
 from mesh_files import damaged
+from picture_files import png_of
 from PIL import Image
 
 from mitsonar.io import pictures
@@ -25,15 +25,6 @@ def exr(pixels=PIXELS, **attributes):
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
     OpenEXR.File(header, {"Y": pixels.astype(np.float32)}).write(file)
     return file.getvalue()
-
-
-def png_of(width, height):
-    """A picture that claims these pixels and holds next to none."""
-    def chunk(name, data):
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(bytes(99))) + chunk(b"IEND", b""))
 
 
 COLOURS = np.repeat(PIXELS[..., None], 3, 2)

@@ -30,7 +30,7 @@ EVERY = {
     "sea_surface": ({"size": 300.0}, "300 m"),
     "targets": ({"meshes": str(SCENES / "targets"), "species": "crate", "count": "1", "bed": BED}, "crate.targets.1"),
 }
-BASES = ("material", "smooth")         # modules of what plugins share, which register nothing
+BASES = ("material", "smooth", "sonar_sensor")         # modules of what plugins share, which register nothing
 
 
 def test_every_plugin_is_tried():

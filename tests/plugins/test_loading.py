@@ -64,9 +64,9 @@ def test_values_of_any_plain_kind(scene_file, name, value, written):
     scene = mitsonar.load_file(scene_file, **{name: value})
     image = mitsonar.render(scene)
     assert image.attrs["parameters"] == {name: written}
-    found = {"speckle": image.attrs["speckle"], "rays": scene.integrator().rays,
+    found = {"speckle": image.attrs["speckle"], "rays": scene.integrator().settings.rays,
              "range": scene.sensors()[0].film().range, "range_min": scene.sensors()[0].film().range_min,
-             "start": scene.sensors()[0].platform.start.tolist()}[name]
+             "start": scene.sensors()[0].route.start.tolist()}[name]
     wanted = {"TRUE": True, "2500": 2500}.get(value if isinstance(value, str) else None, value)
     assert found == pytest.approx(np.asarray(wanted).tolist() if name == "start" else wanted, rel=1e-6)
 

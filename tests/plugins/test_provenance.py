@@ -8,7 +8,7 @@ SMALL = {"pings": 2, "rays": 2000, "bins": 40}
 
 def test_scenes_that_come_with_mitsonar_go_by_name(variant, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert mitsonar.load_file("sidescan_flat", pings=7).sensors()[0].platform.pings == 7
+    assert mitsonar.load_file("sidescan_flat", pings=7).sensors()[0].route.pings == 7
     assert mitsonar.render("sidescan_flat.xml").sizes["ping"] == 200
     with pytest.raises(FileNotFoundError, match='scene sidescan_flatt does not exist .did you mean "sidescan_flat"'):
         mitsonar.render("sidescan_flatt")

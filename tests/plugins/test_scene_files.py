@@ -7,6 +7,7 @@ import pytest
 import mitsonar
 
 from mesh_files import FACES, ascii_ply, binary_ply, damaged, obj, serialized
+from picture_files import png_of
 
 SCENE = """<scene version="3.0.0">
     <default name="mesh" value="sound.ply"/>
@@ -96,8 +97,6 @@ def test_a_mesh_from_elsewhere_is_refused_when_rendered(load):
 
 
 def test_a_texture_that_claims_more_than_a_memory_holds_is_refused(load, tmp_path):
-    from test_pictures import png_of
-
     (tmp_path / "huge.png").write_bytes(png_of(20000, 20000))
     with pytest.raises(ValueError, match="line 10: bitmap: the picture .*huge.png cannot be read: Image size"):
         load(BITMAP.format("$mesh"), mesh="huge.png")

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from mitsonar.sonar import presets
+from mitsonar.survey.sensor import slowest_speed
+from mitsonar.survey.sidescan import sonar_at
 
 DEPTH, WIDTH, LENGTH = 30.0, 60.0, 100.0
 KNOT = 1852 / 3600
@@ -46,8 +48,11 @@ def plan(sensor, origin=None, **shapes):
 
     from mitsonar.scene.geometry import Geometry
 
-    voyage, *rest = sensor.plan(Geometry(mi.load_dict({"type": "scene", **(shapes or {"bed": bed()})})), origin)
-    return voyage.track, *rest
+    floor = Geometry(mi.load_dict({"type": "scene", **(shapes or {"bed": bed()})}))
+    floor.local_origin, floor.crs = None if origin is None else np.array([*origin, 0.0]), None
+    passage = sensor.route.lay(floor, sensor.film().window(slowest_speed(sensor))[0][1])
+    track = passage.voyage.track
+    return track, sonar_at(sensor, float(-track.position[:, 2].mean())), passage.depth_below
 
 
 # ---- the sonar
@@ -55,7 +60,7 @@ def plan(sensor, origin=None, **shapes):
 @pytest.mark.parametrize("name", presets())
 def test_presets(sidescan, name):
     wanted = presets()[name]
-    sonar = sidescan(preset=name).sonar(5.0)
+    sonar = sonar_at(sidescan(preset=name), 5.0)
     assert sonar.frequency == pytest.approx(1e3 * wanted["frequency_khz"], rel=1e-15)
     assert sonar.source_level_db == wanted["source_level_db"]
     assert sonar.pulse_length == pytest.approx(1e-3 * wanted["pulse_ms"], rel=1e-15)
@@ -66,20 +71,20 @@ def test_presets(sidescan, name):
 
 
 def test_what_is_written_goes_before_the_preset(sidescan):
-    sonar = sidescan(preset="towed_100khz", frequency_khz=200, pulse_ms=0.5).sonar(5.0)
+    sonar = sonar_at(sidescan(preset="towed_100khz", frequency_khz=200, pulse_ms=0.5), 5.0)
     assert (sonar.frequency, sonar.pulse_length) == (200e3, 0.5e-3)
     assert sonar.source_level_db == presets()["towed_100khz"]["source_level_db"]
 
 
 def test_receiving_face_is_like_the_transmitting_one_unless_written(sidescan):
-    sonar = sidescan(beam_width_deg=3.0, vertical_beam_width_deg=180.0, receive_beam_width_deg=6.0).sonar(5.0)
+    sonar = sonar_at(sidescan(beam_width_deg=3.0, vertical_beam_width_deg=180.0, receive_beam_width_deg=6.0), 5.0)
     assert sonar.transmit.beam_widths(sonar.wavelength) == pytest.approx((np.deg2rad(3), np.pi), rel=1e-12)
     assert sonar.receive.beam_widths(sonar.wavelength) == pytest.approx((np.deg2rad(6), np.pi), rel=1e-12)
 
 
 def test_sound_speed_at_the_head(sidescan):
-    assert sidescan().sonar(20.0).sound_speed == 1490
-    assert sidescan(sound_speed=1470.0).sonar(20.0).sound_speed == 1470
+    assert sonar_at(sidescan(), 20.0).sound_speed == 1490
+    assert sonar_at(sidescan(sound_speed=1470.0), 20.0).sound_speed == 1470
     # the track's mean depth is the head's
     assert plan(sidescan(altitude=10.0))[1].sound_speed == pytest.approx(1490, abs=1e-3)
 
@@ -268,5 +273,5 @@ def test_light_is_refused(sidescan):
     with pytest.raises(RuntimeError) as caught:
         mi.render(scene)
     assert plain(caught.value) == "a sonar_film records sound; render it with the integrator sonar_path"
-    with pytest.raises(ValueError, match="a sidescan sends sound; render it with the integrator sonar_path"):
+    with pytest.raises(ValueError, match="sends sound; render it with the integrator sonar_path"):
         scene.sensors()[0].sample_ray(0, 0, [0, 0], [0, 0])

@@ -45,9 +45,16 @@ def geometry(depth=30.0, half=200.0, slope=0.0):
     return Geometry(mi.load_dict({"type": "scene", "bed": bed}))
 
 
+def passage(sensor, where=(None, ""), **bed):
+    """Lay a sensor's route over the seabed, whose origin lies somewhere: a `Passage`."""
+    floor = geometry(**bed)
+    floor.local_origin, floor.crs = None if where[0] is None else np.array([*where[0], 0.0]), where[1]
+    return sensor.route.lay(floor, 0.05)
+
+
 def voyage(sensor, where=(None, ""), **bed):
-    """Lay a sensor's track over the seabed: a `Voyage`."""
-    return sensor.platform.plan(geometry(**bed), 0.05, *where)[0]
+    """Lay a sensor's route over the seabed: a `Voyage`."""
+    return passage(sensor, where, **bed).voyage
 
 
 # ---- way points
@@ -78,8 +85,8 @@ def test_way_points_are_cut_after_the_pings_only_if_written(sensor):
 def test_a_course_cut_by_pings_says_how_far_it_goes(sensor):
     course = sensor(waypoints="0 0, 0 50", depth=5.0, ping_rate_hz=1.0, pings=7)
     with pytest.warns(UserWarning, match="the course is cut by pings, 7: 12 of 50 m are sailed; 25 pings are all"):
-        voyage(course)
-    assert course.platform.way == pytest.approx((6 * 4 * KNOT, 50.0))
+        laid = passage(course)
+    assert (laid.sailed, laid.planned) == pytest.approx((6 * 4 * KNOT, 50.0))
 
 
 def test_a_track_cut_by_pings_says_how_far_it_goes(sensor, file):
@@ -91,8 +98,8 @@ def test_a_track_cut_by_pings_says_how_far_it_goes(sensor, file):
 @pytest.mark.parametrize("pings", [{}, {"pings": 25}, {"pings": 90}])
 def test_a_course_sailed_to_its_end_is_no_matter(sensor, recwarn, pings):
     course = sensor(waypoints="0 0, 0 50", depth=5.0, ping_rate_hz=1.0, **pings)
-    voyage(course)
-    assert not recwarn.list and course.platform.way == pytest.approx((49.4, 50.0), abs=0.1)
+    laid = passage(course)
+    assert not recwarn.list and (laid.sailed, laid.planned) == pytest.approx((49.4, 50.0), abs=0.1)
 
 
 def test_corners_jump_and_do_not_spin(sensor):
@@ -137,10 +144,10 @@ def test_degrees_are_laid_over_the_bathymetry(sensor, file):
 
 
 def test_degrees_over_a_seabed_of_nowhere(sensor, file):
-    platform = sensor(track=file(BAY)).platform
-    track = platform.plan(geometry(), 0.05)[0].track
+    laid = passage(sensor(track=file(BAY)))
+    track = laid.voyage.track
     assert abs(track.position[:, 0].mean()) < 0.1 and track.length == pytest.approx(35.25, abs=0.1)
-    assert "lat_0=37.75" in platform.frame.crs
+    assert "lat_0=37.75" in laid.frame.crs
     track = voyage(sensor(track=file(BAY), origin="37.7495, -122.38")).track
     np.testing.assert_allclose(track.position[0], [0, 55.5, -9], atol=0.1)
 

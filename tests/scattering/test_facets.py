@@ -60,9 +60,9 @@ def test_series_and_sum_over_edges_meet(rng):
 
 def test_device_and_numpy_agree(rng):
     # float32: the sum over edges loses a few times 1e-7 / |w|, phases of 100 rad another 1e-5
-    import mitsonar.llvm
+    import mitsonar.device.llvm
 
-    mitsonar.llvm.check()
+    mitsonar.device.llvm.check()
     from drjit.llvm import Float
 
     phases = np.concatenate([scale * rng.standard_normal((3, 3000)) for scale in (1e-4, 0.1, 1.0, 30.0)], 1)

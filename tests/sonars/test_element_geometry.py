@@ -22,7 +22,7 @@ RIGHT_CYCLES = 0.002
 def truth(scene, where):
     """Two-way delays (rx,) [s] to a target, exactly; arrays in the scene frame of heading 0: x east, y north."""
     sensor = scene.sensors()[0]
-    profile, platform = sensor.water.profile, sensor.platform
+    profile, platform = sensor.water.profile, sensor.route
     origin = platform.start
     elements = sensor.receive.position @ np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])       # body to scene
     velocity = np.array([0.0, platform.speed, 0.0])

@@ -1,0 +1,172 @@
+"""Sonar with arrays: its run over a scene, and the picture that its beams make."""
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from ..imaging import fan
+from ..scene import materials, objects
+from ..scene.geometry import Geometry
+from ..scene.labels import classes_of
+from ..signal.noise import ElementNoise
+from ..sonar.array import Array
+from ..sonar.beam_patterns import element_directivity_index_db
+from ..sonar.pulses import Pulse
+from . import limits
+from .pressure import ArraySurvey
+from .sensor import RunSettings, Sensor, slowest_speed
+from .signals import LEAD, received_signals
+from .sources import Fans
+from .voyage import Passage
+
+__all__ = ["ArraySensor", "picture", "plan", "plan_elements", "rows", "survey_of"]
+
+CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
+
+
+class ArraySensor(Sensor, Protocol):
+    """What the sensor of a sonar with arrays says, beside what all do.
+
+    Attributes
+    ----------
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of the whole transmit array, towards where it is steered.
+    pulse : Pulse
+    transmit, receive : Array
+        Delays of steering are made for `nominal_sound_speed`.
+    nominal_sound_speed : float [m/s]
+    delays_from_file : (bool, bool)
+        Of transmit and receive array: their delays are times of a file, not lengths over a sound speed.
+    beams : int
+        Of the picture's fan,
+    fan_width : float [rad]
+        and how wide that is.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each receiver.
+    """
+
+    source_level_db: float
+    pulse: Pulse
+    transmit: Array
+    receive: Array
+    nominal_sound_speed: float
+    delays_from_file: tuple[bool, bool]
+    beams: int
+    fan_width: float
+    self_noise_db: float | None
+
+
+def plan(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings) -> ArraySurvey:
+    """Plan a run whose record is to become a picture: it begins a pulse early; see `plan_elements`."""
+    return plan_elements(scene, sensor, settings, LEAD)
+
+
+def plan_elements(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+    """Plan a run over a scene.
+
+    Parameters
+    ----------
+    lead : float [-]
+        How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together, or the samples are too few for the pulse.
+    """
+    geometry = Geometry(scene)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+    depth = -passage.voyage.track.position[:, 2]
+    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+    # a file's own delays are times; those of steering are lengths over a sound speed
+    transmit, receive = (
+        array if from_file else replace(array, delay=array.delay * (sensor.nominal_sound_speed / speed))
+        for array, from_file in zip((sensor.transmit, sensor.receive), sensor.delays_from_file))
+    return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=transmit,
+                     receive=receive, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
+                     bins_are_samples=True, self_noise_db=sensor.self_noise_db)
+
+
+def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage: Passage, *, lead: float,
+              sound_speed: float, transmit: Array, receive: Array, pulse: Pulse, source_level_db: float,
+              bins_are_samples: bool, self_noise_db: float | None) -> ArraySurvey:
+    """Make the survey of arrays whose route is laid.
+
+    Parameters
+    ----------
+    sound_speed : float [m/s]
+        At the arrays.
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of all transmit elements together, if their echoes add up.
+    bins_are_samples : bool
+        The film's bins, or its rate, are those of the signals; else they are a picture's and the pulse sets the rate.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each receiver.
+    """
+    water = sensor.water
+    materials.check(geometry, water.profile, pulse.frequency)
+    # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
+    doppler = 2 * float(np.linalg.norm(passage.voyage.velocity, axis=1).max()) * pulse.frequency / sound_speed
+    start, rate, samples = sensor.film().sampling(sound_speed, pulse.suggested_sampling_rate + 3 * doppler,
+                                                  written=bins_are_samples)
+    extra = int(np.ceil(lead * pulse.duration * rate))
+    mean_depth = -float(passage.voyage.track.position[:, 2].mean())
+    return ArraySurvey(
+        geometry=geometry, profile=water.profile, absorption=water.absorption_column(pulse.frequency),
+        volume=water.volume, passage=passage, rays=settings.rays, max_depth=settings.max_depth, pulse=pulse,
+        source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
+        sampling_rate=rate, samples=samples + extra, lead=extra, lighting=settings.ensonification,
+        cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage), fans=_ray_sources(settings, transmit),
+        noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db),
+        absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1]))
+
+
+def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of the array's beams, with its truth; see `mitsonar.render`."""
+    pings = range(survey.track.pings)
+    beams = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
+    limits.check_beams(survey, len(beams[0]))
+    truth = survey.fan_truth(*beams, seed)               # refuses what is too large before the hours of signals
+    signals = received_signals(survey, pings, kernel="band_limited", return_path="vector", seed=seed,
+                               progress=progress, say=say)
+    known = [truth(ping) for ping in pings]
+    classes, class_of = classes_of(survey.labels)
+    image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
+                      class_of=class_of, known={name: np.stack([one[name] for one in known]) for name in known[0]})
+    return objects.annotated(image, classes, class_of, survey.geometry)
+
+
+def rows(level: np.ndarray) -> np.ndarray:
+    """Levels (ping, beam, sample) as rows of one picture, ping after ping."""
+    return level.reshape(-1, level.shape[-1])
+
+
+def _cell_size(sound_speed: float, pulse: Pulse, passage: Passage) -> float:
+    """Half the range resolution, but no more than beams resolve across: a fraction of the altitude."""
+    altitude = max(float(np.mean(passage.depth_below)), 1.0)
+    return min(sound_speed / (4 * pulse.bandwidth), altitude * CELL_SHARE)
+
+
+def _ray_sources(settings: RunSettings, transmit: Array) -> Fans:
+    """Where rays start, and which share of each element they stand for."""
+    if settings.ray_sources == "elements":
+        return Fans.from_elements(transmit)
+    if settings.ray_sources == "interpolated":
+        return Fans.interpolated(transmit, settings.ray_source_count)
+    return Fans.from_centre(transmit)
+
+
+def _element_noise(sensor: Sensor, receive: Array, wavelength: float, sampling_rate: float,
+                   self_noise_db: float | None) -> ElementNoise | None:
+    """Noise of the sea, less what the elements' own beams keep out, and of the receivers; None where there is none."""
+    if not sensor.noise and self_noise_db is None:
+        return None
+    ambient_db = None
+    if sensor.noise:
+        ambient_db = sensor.noise_level_db() - element_directivity_index_db(receive, wavelength)
+    return ElementNoise(position=receive.position, wavelength=wavelength, sampling_rate=sampling_rate,
+                        ambient_db=ambient_db, self_noise_db=self_noise_db)

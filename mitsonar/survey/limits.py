@@ -1,0 +1,59 @@
+"""What a machine can hold: surveys that would exhaust memory, or sum for hours, are refused before they begin."""
+import os
+
+import numpy as np
+
+from .energy import SidescanSurvey
+from .pressure import ArraySurvey
+
+__all__ = ["check_beams", "check_sidescan"]
+
+BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
+BYTES_PER_LABEL = 13               # and of each shape's share,
+BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made
+BYTES_PER_PATH = 12                # and of each path where there is more than one
+BINS_PER_PULSE = 10_000
+
+
+def check_sidescan(survey: SidescanSurvey) -> None:
+    """Refuse a sidescan's survey that is too large.
+
+    Raises
+    ------
+    ValueError
+        If the record does not fit into memory, or a pulse lasts over too many bins.
+    """
+    pings, bins, paths = survey.track.pings, survey.bins, len(survey.paths)
+    bin_length, pulse_length = survey.bin_length, survey.sonar.pulse_length
+    if pulse_length > BINS_PER_PULSE * bin_length:
+        raise ValueError(f"the film's bins last {1e6 * bin_length:.3g} µs and the pulse {1e6 * pulse_length:.3g} µs, "
+                         f"more than {BINS_PER_PULSE} bins; take fewer bins, a longer range or a shorter pulse")
+    per_bin = BYTES_PER_BIN + BYTES_PER_LABEL * len(survey.labels) + (BYTES_PER_PATH * paths if paths > 1 else 0)
+    needed, there = per_bin * pings * 2 * bins, _memory()
+    if needed > there:
+        by_path, fewer = (f" and {paths} paths", "pings, bins or bounces") if paths > 1 else ("", "pings or bins")
+        raise ValueError(f"a record of {pings} pings with 2 x {bins} bins{by_path} takes {needed / 1e9:.0f} GB, more "
+                         f"than the {there / 1e9:.0f} GB of this machine; take fewer {fewer}")
+
+
+def check_beams(survey: ArraySurvey, beams: int) -> None:
+    """Refuse the picture of so many beams if it does not fit into memory.
+
+    Raises
+    ------
+    ValueError
+    """
+    pings, bins, labels = survey.track.pings, beams * (survey.samples - survey.lead), len(survey.labels)
+    needed, there = bins * (labels * BYTES_PER_SUM + pings * (BYTES_PER_BIN + BYTES_PER_LABEL * labels)), _memory()
+    if needed > there:
+        raise ValueError(f"pictures of {pings} pings with {bins} bins of {beams} beams and {labels} shapes take "
+                         f"{needed / 1e9:.0f} GB, more than the {there / 1e9:.0f} GB of this machine; take fewer pings "
+                         "or beams, a shorter range, or let shapes share an id")
+
+
+def _memory() -> float:
+    """Physical memory [bytes]; infinite where the system does not say."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return np.inf

@@ -1,0 +1,110 @@
+"""What a kind of sonar asks of the scene: the sensor, its water and its film, and how a run is computed."""
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..water.column import AbsorptionColumn
+from ..water.profile import SoundSpeedProfile
+from ..water.volume import VolumeScattering
+from .voyage import Route
+
+__all__ = ["Film", "RunSettings", "Sensor", "Water", "slowest_speed"]
+
+
+class Water(Protocol):
+    """The water as its medium has it."""
+
+    profile: SoundSpeedProfile
+    volume: VolumeScattering | None
+
+    def absorption_column(self, frequency: float) -> AbsorptionColumn:
+        """Absorption against depth at one frequency [Hz]."""
+        ...
+
+    def mean_absorption(self, top: float, bottom: float) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
+        ...
+
+    def noise_level_db(self, frequency: float) -> float:
+        """Ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
+        ...
+
+
+class Film(Protocol):
+    """The record as its film has it."""
+
+    def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
+        """Two-way time window (start, end) [s] and number of bins."""
+        ...
+
+    def sampling(self, sound_speed: float, usual_rate: float, *, written: bool = True) -> tuple[float, float, int]:
+        """Start of the record [s], sampling rate [Hz] and number of samples."""
+        ...
+
+
+class Sensor(Protocol):
+    """What sensors of all kinds say.
+
+    Attributes
+    ----------
+    kind : str
+        One of `survey.kinds.KINDS`.
+    water : Water
+    route : Route
+    sound_speed : float or None [m/s]
+        At the sonar, for slant range and steering; None: the profile's there.
+    noise : bool
+        Whether the sea is heard.
+    """
+
+    kind: str
+    water: Water
+    route: Route
+    sound_speed: float | None
+    noise: bool
+
+    def film(self) -> Film:
+        """The record's window and bins."""
+        ...
+
+    def noise_level_db(self) -> float:
+        """Ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """How a run is computed: what the integrator says.
+
+    Attributes
+    ----------
+    rays : int
+        Per ping.
+    first_pass : float
+        Share of a sidescan's rays that only finds out where rays are needed.
+    max_depth : int
+        Bounces that an echo may have made.
+    ensonification : str
+        How an array's scatterers are found: one of `ensonification.LIGHTING`.
+    cell_size : float or None [m]
+        Longest side of a scatterer's cell; None: as the resolution asks.
+    ray_sources : str
+        Where an array's rays start: "centre", "elements" or "interpolated".
+    ray_source_count : int
+        How many, where they are interpolated.
+    """
+
+    rays: int
+    first_pass: float
+    max_depth: int
+    ensonification: str
+    cell_size: float | None
+    ray_sources: str
+    ray_source_count: int
+
+
+def slowest_speed(sensor: Sensor) -> float:
+    """Sound speed [m/s] that makes the longest wait for the last echo."""
+    return sensor.sound_speed or float(np.min(sensor.water.profile.sound_speed))

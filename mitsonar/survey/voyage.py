@@ -1,0 +1,236 @@
+"""Where a sonar goes: from what a scene says of it to a voyage over the scene's seabed."""
+import logging
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..io.navigation import Frame, Navigation, Waypoints
+from ..scene.geometry import Geometry
+from ..sonar.motion import RandomMotion
+from ..sonar.track import Track
+from ..sonar.trajectory import Recorded, Sailed, Smooth, Trajectory, Voyage
+from ..sonar.waypoints import Course
+from . import placement
+
+__all__ = ["MOST_PINGS", "Passage", "Route"]
+
+ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
+MOST_PINGS = 10_000_000
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Passage:
+    """A route laid over a scene.
+
+    Attributes
+    ----------
+    voyage : Voyage
+        The pings' track, and the trajectory it lies on.
+    depth_below : (P,) [m]
+        Seabed below the sonar.
+    frame : Frame or None
+        Where on Earth the scene lies, if only the track says it.
+    sailed, planned : float or None [m]
+        Lengths of the course or recorded track: what the pings cover, and all of it; None for a straight track.
+    """
+
+    voyage: Voyage
+    depth_below: np.ndarray
+    frame: Frame | None = None
+    sailed: float | None = None
+    planned: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """Where a sonar goes, as a scene says it.
+
+    Attributes
+    ----------
+    pings : int
+    bounded : bool
+        Whether the scene writes that number; else a course or a recorded track is sailed to its end.
+    ping_rate : float or None [Hz]
+        None: as fast as the range allows.
+    speed : float [m/s]
+    start : (3,) or None [m]
+        Of a straight track, z up.
+    heading : float or None [rad]
+        Of a straight track.
+    altitude : float [m]
+        Above the seabed; 0: not written.
+    depth : float or None [m]
+        Below the surface.
+    georeferenced : bool
+        Positions are eastings and northings.
+    turn_radius : float [m]
+        Of the arcs between the legs of a course.
+    origin : (2,) or None [degrees]
+        Latitude and longitude of x = y = 0, if the scene writes it.
+    offset : (3,) [m]
+        Of the sonar from where the track leads: forward, starboard, down.
+    random_motion : RandomMotion
+    record : Navigation, Waypoints or None
+        A recorded track, a course, or a straight line.
+    frame : Frame or None
+        Where a record in degrees lays the origin of a scene that does not say it itself.
+    """
+
+    pings: int
+    bounded: bool
+    ping_rate: float | None
+    speed: float
+    start: np.ndarray | None
+    heading: float | None
+    altitude: float
+    depth: float | None
+    georeferenced: bool
+    turn_radius: float
+    origin: np.ndarray | None
+    offset: np.ndarray
+    random_motion: RandomMotion
+    record: Navigation | Waypoints | None
+    frame: Frame | None
+
+    def lay(self, geometry: Geometry, shortest: float) -> Passage:
+        """Lay the route over a scene.
+
+        Parameters
+        ----------
+        geometry : Geometry
+        shortest : float [s]
+            Time a ping needs until its last echo is in.
+
+        Raises
+        ------
+        ValueError
+            If the track leaves the seabed, the water, or the recorded span, or pings come too fast.
+        """
+        interval = self._interval(shortest)
+        if self.record is None:
+            voyage, lengths = self._straight(geometry, interval), (None, None)
+        elif isinstance(self.record, Waypoints):
+            voyage, lengths = self._sailed(self.record, geometry, interval)
+        else:
+            voyage, lengths = self._recorded(self.record, geometry, interval)
+        if self.random_motion.moves or np.any(self.offset):
+            trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
+            voyage = Voyage.of(trajectory, voyage.track.time)
+        return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), frame=self.frame,
+                       sailed=lengths[0], planned=lengths[1])
+
+    def _straight(self, geometry, interval):
+        if self.start is not None:
+            track = Track.straight(start=self.start, heading=self.heading or 0.0, speed=self.speed, interval=interval,
+                                   pings=self.pings)
+        else:
+            altitude = 0.0 if self.depth is not None else self.altitude or ALTITUDE
+            track = placement.lines_up(geometry, heading=self.heading, altitude=altitude, pings=self.pings,
+                                       interval=interval, speed=self.speed)
+        if self.depth is not None:
+            track = _at_height(track, np.full(track.pings, -self.depth))
+        if track.pings > 1:
+            lead = Recorded.through(track)
+        else:
+            # one ping alone moves on as many would
+            course = self.speed * np.array([np.sin(track.heading[0]), np.cos(track.heading[0]), 0.0])
+            lead = Recorded.through(replace(
+                track, time=track.time[0] + np.arange(2.0), position=track.position + np.outer(np.arange(2.0), course),
+                **{name: np.repeat(getattr(track, name), 2) for name in ("roll", "pitch", "heading")}))
+        return Voyage(track=track, trajectory=Trajectory(lead=lead))
+
+    def _sailed(self, record, geometry, interval):
+        frame = self._frame(geometry)
+        places = record.placed(frame)
+        _refuse_far(geometry, places, frame)
+        course = Course(places, self.turn_radius)
+        pings = self._count(course.length / self.speed, interval, "the way points take")
+        time = interval * np.arange(pings)
+        z = np.full(pings, -(self.depth or 0.0)) if record.z is None else np.interp(
+            self.speed * time, course.marks, record.z)
+
+        def sailed(z):
+            return Trajectory(lead=Sailed(course=course, speed=self.speed, height=Smooth(time, z)))
+
+        length = self.speed * time[-1]
+        _warn_of_cut("course", length, course.length, course.length / self.speed, interval, pings)
+        trajectory = sailed(z)
+        if self.altitude:
+            trajectory = sailed(placement.lifted(geometry, trajectory.track(time), self.altitude).position[:, 2])
+        return Voyage.of(trajectory, time), (float(length), float(course.length))
+
+    def _recorded(self, record, geometry, interval):
+        frame = self._frame(geometry)
+        recorded = record.placed(frame, self.depth or 0.0)
+        _refuse_far(geometry, recorded.position, frame)
+        lasting = recorded.time[-1] - recorded.time[0]
+        pings = self._count(lasting, interval, "the track lasts") if recorded.pings > 1 else 1
+        time = np.minimum(recorded.time[0] + interval * np.arange(pings), recorded.time[-1])
+        trajectory = Trajectory(lead=Recorded.through(recorded))
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(recorded.position[:, :2], axis=0).T))])
+        sailed = planned = None
+        if recorded.pings > 1:
+            sailed, planned = float(np.interp(time[-1], recorded.time, along)), float(along[-1])
+            _warn_of_cut("track", sailed, planned, lasting, interval, pings)
+        if self.altitude:
+            # it follows the seabed, not the z that was recorded, and heaves as recorded
+            lifted = placement.lifted(geometry, trajectory.track(time), self.altitude)
+            trajectory = Trajectory(lead=Recorded.through(
+                recorded, height=Smooth(time, lifted.position[:, 2]), heave=Smooth(record.time, record.heave)))
+        return Voyage.of(trajectory, time), (sailed, planned)
+
+    def _count(self, lasting, interval, what):
+        """How many pings fit into a time [s]."""
+        fitting = lasting / interval + 1e-9
+        pings = self.pings if self.bounded and self.pings <= fitting else int(min(fitting, MOST_PINGS)) + 1
+        if pings > MOST_PINGS:
+            raise ValueError(f"{what} {lasting:.3g} s, which is more than {MOST_PINGS} pings {interval:.4f} s apart; "
+                             "check its times and places, or say how many pings")
+        return pings
+
+    def _interval(self, shortest):
+        """Time between pings [s]; the last echo of one must be in before the next."""
+        if self.ping_rate is None:
+            return shortest
+        if 1 / self.ping_rate < shortest * (1 - 1e-9):
+            raise ValueError(f"ping_rate_hz is {self.ping_rate}, but echoes from the range of the film take "
+                             f"{shortest:.4f} s; use at most {1 / shortest:.3f} Hz or a shorter range")
+        return 1 / self.ping_rate
+
+    def _frame(self, geometry):
+        """Where the record's coordinates meet the scene's: a `Frame`, or None if they are the same."""
+        if self.frame is not None and geometry.local_origin is None:
+            _log.info("x and y are metres in %s", self.frame.crs)
+            return self.frame
+        if self.origin is not None:
+            raise ValueError("origin is given, but the bathymetry of the scene says already where it lies; leave it "
+                             "out")
+        if not (self.record.geographic or self.georeferenced):
+            return None
+        if geometry.local_origin is None:
+            raise ValueError("georeferenced is true, but no bathymetry of the scene has a geographic origin; "
+                             "set it false, or use a bathymetry with a coordinate system")
+        return Frame(crs=geometry.crs or "", origin=tuple(float(value) for value in geometry.local_origin[:2]))
+
+
+def _at_height(track, z):
+    return replace(track, position=np.column_stack([track.position[:, :2], z]))
+
+
+def _warn_of_cut(what, sailed, planned, lasting, interval, pings):
+    """Warn if ``pings`` ends a course or a track before its end; lengths [m] and times [s]."""
+    whole = int(lasting / interval + 1e-9) + 1
+    if pings < whole:
+        warnings.warn(f"the {what} is cut by pings, {pings}: {sailed:.0f} of {planned:.0f} m are sailed; "
+                      f"{whole} pings are all of it", stacklevel=4)
+
+
+def _refuse_far(geometry, position, frame):
+    """Refuse a track from another part of the world by what may be wrong with it."""
+    if frame is not None:
+        placement.check_near(geometry, position[:, :2], frame.crs)
+    else:
+        placement.check_local(geometry, position[:, :2])
