@@ -1,37 +1,156 @@
-"""Chance: numbers hashed from what they belong to, so that neither blocks nor threads change them."""
+"""Chance: every salt, hash, uniform number, seed and key that rays and scatterers are drawn with.
+
+Numbers are hashed from what they belong to (a cell of the seabed, a ray of a ping), so neither blocks nor threads
+change them. Two hashes serve:
+
+    hashed     rounds of multiplying and shifting over any number of words: of a scatterer, a patch, an echo
+    pair       the Tiny Encryption Algorithm, 4 rounds: of a ray's number under a key
+
+A key is a 32-bit word made of the seed, the ping and a salt. A salt tells one use of chance from another, so that two
+draws of the same ray are independent. What is drawn on the host, in NumPy, takes its generators from there.
+
+References
+----------
+Zafar, Olano and Curtis (2010), GPU random numbers via the tiny encryption algorithm, Proc. High Performance Graphics.
+Box and Muller (1958), A note on the generation of random normal deviates, Ann. Math. Statist. 29.
+"""
+from __future__ import annotations
+
 import zlib
+from types import ModuleType
+from typing import TypeVar
 
 import drjit as dr
 import numpy as np
 
-__all__ = ["gaussian", "hashed", "shape_key", "uniform"]
+__all__ = ["Salt", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "ping_key", "row_keys", "salted",
+           "seeded", "shape_key", "stratified", "uniform", "uniform_inside"]
 
+UInt32 = TypeVar("UInt32", bound=dr.ArrayBase)
+
+WORD = 0xFFFFFFFF
+SEED_FACTOR, PING_FACTOR, NUMBER_FACTOR = 0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35     # odd: each number has its own key
 SMALLEST_UNIFORM = 2.0 ** -24
+BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
+HASH_STEP, HASH_ROUNDS = 0x9E3779B9, ((16, 0x7FEB352D), (15, 0x846CA68B))
+TEA_STEP, TEA_ROUNDS = 0x9E3779B9, 4
+TEA_KEY = 0xA341316C, 0xC8013EA4, 0xAD90777D, 0x7E95761E
 
 
-def shape_key(name):
+class Salt:
+    """What tells the uses of chance apart, one word each."""
+
+    # rays of a sidescan's ping: of the pass that finds out where rays are needed, and of the one that gives the image
+    FIRST_PASS, SECOND_PASS = 0x51ED270B, 0x2545F491
+    # paths of more bounces and points of the water: in an energy record, and for an array
+    BOUNCES, WATER = 0x6C62272E, 0x1B873593
+    ARRAY_BOUNCES, ARRAY_WATER = 0x3C6EF372, 0x78DDE6E4
+    FAN_TRUTH = 0x3C6EF372         # added to keys, not mixed in as the others are
+    # of a ray that bounces on: its partner, its next direction, its point target
+    PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495
+    # of a cell of the seabed: where its scatterer lies, and that one's amplitude
+    PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4
+    PATCH = 0x6A09E667             # the strength of a patch of seabed
+    NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed
+
+
+# ---- keys
+
+def shape_key(name: str) -> int:
     """Give the number that stands for a shape's id in hashes: its CRC-32."""
     return zlib.crc32(str(name).encode())
 
 
-def hashed(lib, *parts):
+def ping_key(seed: int, ping: int, number: int = 0, salt: int = 0) -> int:
+    """Give the key of a ping; `number` tells apart sources, or passes, of the same ping."""
+    return (int(seed) * SEED_FACTOR + int(ping) * PING_FACTOR + int(number) * NUMBER_FACTOR + salt) & WORD
+
+
+def row_keys(row: np.ndarray) -> np.ndarray:
+    """Give a word for every row of an energy record.
+
+    Parameters
+    ----------
+    row : (R,) uint64
+        Numbers of the rows in the whole survey, so that blocks do not matter.
+
+    Returns
+    -------
+    (R,) uint32
+    """
+    return ((row.astype(np.uint64) + np.uint64(1)) * np.uint64(PING_FACTOR) & np.uint64(WORD)).astype(np.uint32)
+
+
+def seeded(row_key: UInt32, seed: int, salt: int) -> UInt32:
+    """Give the keys of rows, UInt32 (R,), for a seed and a use; the seed is opaque, so it changes without a kernel."""
+    return row_key ^ dr.opaque(type(row_key), (int(seed) * SEED_FACTOR + salt) & WORD)
+
+
+def salted(key: UInt32 | int, salt: int, number: int = 0) -> UInt32 | int:
+    """Give the key of another use; `number` tells apart repetitions of that use, as the bounces of a path."""
+    if isinstance(key, int):
+        return (key ^ (salt + number)) & WORD
+    return key ^ type(key)(salt + number)
+
+
+# ---- hashes
+
+def hashed(lib: ModuleType, *parts: dr.ArrayBase) -> dr.ArrayBase:
     """Mix UInt32 arrays into one UInt32, by rounds of multiplying and shifting: each bit in stirs every bit out."""
     U = lib.UInt32
-    state = U(0x9E3779B9)
+    state = U(HASH_STEP)
     for part in parts:
         state = state ^ U(part)
-        for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
+        for shift, factor in HASH_ROUNDS:
             state = (state ^ (state >> shift)) * U(factor)
-        state = (state ^ (state >> 16)) + U(0x9E3779B9)
+        state = (state ^ (state >> 16)) + U(HASH_STEP)
     return state
 
 
-def uniform(lib, bits):
+def hashed_pair(lib: ModuleType, *parts: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase]:
+    """Mix UInt32 arrays into two independent UInt32."""
+    first = hashed(lib, *parts)
+    return first, hashed(lib, first)
+
+
+def pair(index: UInt32, key: UInt32) -> tuple[UInt32, UInt32]:
+    """Give two UInt32 of 32 random bits for numbers under a key, by 4 rounds of TEA.
+
+    Four rounds leave the first word of consecutive numbers uneven by up to 1.2 % of its distribution, and both words
+    correlated by up to 2 %: enough within strata, not for statistics of their own.
+    """
+    U = type(key) if dr.is_array_v(key) else type(index)
+    v0, v1, total = U(index), U(key), 0
+    for _ in range(TEA_ROUNDS):
+        total = (total + TEA_STEP) & WORD
+        v0 = v0 + ((v1 << 4) + U(TEA_KEY[0]) ^ v1 + U(total) ^ (v1 >> 5) + U(TEA_KEY[1]))
+        v1 = v1 + ((v0 << 4) + U(TEA_KEY[2]) ^ v0 + U(total) ^ (v0 >> 5) + U(TEA_KEY[3]))
+    return v0, v1
+
+
+def other_pair(index: UInt32, key: UInt32) -> tuple[UInt32, UInt32]:
+    """Give two more for the same key, independent of `pair`."""
+    return pair(index, ~key)
+
+
+# ---- numbers
+
+def uniform(lib: ModuleType, bits: dr.ArrayBase) -> dr.ArrayBase:
     """[0, 1) from 32 random bits, Float."""
     return lib.Float(bits >> 8) * SMALLEST_UNIFORM
 
 
-def gaussian(lib, first, second):
+def uniform_inside(lib: ModuleType, bits: dr.ArrayBase) -> dr.ArrayBase:
+    """(0, 1) from 32 random bits, Float64: neither end."""
+    return (lib.Float64(bits) + 0.5) * 2.0 ** -32
+
+
+def stratified(lib: ModuleType, stratum: dr.ArrayBase, share: dr.ArrayBase, strata: dr.ArrayBase) -> dr.ArrayBase:
+    """Give a place in [0, 1), Float (R,), that lies a `share` in [0, 1) along a stratum, UInt32 (R,), of so many."""
+    return dr.minimum((lib.Float(stratum) + share) / lib.Float(strata), BELOW_ONE)
+
+
+def gaussian(lib: ModuleType, first: dr.ArrayBase, second: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase]:
     """Complex Gaussian of unit mean square from two hashes; real and imaginary part, Float (Box and Muller 1958)."""
     radius = dr.sqrt(-dr.log((lib.Float(first >> 8) + 0.5) * SMALLEST_UNIFORM))
     sine, cosine = dr.sincos((2 * np.pi) * uniform(lib, second))

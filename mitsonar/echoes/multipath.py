@@ -28,6 +28,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..device.chance import Salt, other_pair, pair, salted, uniform
 from ..scene.materials import bistatic_strength, scattered
 from .paths import Paths
 from .record import Leg
@@ -37,7 +38,6 @@ __all__ = ["Bounces", "Ghosts"]
 
 EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
 GRAZING = 1e-6                     # sine below which nothing is lit
-PARTNER_SALT, LOBE_SALT, TARGET_SALT = 0x2C1B3C6D, 0x297A2D39, 0x5F356495
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +156,7 @@ class Bounces:
         self.targets = _Targets(targets) if targets else None
         self.free_rays, self.absorption, self.folded_absorption = free_rays, absorption, folded_absorption
         self.frequency, self.paths, self.mirror, self.single = frequency, paths, mirror, single
-        self.surface = dr.opaque(mi.UInt32, surface_label)
+        self.surface, self.lib = dr.opaque(mi.UInt32, surface_label), free_rays.lib
         self._smooth = any(getattr(shape.bsdf(), "smooth", False)
                            for shape in free_rays.tracer.geometry.scene.shapes())
 
@@ -190,7 +190,7 @@ class Bounces:
                 yield from self._by_the_mirror(views[1], views[2], source_speed)
         for made, a in views.items():
             for bounces in range(made, most):
-                partner, chance = _partners(strata, key ^ mi.UInt32(PARTNER_SALT + bounces))
+                partner, chance = _partners(strata, salted(key, Salt.PARTNER, bounces))
                 for more, b in views.items():
                     for folded in (False, True)[:len(views)]:
                         if bounces + folded + more <= most:
@@ -205,7 +205,7 @@ class Bounces:
                             yield ghosts
                             yield self._turned(ghosts, a, origin)
                 if bounces + 1 < most or self._smooth:
-                    a, mirrored = self._on(a, strata, key ^ mi.UInt32(LOBE_SALT + bounces))
+                    a, mirrored = self._on(a, strata, salted(key, Salt.DIRECTION, bounces))
                     if bounces == made:
                         a = _evaluated(replace(a, first_smooth=mirrored))
                     if self._smooth:
@@ -276,8 +276,8 @@ class Bounces:
     def _points(self, origin, source_speed, strata, key, homeward):
         """A point target for every ray, seen straight and by way of the mirror, by bounces made so far."""
         _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
-        chance, _ = mi.sample_tea_32(within, key ^ mi.UInt32(TARGET_SALT))
-        point, strength, label = self.targets.drawn(_unit(chance))
+        chance, _ = pair(within, salted(key, Salt.TARGET))
+        point, strength, label = self.targets.drawn(uniform(self.lib, chance))
         none, seen = mi.Vector3f(0, 0, 0), {}
         for folded in (False, True)[:1 + (self.mirror and self.paths.max_depth > 2)]:
             place, code = origin, dr.ones(mi.UInt32, strata.rays)
@@ -312,10 +312,10 @@ class Bounces:
 
     def _on(self, ends, strata, key):
         """Bounce once more, and whether that was a mirror's."""
-        first, second = mi.sample_tea_32(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
-        third, _ = mi.sample_tea_32(second, ~key)
-        direction, share, mirrored = scattered(ends, ends.valid, self.frequency, _unit(first),
-                                               mi.Point2f(_unit(second), _unit(third)))
+        first, second = pair(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
+        third, _ = other_pair(second, key)
+        direction, share, mirrored = scattered(ends, ends.valid, self.frequency, uniform(self.lib, first),
+                                               mi.Point2f(uniform(self.lib, second), uniform(self.lib, third)))
         if self.mirror:
             at_surface, towards = ends.label == self.surface, ends.arrival_direction
             image = towards - 2 * dr.dot(ends.normal, towards) * ends.normal
@@ -384,12 +384,12 @@ def _joined(code, last):
 def _partners(strata, key):
     """A partner of the same row for every ray, and the chance with which it was drawn."""
     row, within, i, j = strata.split(dr.arange(mi.UInt32, strata.rays))
-    first, second = mi.sample_tea_32(within, key)
-    third, fourth = mi.sample_tea_32(first, ~key)
-    even = _unit(third) < EVEN_SHARE
+    first, second = pair(within, key)
+    third, fourth = other_pair(first, key)
+    even = uniform(strata.lib, third) < EVEN_SHARE
     chosen = []
     for place, count, bits, sign in ((i, strata.first, first, fourth & 1), (j, strata.second, second, fourth & 2)):
-        u = _unit(bits)
+        u = uniform(strata.lib, bits)
         wide = dr.minimum(mi.UInt32(u * mi.Float(count)), count - 1)
         # distances m with chance log((m + 2) / (m + 1)): all scales alike
         most = mi.Float(count >> 1)
@@ -406,8 +406,3 @@ def _partners(strata, key):
         chance *= dr.log((m + 2) / (m + 1)) / dr.log(most + 2) * dr.select(both_signs, mi.Float(0.5), mi.Float(1))
     chance = EVEN_SHARE / mi.Float(strata.per_row) + (1 - EVEN_SHARE) * chance
     return strata.index(row, *chosen), chance
-
-
-def _unit(bits):
-    """[0, 1) from 32 random bits."""
-    return mi.Float(bits >> 8) * 2.0 ** -24

@@ -10,13 +10,12 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
-from ..device.chance import gaussian, hashed, shape_key
+from ..device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
 from ..scene.tessellation import Grids, grid_of
 from .cells import cell_of, divisions, place
 
 __all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
 
-PLACE_SALT, AMPLITUDE_SALT = 0x0B5297A4, 0x68E31DA4
 TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it: it may lie on a surface
 LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
 MOST_CUTS = 32768                  # s and n² are 32-bit
@@ -208,12 +207,9 @@ class Scatterers:
         lib = self.lib
         a, b, c, n = self._corners(facet)
         facts = dr.gather(lib.Array4u, self._facts, facet)
-        first = hashed(lib, facts[2], facts[1], s, mi.UInt32(PLACE_SALT))
-        second = hashed(lib, first)
-        third = hashed(lib, facts[2], facts[1], s, mi.UInt32(AMPLITUDE_SALT))
-        fourth = hashed(lib, third)
-        unit = 2.0 ** -32
-        u, v = place(lib, s, n, (lib.Float64(first) + 0.5) * unit, (lib.Float64(second) + 0.5) * unit)
+        first, second = hashed_pair(lib, facts[2], facts[1], s, mi.UInt32(Salt.PLACE))
+        third, fourth = hashed_pair(lib, facts[2], facts[1], s, mi.UInt32(Salt.AMPLITUDE))
+        u, v = place(lib, s, n, uniform_inside(lib, first), uniform_inside(lib, second))
         point = a + (b - a) * u + (c - a) * v
         across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
         twice = dr.norm(across)

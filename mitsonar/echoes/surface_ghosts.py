@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of
-from ..device.chance import gaussian, hashed
+from ..device.chance import Salt, gaussian, hashed_pair, pair, salted, uniform
 from ..scene.materials import bistatic_strength
 from .multipath import Bounces
 from .paths import Paths
@@ -22,7 +22,6 @@ from .volume import WaterEchoes
 
 __all__ = ["ArrayGhosts"]
 
-GHOST_SALT, WATER_SALT = 0x3C6EF372, 0x78DDE6E4
 FAINTEST = 1e-12                   # of the strongest of its kind: weaker echoes are dropped
 
 
@@ -101,7 +100,7 @@ class ArrayGhosts:
         dr.eval(vars(hits))
         start = origin + dr.zeros(type(origin), strata.rays)
         speed = dr.opaque(mi.Float, float(self.tracer.profile.at(-np.ravel(origin.z.numpy())[0])))
-        row_key = dr.opaque(mi.UInt32, (key ^ GHOST_SALT) & 0xFFFFFFFF)
+        row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_BOUNCES))
 
         def homeward(point, normal, active, short=0.0):
             return self.connector(sources, origin, mi.UInt32(0), point, normal, active, short=short)
@@ -116,7 +115,7 @@ class ArrayGhosts:
                 some = dr.compress(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
                 if dr.width(some):
                     power = dr.gather(mi.Float, energy, some)
-                    chance = hashed(self.lib, some, row_key, dr.opaque(mi.UInt32, number))
+                    chance = hashed_pair(self.lib, some, row_key, dr.opaque(mi.UInt32, number))
                     yield Echoes(out=ghosts.out.chosen(some), back=ghosts.back.chosen(some),
                                  between=dr.gather(mi.Float64, ghosts.between, some), energy=power, path=name,
                                  amplitude=self._drawn(power, chance)).evaluated()
@@ -126,18 +125,18 @@ class ArrayGhosts:
         if self.water is None:
             return
         speed = dr.opaque(mi.Float, float(self.tracer.profile.at(-np.ravel(origin.z.numpy())[0])))
-        row_key = dr.opaque(mi.UInt32, (key ^ WATER_SALT) & 0xFFFFFFFF)
+        row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER))
         index = dr.arange(mi.UInt32, strata.rays)
-        chance, _ = mi.sample_tea_32(index, row_key)
+        chance, _ = pair(index, row_key)
         drawn = self.water(sources, origin, mi.UInt32(0), speed, direction, solid_angle, strata,
-                           mi.Float(chance >> 8) * 2.0 ** -24)
+                           uniform(self.lib, chance))
         energy = drawn.energy * self._absorbed(drawn.loss_db)
-        yield from self._made(energy, self._drawn(energy, hashed(self.lib, index, row_key)),
+        yield from self._made(energy, self._drawn(energy, hashed_pair(self.lib, index, row_key)),
                               Leg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")
 
     def _drawn(self, energy, bits):
         root = dr.sqrt(dr.maximum(energy, 0))
-        return tuple(root * part for part in gaussian(self.lib, bits, hashed(self.lib, bits)))
+        return tuple(root * part for part in gaussian(self.lib, *bits))
 
     def _worthwhile(self, energy, active):
         strongest = dr.max(dr.select(active, energy, 0))

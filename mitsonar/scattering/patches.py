@@ -13,13 +13,12 @@ import drjit as dr
 import numpy as np
 from scipy.special import gammainc, gammaincinv
 
-from ..device.chance import hashed
+from ..device.chance import Salt, hashed
 
 __all__ = ["LARGEST_SHAPE", "SMALLEST_SHAPE", "Patches", "gamma_cells"]
 
 SMALLEST_SHAPE, LARGEST_SHAPE = 0.1, 1000.0
 CELL_BITS = 13                     # of the table, which has 2^13 cells
-SALT = 0x6A09E667
 
 
 def gamma_cells(shape, count):
@@ -74,4 +73,4 @@ class Patches:
         """Give g [-], Float (R,), at places x and y [m] Float (R,)."""
         lib = self.lib
         i, j = (lib.UInt32(lib.Int32(dr.floor(v * self._per_metre))) for v in (x, y))
-        return dr.gather(lib.Float, self._cells, hashed(lib, i, j, lib.UInt32(SALT)) >> (32 - CELL_BITS), active)
+        return dr.gather(lib.Float, self._cells, hashed(lib, i, j, lib.UInt32(Salt.PATCH)) >> (32 - CELL_BITS), active)

@@ -14,13 +14,13 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsonar.units import db_from_power, power_from_db
+from ..device.chance import Salt
+from ..units import db_from_power, power_from_db
 
 __all__ = ["ElementNoise", "isotropic_coherence"]
 
 BLOCK = 4096                       # samples drawn and mixed at a time
 LEAST_OWN_NOISE = 1e-9             # of the ambient power: keeps C of crowded arrays positive definite
-STREAM = 0x6E6F697365              # word of Philox's counter: no other use of the seed shares these numbers
 
 
 def isotropic_coherence(position, wavelength):
@@ -130,7 +130,7 @@ class ElementNoise:
             return noise
         mask = (1 << 64) - 1
         key = np.array([int(seed) & mask, int(ping) & mask], np.uint64)
-        random = np.random.Generator(np.random.Philox(key=key, counter=[0, 0, STREAM, 0]))
+        random = np.random.Generator(np.random.Philox(key=key, counter=[0, 0, Salt.NOISE, 0]))
         for first in range(0, samples, BLOCK):
             # whole blocks, so that what a sample holds does not depend on where the record ends
             mixed = (self._mixing @ random.standard_normal((elements, 2 * BLOCK))).view(complex)

@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..device.chance import Salt, other_pair, pair, seeded, stratified, uniform
 from ..echoes.energy_sums import UNIT_BITS, EchoSums, sum_size
 from ..echoes.multipath import Bounces
 from ..echoes.origin_sums import WORDS
@@ -47,7 +48,6 @@ RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 FANS_PER_BLOCK = 128               # a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
-FIRST_SALT, SECOND_SALT, GHOST_SALT, WATER_SALT = 0x51ED270B, 0x2545F491, 0x6C62272E, 0x1B873593
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe as shadows see it (-6 dB)
 
 
@@ -216,7 +216,7 @@ class _Block:
             quantiles = refine_quantiles(quantiles, self._need(place, quantiles))
         sums = EchoSums(self.lib, rows, len(survey.labels), survey.bins, len(survey.paths))
         origins = self.truth.sums(ping, rows)
-        ray = self._launch(place, quantiles, self.second_grid, SECOND_SALT)
+        ray = self._launch(place, quantiles, self.second_grid, Salt.SECOND_PASS)
         hits, hidden = self._trace(place, ray, hidden=self.truth.hides)
         units, bin, in_window, in_beam = self._echo(place, ray, hits)
         sums.add(row=ray.row, label=hits.label, bin=bin, units=units, in_beam=in_beam,
@@ -253,7 +253,7 @@ class _Block:
 
     def _need(self, place, quantiles):
         """Trace the first pass and ask how far each cell of φ leads into bins that few rays reach."""
-        ray = self._launch(place, quantiles, self.first_grid, FIRST_SALT)
+        ray = self._launch(place, quantiles, self.first_grid, Salt.FIRST_PASS)
         hits, _ = self._trace(place, ray)
         bin, in_window = self._bin(self._received(place, ray, hits).delay, hits.valid)
         index = ray.row * self.bins + bin
@@ -271,17 +271,16 @@ class _Block:
         strata = Strata(self.lib, place.rows, *grid)
         n_phi, n_u, per_row = strata.first, strata.second, strata.per_row
         row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
-        key = dr.gather(mi.UInt32, place.key, row) ^ dr.opaque(mi.UInt32, (self.seed * 0x9E3779B1 + salt) & 0xFFFFFFFF)
-        a, b = mi.sample_tea_32(within, key)
+        key = seeded(dr.gather(mi.UInt32, place.key, row), self.seed, salt)
+        a, b = pair(within, key)
         # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
         # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
-        scramble, _ = mi.sample_tea_32(i_phi, ~key)
+        scramble, _ = other_pair(i_phi, key)
         slice_phi = i_u ^ (scramble & (n_u - 1))
-        xi_phi = (mi.Float(i_phi) + (mi.Float(slice_phi) + _unit(a)) / mi.Float(n_u)) / mi.Float(n_phi)
-        xi_u = (mi.Float(i_u) + _unit(b)) / mi.Float(n_u)
-        phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row,
-                                    dr.minimum(xi_phi, _BELOW_ONE))
-        u, u_width, _ = draw(self.along, place.kind(row), dr.minimum(xi_u, _BELOW_ONE))
+        xi_phi = stratified(self.lib, i_phi, (mi.Float(slice_phi) + uniform(self.lib, a)) / mi.Float(n_u), n_phi)
+        xi_u = stratified(self.lib, i_u, uniform(self.lib, b), n_u)
+        phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
+        u, u_width, _ = draw(self.along, place.kind(row), xi_u)
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
         sin_phi, cos_phi = dr.sincos(phi)
         side = mi.Float(row & 1) * 2 - 1
@@ -307,8 +306,7 @@ class _Block:
             return self.connector(place.sources, origin, source, point, normal, active, short=short)
 
         strata = Strata(self.lib, place.rows, *self.second_grid)
-        key = dr.gather(mi.UInt32, place.key, ray.row) ^ dr.opaque(
-            mi.UInt32, (self.seed * 0x9E3779B1 + GHOST_SALT) & 0xFFFFFFFF)
+        key = seeded(dr.gather(mi.UInt32, place.key, ray.row), self.seed, Salt.BOUNCES)
         side = mi.Float(ray.row & 1) * 2 - 1
         for ghosts in self.bounces(hits, ray.solid_angle, origin, source_speed, strata, key, homeward):
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
@@ -328,18 +326,19 @@ class _Block:
         strata = Strata(self.lib, place.rows, *self.second_grid)
         row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
         ping, side = row >> 1, mi.Float(row & 1) * 2 - 1
-        key = dr.gather(mi.UInt32, place.key, row) ^ dr.opaque(
-            mi.UInt32, (self.seed * 0x9E3779B1 + WATER_SALT) & 0xFFFFFFFF)
-        a, b = mi.sample_tea_32(within, key)
-        c, _ = mi.sample_tea_32(a, ~key)
-        phi, phi_width, _ = draw(self.across, mi.UInt32(0), _within(i_phi, a, strata.first))
-        u, u_width, _ = draw(self.along, place.kind(row), _within(i_u, b, strata.second))
+        key = seeded(dr.gather(mi.UInt32, place.key, row), self.seed, Salt.WATER)
+        a, b = pair(within, key)
+        c, _ = other_pair(a, key)
+        xi_phi = stratified(self.lib, i_phi, uniform(self.lib, a), strata.first)
+        xi_u = stratified(self.lib, i_u, uniform(self.lib, b), strata.second)
+        phi, phi_width, _ = draw(self.across, mi.UInt32(0), xi_phi)
+        u, u_width, _ = draw(self.along, place.kind(row), xi_u)
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
         sine, cosine = dr.sincos(phi)
         direction = place.turn(ping, mi.Vector3f(u, side * w * cosine, w * sine))
         source_speed = place.medium(ping)[1]
         drawn = self.water(place.sources, place.origin(ping), place.source(ping), source_speed, direction,
-                           phi_width * u_width / mi.Float(strata.per_row), strata, _unit(c))
+                           phi_width * u_width / mi.Float(strata.per_row), strata, uniform(self.lib, c))
         sent = place.body(ping, drawn.way.launch_direction)
         received = place.receive(ping, drawn.way.launch_direction, drawn.point - place.origin(ping),
                                  2 * drawn.way.travel_time)
@@ -414,19 +413,6 @@ class _Rays:
     solid_angle: object
     u: object
     v: object
-
-
-_BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
-
-
-def _unit(bits):
-    """[0, 1) from 32 random bits."""
-    return mi.Float(bits >> 8) * 2.0 ** -24
-
-
-def _within(stratum, bits, strata):
-    """Somewhere in a stratum, as a share of all."""
-    return dr.minimum((mi.Float(stratum) + _unit(bits)) / mi.Float(strata), _BELOW_ONE)
 
 
 def _grid(rays):

@@ -17,6 +17,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..device.chance import Salt, ping_key
 from ..device.lookups import held
 from ..echoes.energy_sums import UNIT_BITS, EchoSums
 from ..scene.materials import scattering_strength
@@ -104,7 +105,7 @@ class FanTruth:
         motion = Motion(travel.displacement, travel.turn, travel.duration) if travel.turn.shape[1] else None
         sums, origins = EchoSums(lib, self.beams, self.labels, self.bins), self.truth.sums([ping], self.beams)
         for number in range(self.passes):
-            key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + number * 0xC2B2AE35 + 0x3C6EF372
+            key = ping_key(self.seed, ping, number, Salt.FAN_TRUTH)
             self._pass(sources, start, motion, rotation, float(survey.depth_below[ping]), key, sums, origins)
         record = sums.read(self.unit, survey.geometry.depth_range)
         rays = record["rays"]

@@ -4,6 +4,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import upload
+from ..device.chance import row_keys
 from .underway import Reception
 
 __all__ = ["Place"]
@@ -33,7 +34,7 @@ class Place:
         self.motion, self.still = motion, motion is None
         # a seed per ping and side, from the ping's number in the survey
         number = 2 * np.repeat(ping.astype(np.uint64), 2) + np.tile(np.arange(2, dtype=np.uint64), len(ping))
-        self.key = upload(mi.UInt32, ((number + 1) * 0x85EBCA6B & 0xFFFFFFFF).astype(np.uint32))
+        self.key = upload(mi.UInt32, row_keys(number))
         self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(ping), 1))], 1))
         rows = np.concatenate([rotation, np.zeros((len(ping), 3, 1))], 2)
         self._rotation = upload(mi.Float, rows.astype(np.float32))

@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of
+from ..device.chance import ping_key
 from ..device.lookups import held
 from ..echoes.element_beams import ElementBeams
 from ..echoes.ensonification import Ensonification
@@ -336,7 +337,7 @@ class _Run:
         self._lit = {place: blocks for place, blocks in self._lit.items() if place[0] == ping}
         room = KEPT_ECHOES - sum(block.count for blocks in self._lit.values() for block in blocks)
         kept = []
-        key = self.seed * 0x9E3779B1 + int(ping) * 0x85EBCA6B + max(int(source), 0) * 0xC2B2AE35
+        key = ping_key(self.seed, ping, max(int(source), 0))
         light = self.light.drawn if source == DRAWN else partial(self.light.lit, told=told)
         for block in light(station.origin, station.rotation, float(self.survey.depth_below[ping]), key):
             room -= block.count

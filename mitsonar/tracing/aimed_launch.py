@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..device.chance import pair, stratified, uniform
 from .launch import Strata, draw, quantiles
 
 __all__ = ["DrawnRays"]
@@ -89,13 +90,13 @@ def _rays(rays, first, second, azimuth, key):
     """Stratified draws through the quantile tables of azimuth, and of elevation within each cell of azimuth."""
     steps = max(4, 4 * round(np.sqrt(rays / 4) / 2))
     rows = max(4, 4 * round(rays / (4 * steps)))
-    strata = Strata(arrays_of(mi.Float), 1, steps, rows)
+    lib = arrays_of(mi.Float)
+    strata = Strata(lib, 1, steps, rows)
     index = dr.arange(mi.UInt32, strata.rays)
     _, _, i, j = strata.split(index)
-    x, y = mi.sample_tea_32(index, dr.opaque(mi.UInt32, key & 0xFFFFFFFF))
-    below = float(np.nextafter(np.float32(1), np.float32(0)))
-    x = dr.minimum((mi.Float(i) + mi.Float(x >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, steps), below)
-    y = dr.minimum((mi.Float(j) + mi.Float(y >> 8) * 2.0 ** -24) / dr.opaque(mi.Float, rows), below)
+    x, y = pair(index, dr.opaque(mi.UInt32, key))
+    x = stratified(lib, i, uniform(lib, x), strata.first)
+    y = stratified(lib, j, uniform(lib, y), strata.second)
     a, width_a, _ = draw(upload(mi.Float, first.astype(np.float32)), mi.UInt32(0), x, AZIMUTHS)
     cell = dr.clip((a - float(azimuth[0])) * (AZIMUTHS / (2 * np.pi)), 0, AZIMUTHS - 1)
     e, width_e, _ = draw(upload(mi.Float, second.astype(np.float32)), mi.UInt32(cell), y, ELEVATIONS)
