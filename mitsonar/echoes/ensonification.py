@@ -23,6 +23,7 @@ from ..water.absorption_table import Absorption
 from .record import Echoes, Leg
 from .scatterers import TARGET_RADIUS
 from .sights import Sights
+from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, leg_gain, lit_patch, speed_ratio
 from .smooth.targets import SmoothTargets
 from .surface_ghosts import ArrayGhosts
 
@@ -190,8 +191,9 @@ class Ensonification:
         else:
             area = cells.area
             strength, sin_grazing = scattering_strength(hits, lit, self.frequency)
-            energy = strength * cells.area * self._way_back(sources, cells.point, way) / way.spreading_area
-            lit &= sin_grazing > 1e-6
+            gain = self._gain(sources, cells.point, way)
+            energy = along_legs(strength * cells.area, gain, gain)
+            lit &= sin_grazing > GRAZING
         root = dr.sqrt(dr.maximum(energy, 0))
         lit &= (root > 0) & dr.isfinite(root)
         yield from self._kept(origin, cells.point, way, energy, tuple(root * part for part in cells.amplitude), lit,
@@ -219,16 +221,22 @@ class Ensonification:
         # it may lie on a surface, which must not hide it
         way = self.connector(sources, origin, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), short=TARGET_RADIUS)
         pressure = upload(mi.Float, (10 ** (np.array(strength_db) / 20)).astype(np.float32))
-        energy = dr.square(pressure) * self._way_back(sources, point, way) / way.spreading_area
+        gain = self._gain(sources, point, way)
+        energy = along_legs(dr.square(pressure), gain, gain)
         nothing = dr.zeros(mi.Float, dr.width(energy))
         return self._kept(origin, point, way, energy, (dr.sqrt(energy), nothing), way.free), point, way, pressure
 
-    def _way_back(self, sources, point, way):
-        """What energy at the scatterer is worth back at the source: (c_h / c_0)² 10^(-2 ᾱ L / 10) / A."""
-        source_depth, source_speed, _ = sources.state.gather(self.lib, mi.UInt32(0))
-        loss_db = self.loss_db(mi.Float(source_depth), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
-        ratio = mi.Float(way.sound_speed / source_speed)
-        return ratio * ratio * dr.exp(loss_db * float(-np.log(10) / 10)) / way.spreading_area
+    def _gain(self, sources, point, way):
+        """Gain of the legs to points [1/m²]."""
+        return leg_gain(spreading_area=way.spreading_area, speed_ratio=self._speed_ratio(sources, way),
+                        loss_db=self._loss_db(sources, point, way))
+
+    def _speed_ratio(self, sources, way):
+        return speed_ratio(way.sound_speed, sources.state.gather(self.lib, mi.UInt32(0))[1])
+
+    def _loss_db(self, sources, point, way):
+        source_depth = mi.Float(sources.state.gather(self.lib, mi.UInt32(0))[0])
+        return self.loss_db(source_depth, mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
 
     def _kept(self, origin, point, way, energy, amplitude, lit, path="b"):
         leg = Leg.along(way, origin, point)
@@ -246,13 +254,14 @@ class Ensonification:
         direction, solid_angle, _ = self.drawn_rays(origin, rotation, depth_below, key)
         hits = self.tracer(sources, origin, mi.UInt32(0), direction)
         strength, sin_grazing = scattering_strength(hits, hits.valid, self.frequency)
-        energy = solid_angle * strength / dr.maximum(sin_grazing, 1e-6)
-        energy *= self._way_back(sources, hits.point, hits)
+        energy = echo_energy(solid_angle=solid_angle, strength=strength, sin_grazing=sin_grazing,
+                             spreading_area=hits.spreading_area, speed_ratio=self._speed_ratio(sources, hits),
+                             loss=absorbed(self._loss_db(sources, hits.point, hits)))
         facet, s = self.scatterers.of(hits)
-        area = solid_angle * hits.spreading_area / dr.maximum(sin_grazing, 1e-6)
+        area = lit_patch(solid_angle, spreading_area=hits.spreading_area, sin_grazing=sin_grazing)
         columns = facet, s, energy, area
         dr.eval(columns, hits.valid, sin_grazing)
-        found = hits.valid.numpy() & (sin_grazing.numpy() > 1e-6) & (energy.numpy() > 0)
+        found = hits.valid.numpy() & (sin_grazing.numpy() > GRAZING) & (energy.numpy() > 0)
         facet, s, energy, area = (column.numpy()[found] for column in columns)
         found = self.scatterers.scattering[facet]
         cell, which = np.unique((facet[found].astype(np.uint64) << np.uint64(32)) | s[found], return_inverse=True)

@@ -29,15 +29,18 @@ import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.chance import Salt, other_pair, pair, salted, uniform
-from ..scene.materials import bistatic_strength, scattered
+from ..scene.materials import bistatic_strength, next_direction
 from .paths import Paths
 from .record import Leg
 from .scatterers import TARGET_RADIUS
+from .sonar_equation import (
+    GRAZING, along_legs, echo_energy, leg_gain, lit_patch, passed_on, returned, returned_by_patch, scattered,
+    solid_angle_of, speed_ratio,
+)
 
 __all__ = ["Bounces", "Ghosts"]
 
 EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
-GRAZING = 1e-6                     # sine below which nothing is lit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +226,7 @@ class Bounces:
         valid = hits.valid & (sine > GRAZING)
         if self.mirror:
             valid &= hits.label != self.surface                         # what lies beyond is seen folded
-        patch = hits.spreading_area * solid_angle / dr.maximum(sine, GRAZING)
+        patch = lit_patch(solid_angle, spreading_area=hits.spreading_area, sin_grazing=sine)
         return _evaluated(_Ends(
             valid=valid, point=hits.point, normal=hits.normal, arrival_direction=hits.arrival_direction,
             sound_speed=hits.sound_speed, uv=hits.uv, shape=hits.shape, primitive=hits.primitive, label=hits.label,
@@ -242,17 +245,18 @@ class Bounces:
         code = Paths.extended(Paths.extended(dr.ones(mi.UInt32, dr.width(sine)), mi.Bool(True)), mi.Bool(False))
         return _evaluated(replace(
             ends, valid=ends.valid & way.free & (sine > GRAZING), arrival_direction=way.arrival_direction, leg=leg,
-            solid_angle=ends.patch * sine / way.spreading_area, code=code,
+            solid_angle=solid_angle_of(ends.patch, spreading_area=way.spreading_area, sin_grazing=sine), code=code,
             loss_db=self._loss_db(origin.z, -ends.point.z, way, folded=True)))
 
     def _by_the_mirror(self, direct, folded, source_speed):
         """One bounce off a surface, and the mirror before or after it or both."""
-        ratio = mi.Float(direct.sound_speed) / source_speed
+        ratio = speed_ratio(direct.sound_speed, source_speed)
         for out, back, bounces in ((direct, folded, 2), (folded, direct, 2), (folded, folded, 3)):
             if bounces > self.paths.max_depth:
                 continue
             strength, _ = bistatic_strength(out, -back.arrival_direction, out.valid & back.valid, self.frequency)
-            energy = out.patch * strength * ratio * ratio / (out.leg.spreading_area * back.leg.spreading_area)
+            gains = [leg_gain(spreading_area=end.leg.spreading_area, speed_ratio=ratio) for end in (out, back)]
+            energy = along_legs(out.patch * strength, *gains)
             code = out.code if back is direct else Paths.extended(out.code, mi.Bool(True))
             yield self._ghosts(energy, out, back, out.between, code, out.valid & back.valid)
 
@@ -262,11 +266,10 @@ class Bounces:
         active &= way.free
         strength_a, sine_a = bistatic_strength(a, way.launch_direction, active, self.frequency)
         strength_b, sine_b = bistatic_strength(b, -way.arrival_direction, active, self.frequency)
-        ratio = mi.Float(b.sound_speed) / source_speed
-        area = way.spreading_area + b.patch * (1 / np.pi)
-        energy = a.solid_angle * strength_a / dr.maximum(sine_a, GRAZING)
-        energy *= b.solid_angle * strength_b / dr.maximum(sine_b, GRAZING)
-        energy *= ratio * ratio / (area * chance)
+        intensity = passed_on(scattered(a.solid_angle, strength_a, sine_a), spreading_area=way.spreading_area,
+                              patch=b.patch)
+        energy = returned_by_patch(intensity, solid_angle=b.solid_angle, strength=strength_b, sin_grazing=sine_b,
+                                   speed_ratio=speed_ratio(b.sound_speed, source_speed)) / chance
         start = a.point.z if folded else -a.point.z
         loss_db = self._loss_db(start, -b.point.z, way, folded)
         code = Paths.extended(a.code, mi.Bool(True)) if folded else a.code
@@ -286,10 +289,10 @@ class Bounces:
                 place, code = type(origin)(origin.x, origin.y, -origin.z), Paths.extended(code, mi.Bool(True))
             else:
                 way = homeward(point, none, mi.Bool(True), TARGET_RADIUS)
-            ratio = mi.Float(way.sound_speed) / source_speed
+            worth = returned(strength, spreading_area=way.spreading_area,
+                             speed_ratio=speed_ratio(way.sound_speed, source_speed))
             target = _Point(valid=way.free, point=point, label=label, leg=Leg.along(way, place, point, folded=folded),
-                            worth=strength * ratio * ratio / way.spreading_area,
-                            loss_db=self._loss_db(-place.z, -point.z, way, folded),
+                            worth=worth, loss_db=self._loss_db(-place.z, -point.z, way, folded),
                             code=Paths.extended(code, mi.Bool(False)))
             leg = [value for name, value in vars(target.leg).items() if name != "folded"]
             dr.eval([value for name, value in vars(target).items() if name != "leg"], leg)
@@ -303,8 +306,8 @@ class Bounces:
                                      folded=folded, short=TARGET_RADIUS)
         active &= way.free
         strength, sine = bistatic_strength(ends, way.launch_direction, active, self.frequency)
-        energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * target.worth
-        energy /= way.spreading_area + ends.patch * (1 / np.pi)
+        energy = passed_on(scattered(ends.solid_angle, strength, sine) * target.worth,
+                           spreading_area=way.spreading_area, patch=ends.patch)
         code = Paths.extended(ends.code, mi.Bool(True)) if folded else ends.code
         start = ends.point.z if folded else -ends.point.z
         return self._ghosts(energy, ends, target, ends.between + way.travel_time, _joined(code, target.code), active,
@@ -314,8 +317,9 @@ class Bounces:
         """Bounce once more, and whether that was a mirror's."""
         first, second = pair(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
         third, _ = other_pair(second, key)
-        direction, share, mirrored = scattered(ends, ends.valid, self.frequency, uniform(self.lib, first),
-                                               mi.Point2f(uniform(self.lib, second), uniform(self.lib, third)))
+        first, second, third = (uniform(self.lib, bits) for bits in (first, second, third))
+        direction, share, mirrored = next_direction(ends, ends.valid, self.frequency, first,
+                                                    mi.Point2f(second, third))
         if self.mirror:
             at_surface, towards = ends.label == self.surface, ends.arrival_direction
             image = towards - 2 * dr.dot(ends.normal, towards) * ends.normal
@@ -342,8 +346,9 @@ class Bounces:
                 way = homeward(ends.point, ends.normal, ends.valid)
             active = ends.valid & way.free
             strength, sine = bistatic_strength(ends, -way.arrival_direction, active, self.frequency)
-            ratio = mi.Float(ends.sound_speed) / source_speed
-            energy = ends.solid_angle * strength / dr.maximum(sine, GRAZING) * ratio * ratio / way.spreading_area
+            energy = echo_energy(solid_angle=ends.solid_angle, strength=strength, sin_grazing=sine,
+                                 spreading_area=way.spreading_area,
+                                 speed_ratio=speed_ratio(ends.sound_speed, source_speed))
             back = replace(ends, leg=Leg.along(way, place, ends.point, folded=folded),
                            loss_db=self._loss_db(-place.z, -ends.point.z, way, folded))
             ghosts = self._ghosts(energy, ends, back, ends.between, code, active)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from ..device.arrays import arrays_of
 from .record import Echoes, Leg
+from .sonar_equation import leg_gain, mirrored_overhead, speed_ratio
 
 __all__ = ["Sight", "Sights"]
 
@@ -89,9 +89,8 @@ class Sights:
         return self._sight(sources, source, origin, point, way, loss_db, False)
 
     def _sight(self, sources, source, origin, point, way, loss_db, folded):
-        source_speed = sources.state.gather(self.lib, source)[1]
-        gain = (mi.Float(way.sound_speed / source_speed) / way.spreading_area
-                * dr.exp(loss_db * float(-np.log(10) / 20)))
+        ratio = speed_ratio(way.sound_speed, sources.state.gather(self.lib, source)[1])
+        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio, loss_db=loss_db)
         return Sight(way=way, leg=Leg.along(way, origin, point, folded=folded), gain=gain)
 
     def ways(self, bounces=1):
@@ -113,7 +112,7 @@ class Sights:
         point = self.lib.Array3f64(origin.x, origin.y, -JUST_BELOW)
         sight = self(sources, origin, source, point, mi.Vector3f(0, 0, 0))
         way, nothing = sight.way, dr.zeros(mi.Float, dr.width(sight.gain))
-        slower = mi.Float(sources.state.gather(self.lib, source)[1] / way.sound_speed)
-        pressure = -0.5 * sight.gain * slower * dr.sqrt(way.spreading_area)
+        ratio = speed_ratio(way.sound_speed, sources.state.gather(self.lib, source)[1])
+        pressure = mirrored_overhead(sight.gain, spreading_area=way.spreading_area, speed_ratio=ratio)
         return Echoes(out=sight.leg, back=sight.leg, between=dr.zeros(mi.Float64, dr.width(nothing)),
                       energy=dr.square(pressure), amplitude=(pressure, nothing), path="s"), way.free

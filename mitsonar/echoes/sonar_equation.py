@@ -1,33 +1,128 @@
-"""The sonar equation of a ray.
+"""The sonar equation: what sound that has met something is worth when it is back at the sonar.
 
-A ray launched into ΔΩ lights dA = A ΔΩ / sin θ_i of a facet, and the echo's share of that patch at the receiver is
+A ray sent into ΔΩ lights a patch of A ΔΩ / sin θ_i of a surface. Of every unit of power that it carries,
 
-    p² = 10^(SL/10) B ΔΩ (σ / sin θ_i) 10^(-2 ᾱ L / 10) / A'                         [µPa²]
-    A' = A (c_0 / c_h)²
+    σ / sin θ_i                      goes on towards the receiver, per steradian                         `scattered`
+    (c_h / c_0)² / A                 of that arrives there                                               `returned`
 
-SL source level, B two-way intensity pattern, σ scattering strength, θ_i grazing angle on the facet, ᾱ absorption, L arc
-length, A ray-tube area per steradian of the outgoing leg: it cancels, and A' is that of the returning leg, from the
-stratified reciprocity A c_0² p = A' c_h² p. What a time bin's rays bring adds up (Jackson & Richardson 2007; ray
-form of the reverberation integral).
+so that the echo of a ray and, along the legs out and back, the echo of a thing of known strength S are
+
+    p² = 10^(SL/10) B ΔΩ (σ / sin θ_i) 10^(-2 ᾱ L / 10) (c_h / c_0)² / A          [µPa²]                 `echo_energy`
+    p² = 10^(SL/10) B S g_out g_back,       g = (c_h / c_0) 10^(-ᾱ L / 10) / A                           `along_legs`
+
+S is σ dA of a cell, s_v dV of water, 10^(TS/10) of a point target. In the first line the spreading of the leg out
+cancels against the patch; A (c_0 / c_h)² is the ray tube's area on the way back, from the reciprocity of stratified
+water, A c_0² back = A c_h² out (Jackson & Richardson 2007; ray form of the reverberation integral). What a time bin's
+rays bring adds up. Pressures are the roots: a thing that answers with the pressure f sends back f √(g_out g_back).
+
+    SL   source level                     B    ``pattern``         two-way intensity pattern [-]
+    ΔΩ   ``solid_angle`` [sr]             σ    ``strength``        scattering strength [-]
+    θ_i  ``sin_grazing`` [-]              A    ``spreading_area``  of the leg, outgoing [m²/sr]
+    c_h / c_0  ``speed_ratio`` [-]        ᾱ L  half of ``loss_db``, the two-way absorption [dB]
+
+Nobody else divides by a spreading area, or sound speed by sound speed (`tests/structure/test_one_sonar_equation.py`).
 """
+from __future__ import annotations
+
 import drjit as dr
+import numpy as np
 
-__all__ = ["echo_energy"]
+__all__ = ["GRAZING", "absorbed", "along_legs", "echo_energy", "leg_gain", "lit_patch", "mirrored_overhead",
+           "passed_on", "pressure_along_legs", "returned", "returned_by_patch", "scattered",
+           "solid_angle_of", "speed_ratio"]
+
+Array = dr.ArrayBase
+
+GRAZING = 1e-6                     # sine of the grazing angle below which nothing is lit
 
 
-def echo_energy(*, solid_angle, pattern, strength, sin_grazing, spreading_area, speed_ratio, loss):
-    """Echo of one ray relative to 10^(SL/10) [1/m²].
+def speed_ratio(at_hit: Array, at_source: Array) -> Array:
+    """Give c_h / c_0, Float (R,), from sound speeds [m/s], Float64 (R,) and either kind of Float."""
+    ratio = type(at_source)(at_hit) / at_source
+    return dr.float32_array_t(type(ratio))(ratio)
+
+
+def absorbed(loss_db: Array) -> Array:
+    """Give what is left of a power after a loss [dB]."""
+    return dr.exp(loss_db * float(-np.log(10) / 10))
+
+
+# ---- rays: energies per solid angle
+
+def scattered(power: Array, strength: Array, sin_grazing: Array) -> Array:
+    """Give what of a ray's power goes on per steradian; nothing where the ray grazes the surface."""
+    lit = sin_grazing > GRAZING
+    return power * dr.select(lit, strength / dr.select(lit, sin_grazing, 1), 0)
+
+
+def passed_on(power: Array, *, spreading_area: Array, patch: Array) -> Array:
+    """Give the intensity at the end of a leg between two surfaces [1/m²].
+
+    The area is kept above the patch [m²] that the ray stands for, over π, so that corners do not flare.
+    """
+    return power / (spreading_area + patch * (1 / np.pi))
+
+
+def returned(power: Array, *, spreading_area: Array, speed_ratio: Array) -> Array:
+    """Give what arrives at the sonar of a power per steradian [1/m²]."""
+    return power * speed_ratio * speed_ratio / spreading_area
+
+
+def echo_energy(*, solid_angle: Array, strength: Array, sin_grazing: Array, spreading_area: Array, speed_ratio: Array,
+                pattern: Array | float = 1.0, loss: Array | float = 1.0) -> Array:
+    """Give the echo of one ray relative to 10^(SL/10) [1/m²].
 
     Parameters
     ----------
-    solid_angle : ΔΩ [sr]
-    pattern : B, two-way intensity pattern [-]
-    strength : σ [-]
-    sin_grazing : sin θ_i, of the incident ray on the facet [-]
-    spreading_area : A [m²/sr], outgoing
-    speed_ratio : c_h / c_0 [-]
-    loss : two-way absorption as a power factor [-], relative to that of the bin's unit
+    solid_angle, strength, sin_grazing, spreading_area, speed_ratio, pattern : Float (R,)
+        See the module's symbols; the angle is that of the incident ray on the facet.
+    loss : Float (R,)
+        Two-way absorption as a power factor [-], relative to that of the bin's unit.
     """
-    shining = sin_grazing > 1e-6
-    per_patch = dr.select(shining, strength / dr.select(shining, sin_grazing, 1), 0)
-    return solid_angle * pattern * per_patch * loss * speed_ratio * speed_ratio / spreading_area
+    power = scattered(solid_angle * pattern, strength, sin_grazing) * loss
+    return returned(power, spreading_area=spreading_area, speed_ratio=speed_ratio)
+
+
+def returned_by_patch(intensity: Array, *, solid_angle: Array, strength: Array, sin_grazing: Array,
+                      speed_ratio: Array) -> Array:
+    """Give what arrives at the sonar when an intensity [1/m²] falls on the patch that a ray from the sonar stands for.
+
+    The spreading of the ray's own leg cancels: the patch is larger by as much as its echo is weaker.
+    """
+    return scattered(intensity * solid_angle, strength, sin_grazing) * speed_ratio * speed_ratio
+
+
+def lit_patch(solid_angle: Array, *, spreading_area: Array, sin_grazing: Array) -> Array:
+    """Give the patch of a surface that a ray stands for [m²]."""
+    return spreading_area * solid_angle / dr.maximum(sin_grazing, GRAZING)
+
+
+def solid_angle_of(patch: Array, *, spreading_area: Array, sin_grazing: Array) -> Array:
+    """Give the solid angle that a patch [m²] fills as seen along another leg [sr]."""
+    return patch * sin_grazing / spreading_area
+
+
+# ---- legs to points: things of known strength
+
+def leg_gain(*, spreading_area: Array, speed_ratio: Array, loss_db: Array | None = None) -> Array:
+    """Give g of a leg [1/m²]; `loss_db` None leaves absorption out."""
+    gain = speed_ratio / spreading_area
+    return gain if loss_db is None else gain * dr.exp(loss_db * float(-np.log(10) / 20))
+
+
+def along_legs(strength: Array, out: Array, back: Array) -> Array:
+    """Give the echo of a thing of strength S [m²] seen along legs of gains `out` and `back` [-]."""
+    return strength * (out * back)
+
+
+def pressure_along_legs(pressure: Array | float, out: Array, back: Array) -> Array:
+    """Give the echo of a thing that answers with a pressure f [m], seen along legs of gains `out` and `back` [-]."""
+    return pressure * dr.sqrt(out * back)
+
+
+def mirrored_overhead(gain: Array, *, spreading_area: Array, speed_ratio: Array) -> Array:
+    """Give the echo of a flat surface straight above, as a pressure [1/m], from the gain of the leg up to it.
+
+    It is half the pressure of a wave that starts there, upside down: -10^(-ᾱ L / 10) / (2 √A).
+    """
+    return -0.5 * gain / speed_ratio * dr.sqrt(spreading_area)

@@ -18,6 +18,7 @@ from .multipath import Bounces
 from .paths import Paths
 from .record import Echoes, Leg
 from .scatterers import TARGET_RADIUS
+from .sonar_equation import absorbed, along_legs
 from .volume import WaterEchoes
 
 __all__ = ["ArrayGhosts"]
@@ -85,7 +86,7 @@ class ArrayGhosts:
         for first, last, sign in self.sights.ways():
             out, back = ends[first], ends[last]
             lit = out.way.free & back.way.free
-            energy = strength(out.way, back.way, lit) * out.gain * back.gain
+            energy = along_legs(strength(out.way, back.way, lit), out.gain, back.gain)
             root = dr.sqrt(dr.maximum(energy, 0)) * sign
             yield from self._made(energy, tuple(root * part for part in amplitude), out.leg,
                                   None if first == last else back.leg, lit, "sbs" if first == last else "bs")
@@ -106,7 +107,7 @@ class ArrayGhosts:
             return self.connector(sources, origin, mi.UInt32(0), point, normal, active, short=short)
 
         for number, ghosts in enumerate(self.bounces(hits, solid_angle, start, speed, strata, row_key, homeward)):
-            energy = ghosts.energy * self._absorbed(ghosts.loss_db)
+            energy = ghosts.energy * absorbed(ghosts.loss_db)
             active = self._worthwhile(energy, ghosts.active)
             path = self.paths.numbers(ghosts.code)
             # once for all names, and no kernel of its own for any of them
@@ -130,7 +131,7 @@ class ArrayGhosts:
         chance, _ = pair(index, row_key)
         drawn = self.water(sources, origin, mi.UInt32(0), speed, direction, solid_angle, strata,
                            uniform(self.lib, chance))
-        energy = drawn.energy * self._absorbed(drawn.loss_db)
+        energy = drawn.energy * absorbed(drawn.loss_db)
         yield from self._made(energy, self._drawn(energy, hashed_pair(self.lib, index, row_key)),
                               Leg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")
 
@@ -141,9 +142,6 @@ class ArrayGhosts:
     def _worthwhile(self, energy, active):
         strongest = dr.max(dr.select(active, energy, 0))
         return active & (energy > FAINTEST * strongest)
-
-    def _absorbed(self, loss_db):
-        return dr.exp(loss_db * float(-np.log(10) / 10))
 
     def _made(self, energy, amplitude, out, back, lit, path):
         """The echoes that are there; `back` None: along the way out."""

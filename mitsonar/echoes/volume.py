@@ -16,6 +16,7 @@ import numpy as np
 
 from ..tracing.connection import Connection
 from ..water.volume_table import volume_table
+from .sonar_equation import along_legs, leg_gain, speed_ratio
 
 __all__ = ["WaterEchoes"]
 
@@ -98,8 +99,8 @@ class WaterEchoes:
         in_water = point.z < 0
         way = self.connector(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
         strength = self.table(mi.Float(-point.z), in_water)
-        ratio = mi.Float(way.sound_speed) / source_speed
-        energy = strength * r * r * solid_angle * self.span * dr.square(ratio / way.spreading_area)
+        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, source_speed))
+        energy = along_legs(strength * r * r * solid_angle * self.span, gain, gain)
         loss_db = self.absorption(mi.Float(-origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
         return _Drawn(point=point, way=way, energy=energy, loss_db=loss_db,
                       active=in_water & way.free & (energy > 0) & dr.isfinite(energy))

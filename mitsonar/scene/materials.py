@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-__all__ = ["bistatic_strength", "check", "reflection", "scattered", "scattering_strength"]
+__all__ = ["bistatic_strength", "check", "next_direction", "reflection", "scattering_strength"]
 
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
@@ -152,7 +152,7 @@ def reflection(hits, active, frequency):
     return dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed), active)
 
 
-def scattered(hits, active, frequency, sample1, sample2):
+def next_direction(hits, active, frequency, sample1, sample2):
     """Draw where sound goes on from each hit.
 
     Parameters

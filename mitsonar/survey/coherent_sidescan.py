@@ -23,6 +23,7 @@ from ..device.arrays import arrays_of, upload
 from ..echoes.record import Echoes
 from ..echoes.scatterers import TARGET_RADIUS
 from ..echoes.smooth.targets import SmoothTargets
+from ..echoes.sonar_equation import pressure_along_legs
 from ..imaging.sidescan import pulse_cells
 from ..sonar.directivity import sinc
 
@@ -150,7 +151,7 @@ class CoherentEchoes:
         nothing = dr.zeros(mi.Float, dr.width(strength))
         for there, back, sign in [(False, False, 1.0), *self.sights.ways()]:
             out, home = ends[there], ends[back]
-            pressure = strength * dr.sqrt(out.gain * home.gain) * sign
+            pressure = pressure_along_legs(strength, out.gain, home.gain) * sign
             pressure = dr.select(out.way.free & home.way.free & dr.isfinite(pressure), pressure, 0)
             yield number, label, Echoes(
                 out=out.leg, back=home.leg, between=dr.zeros(mi.Float64, dr.width(pressure)),

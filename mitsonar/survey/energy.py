@@ -25,7 +25,7 @@ from ..echoes.multipath import Bounces
 from ..echoes.origin_sums import WORDS
 from ..echoes.paths import Paths
 from ..echoes.sights import Sights
-from ..echoes.sonar_equation import echo_energy
+from ..echoes.sonar_equation import absorbed, echo_energy, speed_ratio
 from ..echoes.volume import WaterEchoes
 from ..imaging.sidescan import mean_intensity, pulse_shares
 from ..scene.materials import scattering_strength
@@ -361,7 +361,7 @@ class _Block:
     def _units(self, energy, loss_db, bin, inside):
         """Echo energies with their absorption in units of their bins."""
         units, unit_loss_db = dr.gather(self.lib.Array2f, self.per_bin, bin, inside)
-        energy = energy * dr.exp((unit_loss_db - loss_db) * float(np.log(10) / 10))
+        energy = energy * absorbed(loss_db - unit_loss_db)
         return dr.select(dr.isfinite(energy), mi.Float64(energy) * mi.Float64(units), 0)
 
     def _patterns(self, u, v, heard_u, heard_v):
@@ -398,8 +398,8 @@ class _Block:
         loss_db = self.absorption(source_depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter))
         energy = echo_energy(solid_angle=ray.solid_angle, pattern=along * across, strength=strength,
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
-                             speed_ratio=mi.Float(hits.sound_speed) / source_speed,
-                             loss=dr.exp((unit_loss_db - loss_db) * float(np.log(10) / 10)))
+                             speed_ratio=speed_ratio(hits.sound_speed, source_speed),
+                             loss=absorbed(loss_db - unit_loss_db))
         return mi.Float64(energy) * mi.Float64(units), bin, inside & dr.isfinite(energy), lobe > BEAM_EDGE
 
 

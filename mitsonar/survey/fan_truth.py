@@ -20,6 +20,7 @@ from ..device.arrays import arrays_of, upload
 from ..device.chance import Salt, ping_key
 from ..device.lookups import held
 from ..echoes.energy_sums import UNIT_BITS, EchoSums
+from ..echoes.sonar_equation import GRAZING, echo_energy, speed_ratio
 from ..scene.materials import scattering_strength
 from ..tracing.aimed_launch import DrawnRays
 from .truth import BinTruth
@@ -190,10 +191,11 @@ class FanTruth:
         """Echo of each ray in units of its bin, the bin, and whether it lies in the record."""
         bin, inside = self._bin(delay, hits.valid & (solid_angle > 0))
         strength, sin_grazing = scattering_strength(hits, inside, self.survey.frequency)
-        inside &= sin_grazing > 1e-6
+        inside &= sin_grazing > GRAZING
         _, source_speed, _ = sources.state.gather(self.lib, mi.UInt32(0))
-        ratio = mi.Float(hits.sound_speed / source_speed)
-        energy = solid_angle * strength / dr.maximum(sin_grazing, 1e-6) * ratio * ratio / hits.spreading_area
+        energy = echo_energy(solid_angle=solid_angle, strength=strength, sin_grazing=sin_grazing,
+                             spreading_area=hits.spreading_area,
+                             speed_ratio=speed_ratio(hits.sound_speed, source_speed))
         units = mi.Float64(energy) * dr.gather(mi.Float64, self.per_bin, bin, inside)
         return units, bin, inside & dr.isfinite(energy)
 

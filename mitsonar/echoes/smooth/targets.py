@@ -28,6 +28,7 @@ from ...scene.materials import reflection
 from ...tracing.connection import LIFT
 from ..cells import divisions
 from ..record import Echoes, Leg
+from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
 from .kirchhoff import further, mean_sent_back
 
@@ -211,7 +212,7 @@ class SmoothTargets:
             wavenumber = self.turn_rate / mi.Float(ways[0].sound_speed)
             waves = [(way.arrival_direction, dr.sqrt(way.spreading_area)) for way in ways]
             mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
-            gain = sights[0].gain if len(sights) == 1 else dr.sqrt(sights[0].gain * sights[1].gain)
+            gain = sights[0].gain if len(sights) == 1 else pressure_along_legs(1.0, sights[0].gain, sights[1].gain)
             pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
             # what is not specular is told by both angles: the same both ways
             factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
@@ -333,8 +334,7 @@ class SmoothTargets:
         # power in the tube: its cross-section before and after
         widening = area * abs(steep) / dr.maximum(tube.area * abs(dr.dot(side, direction)), 1e-30)
         loss_db = 0.5 * self.loss_db(mi.Float(-height), mi.Float(-point.z), short, dr.zeros(mi.Float, dr.width(short)))
-        pressure = tube.pressure * dr.sqrt(dr.exp(loss_db * float(-np.log(10) / 10))
-                                           / dr.maximum(widening, 1 / STRONGEST_FOCUS))
+        pressure = tube.pressure * dr.sqrt(absorbed(loss_db) / dr.maximum(widening, 1 / STRONGEST_FOCUS))
         tube = _Tube(active=active & (area > 0), place=tube.place, facet=facet, point=point, corners=corners, ways=ways,
                      directions=directions, area=area, pressure=pressure, reflected=tube.reflected,
                      between=tube.between + length / speed, out=tube.out)
