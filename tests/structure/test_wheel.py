@@ -36,7 +36,7 @@ def test_every_file_is_in_it(wheel):
 def test_it_states_licence_command_and_python(wheel):
     archive = zipfile.ZipFile(wheel)
     information = {name.partition(".dist-info/")[2]: name for name in archive.namelist() if ".dist-info/" in name}
-    assert archive.read(information["licenses/mitsonar/LICENSE"]).startswith(b"BSD 3-Clause License")
+    assert archive.read(information["licenses/LICENSE"]).startswith(b"BSD 3-Clause License")
     assert b"mitsonar = mitsonar.__main__:main" in archive.read(information["entry_points.txt"])
     metadata = archive.read(information["METADATA"]).decode()
     assert "License-Expression: BSD-3-Clause" in metadata
