@@ -5,20 +5,46 @@ One unit is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R², Φ the sonar's equiv
 the least absorption of the water: 60 dB finer than a typical ray of a typical bin, with room for a bin 30 dB above a
 perfect reflector that fills the beam.
 """
+from dataclasses import dataclass
+from types import ModuleType
+
 import drjit as dr
 import numpy as np
 
-
-__all__ = ["EchoSums", "sum_size"]
+__all__ = ["EchoSums", "SummedEnergy", "sum_size"]
 
 UNIT_BITS = 50
 LARGEST = 2.0 ** 58                # units a single echo may bring
 
 
-def sum_size(needed):
+def sum_size(needed: int) -> int:
     """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes
     exist."""
     return max(1 << 16, 1 << (int(needed) - 1).bit_length())
+
+
+@dataclass(frozen=True, kw_only=True)
+class SummedEnergy:
+    """Energies of a block of pings.
+
+    Attributes
+    ----------
+    intensity : (rows, bins) [µPa²]
+    label_intensity : (rows, labels, bins) [µPa²]
+        Of every instance.
+    path_intensity : (rows, paths, bins) [µPa²] or None
+        None where paths are not told apart.
+    depth : (rows, bins) float32 [m]
+        Mean, weighted by energy; NaN where no echo is.
+    rays, rays_in_beam : (rows, bins) uint32
+    """
+
+    intensity: np.ndarray
+    label_intensity: np.ndarray
+    path_intensity: np.ndarray | None
+    depth: np.ndarray
+    rays: np.ndarray
+    rays_in_beam: np.ndarray
 
 
 class EchoSums:
@@ -36,7 +62,7 @@ class EchoSums:
         Number of paths; one is not told apart.
     """
 
-    def __init__(self, lib, rows, labels, bins, paths=1):
+    def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, paths: int = 1):
         self.lib, self.rows, self.labels, self.bins, self.paths = lib, rows, labels, bins, paths
         self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
         self.depth = dr.zeros(lib.UInt64, sum_size(rows * bins))
@@ -77,7 +103,11 @@ class EchoSums:
         if counted:
             dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
 
-    def read(self, unit, depth_range):
+    def sums(self) -> list:
+        """Arrays to evaluate."""
+        return [array for array in (self.energy, self.depth, self.count, self.path_energy) if array is not None]
+
+    def read(self, unit: np.ndarray, depth_range: tuple[float, float]) -> SummedEnergy:
         """Give the sums as physical arrays.
 
         Parameters
@@ -85,15 +115,9 @@ class EchoSums:
         unit : (bins,) [µPa²]
             Worth of one unit in each bin.
         depth_range : (float, float) [m]
-
-        Returns
-        -------
-        dict of (rows, bins) arrays
-            ``intensity`` [µPa²] float64, ``label_intensity`` (rows, labels, bins) of every instance, ``depth`` [m]
-            float32, NaN where no echo, ``rays`` and ``rays_in_beam`` uint32; ``path_intensity`` (rows, paths, bins)
-            [µPa²] where there is more than one path.
         """
         shape = (self.rows, self.bins)
+
         def values(sums, *shape):
             return sums.numpy()[:int(np.prod(shape))].reshape(shape)
 
@@ -102,10 +126,11 @@ class EchoSums:
         height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
         count = values(self.count, *shape)
         top, bottom = depth_range
-        by_path = {}
+        path_intensity = None
         if self.path_energy is not None:
-            by_path["path_intensity"] = values(self.path_energy, self.rows, self.paths, self.bins) * unit
-        return {"intensity": total * unit[None], "label_intensity": energy * unit, **by_path,
-                "depth": np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
-                "rays": (count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
-                "rays_in_beam": (count >> np.uint64(32)).astype(np.uint32)}
+            path_intensity = values(self.path_energy, self.rows, self.paths, self.bins) * unit
+        return SummedEnergy(
+            intensity=total * unit[None], label_intensity=energy * unit, path_intensity=path_intensity,
+            depth=np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
+            rays=(count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
+            rays_in_beam=(count >> np.uint64(32)).astype(np.uint32))

@@ -5,13 +5,16 @@ the seabed behind objects would send if the objects were not there, by object; a
 lobe arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`):
 where a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
 """
+from dataclasses import dataclass
+from types import ModuleType
+
 import drjit as dr
 import numpy as np
 
 from ..device.lookups import held
 from .energy_sums import LARGEST, sum_size
 
-__all__ = ["SECTORS", "WORDS", "OriginSums", "sector"]
+__all__ = ["SECTORS", "WORDS", "OriginSums", "SummedOrigins", "sector"]
 
 SECTORS = 256
 PLACE, MASK = 5, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth; sectors
@@ -42,6 +45,27 @@ def sector(sine, depth_below, farthest):
     return dr.uint32_array_t(type(sine))(held(share, 0, 1) * (SECTORS - 1e-3))
 
 
+@dataclass(frozen=True, kw_only=True)
+class SummedOrigins:
+    """Where the energies of a block of pings come from.
+
+    Attributes
+    ----------
+    seabed_place : (rows, bins, 3) float32 [m]
+        x, y and depth of the seabed that the main lobe sees, NaN where that is hardly any.
+    seabed_intensity : (rows, bins) [µPa²]
+    hidden_intensity : (rows, labels, bins) [µPa²] or None
+        What each object hides of the seabed; None where nothing can hide it.
+    layover : (rows, bins) uint8
+        Number of separate runs of sectors.
+    """
+
+    seabed_place: np.ndarray
+    seabed_intensity: np.ndarray
+    hidden_intensity: np.ndarray | None
+    layover: np.ndarray
+
+
 class OriginSums:
     """Sums of a block of pings.
 
@@ -57,7 +81,7 @@ class OriginSums:
         Whether anything can hide the seabed.
     """
 
-    def __init__(self, lib, rows, labels, bins, hidden):
+    def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, hidden: bool):
         self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
         self.place = dr.zeros(lib.UInt64, sum_size(PLACE * rows * bins))
         self.sectors = dr.zeros(lib.UInt64, sum_size(MASK * rows * bins))
@@ -101,7 +125,7 @@ class OriginSums:
         """Arrays to evaluate."""
         return [array for array in (self.place, self.sectors, self.hidden) if array is not None]
 
-    def read(self, unit, lower, upper):
+    def read(self, unit: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SummedOrigins:
         """Give the sums as physical arrays.
 
         Parameters
@@ -110,13 +134,6 @@ class OriginSums:
             Worth of one unit in each bin.
         lower, upper : (3,) [m]
             x, y and depth that the fractions 0 and 1 stand for.
-
-        Returns
-        -------
-        dict of (rows, bins) arrays
-            ``seabed_place`` (rows, bins, 3) [m], of what the main lobe sees, NaN where that is hardly any;
-            ``seabed_intensity`` [µPa²]; ``layover`` uint8, the number of separate runs of sectors;
-            ``hidden_intensity`` (rows, labels, bins) [µPa²] where anything can hide the seabed.
         """
         def values(sums, *shape):
             return sums.numpy()[:int(np.prod(shape))].reshape(shape)
@@ -126,11 +143,11 @@ class OriginSums:
         lower, upper = np.asarray(lower, float), np.asarray(upper, float)
         there = weight > (upper - lower).max() / ROUNDING
         place = np.where(there, lower + place[..., 2:] / np.maximum(weight, 1) * (upper - lower), np.nan)
-        out = {"seabed_place": place.astype(np.float32), "seabed_intensity": seabed / FINER * unit,
-               "layover": runs(values(self.sectors, self.rows, self.bins, MASK))}
+        hidden = None
         if self.hidden is not None:
-            out["hidden_intensity"] = 4 * values(self.hidden, self.rows, self.labels, self.bins) * unit
-        return out
+            hidden = 4 * values(self.hidden, self.rows, self.labels, self.bins) * unit
+        return SummedOrigins(seabed_place=place.astype(np.float32), seabed_intensity=seabed / FINER * unit,
+                             hidden_intensity=hidden, layover=runs(values(self.sectors, self.rows, self.bins, MASK)))
 
 
 def runs(masks):

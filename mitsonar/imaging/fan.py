@@ -8,20 +8,26 @@ ahead and level for a line across the bow, athwart and downwards for one under t
 filter, then delay-and-sum focused at every range; level = 20 log10 |beam| [dB re 1 µPa], R = c t / 2 at the array's
 sound speed. A single element makes a single beam, which is the element itself.
 """
+from collections.abc import Mapping
+
 import numpy as np
 import xarray
 
+from ..sonar.array import Array
+from ..sonar.pulses import Pulse
 from ..signal.beamforming import delay_and_sum
 from ..signal.matched_filter import matched_filter
 from ..signal.reception import delayed
 from . import truth
+from .energy_record import EnergyRecord
 
 __all__ = ["fan_directions", "image"]
 
 NOTHING_DB = -200.0                # level of a sample without any echo or noise
+SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 
 
-def fan_directions(array, beams, width):
+def fan_directions(array: Array, beams: int, width: float) -> tuple[np.ndarray, np.ndarray]:
     """Look directions of a fan.
 
     Parameters
@@ -55,7 +61,9 @@ def fan_directions(array, beams, width):
     return angle, np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * axis
 
 
-def image(signals, pulse, angle, direction, *, depth_below, known, labels, class_of):
+def image(signals: xarray.DataArray, pulse: Pulse, angle: np.ndarray, direction: np.ndarray, *,
+          depth_below: np.ndarray, record: EnergyRecord, labels: Mapping[int, str],
+          class_of: Mapping[int, int]) -> xarray.Dataset:
     """Make the picture of pings.
 
     Parameters
@@ -67,8 +75,8 @@ def image(signals, pulse, angle, direction, *, depth_below, known, labels, class
         Of `fan_directions`.
     depth_below : (P,) [m]
         Seabed below the sonar.
-    known : dict of (ping, beam, ...) arrays
-        Ground truth, as `FanTruth` gives it.
+    record : EnergyRecord
+        Of the beams, arrays (ping, beam, bin): what the ground truth is taken from.
     labels : dict[int, str]
         Names of the instances.
     class_of : dict[int, int]
@@ -96,13 +104,25 @@ def image(signals, pulse, angle, direction, *, depth_below, known, labels, class
         "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
         "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
         **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
+    rays, share = record.echoes_in_beam, record.truth.share
+    empty = _runs_of(rays == 0, SHORTEST_SHADOW)
+    shadow = (empty & np.logical_or.accumulate(rays > 0, -1)).astype(np.uint8)
+    # bins between others that no ray happened to reach take the label of what the picture shows there
+    label = np.where(empty | ~share.any(-2), 0, share.argmax(-2) + 1).astype(np.uint32)
     kept = ("seed", "frequency", "sound_speed", "sampling_rate", "source_level_db")
     dims = ("ping", "beam", "range")
     return xarray.Dataset(
         {"level": (dims, level.astype(np.float32), {"units": "dB re 1 µPa", "long_name": "echo level"}),
-         **truth.variables(known, known["label"], class_of, dims),
-         "shadow": (dims, known["shadow"], {"units": "1", "long_name": "no ray arrives, after the first return"}),
-         "rays": (dims, known["rays"], {"units": "1", "long_name": "rays of the ground truth"})},
+         **truth.variables(record.truth, label, class_of, dims),
+         "shadow": (dims, shadow, {"units": "1", "long_name": "no ray arrives, after the first return"}),
+         "rays": (dims, rays, {"units": "1", "long_name": "rays of the ground truth"})},
         coords, {"sonar": "array_sonar", **{name: signals.attrs[name] for name in kept},
                  "bin_width": float(0.5 * speed / rate),
                  "labels": {str(number): name for number, name in labels.items()}})
+
+
+def _runs_of(flags: np.ndarray, shortest: int) -> np.ndarray:
+    """Flags (..., N) without their runs that are shorter."""
+    from scipy.ndimage import binary_opening
+
+    return binary_opening(flags, np.ones((1,) * (flags.ndim - 1) + (shortest,), bool))

@@ -9,12 +9,17 @@ variance: the sum of many scatterers in a resolution cell (physics of Rayleigh r
 phase of its own, point targets and smooth surfaces (z_c), adds before it is squared: to the mean <|z_c|²>, and to a
 realisation so that amplitudes are Rice's (S. O. Rice, 1945): <|z + z_c|²> over each cell, z being one number there.
 """
+from collections.abc import Callable, Mapping, Sequence
+
 import numpy as np
 import xarray
 
 from mitsonar.units import db_from_power, power_from_db
 
+from ..sonar.sidescan import Sidescan
+from ..sonar.track import Track
 from . import truth
+from .energy_record import EnergyRecord
 
 __all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation"]
 
@@ -22,7 +27,7 @@ NOTHING_DB = -200.0                # level where no sound arrives at all
 WORK = 1 << 18                     # bins drawn at a time
 
 
-def pulse_shares(bin_length, pulse_length):
+def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
     """Overlap of a pulse, centred on a bin, with the bins or half bins it covers.
 
     Returns
@@ -39,19 +44,20 @@ def pulse_shares(bin_length, pulse_length):
     return np.clip(np.minimum(start + 1, ratio) - np.maximum(start, -ratio), 0, 1)
 
 
-def pulse_cells(bin_length, pulse_length):
+def pulse_cells(bin_length: float, pulse_length: float) -> int:
     """How many pulses follow each other in a bin: the cells whose intensities are averaged."""
     return max(1, round(bin_length / pulse_length))
 
 
-def mean_intensity(intensity, shares):
+def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Mean level of the bins, (..., bins) [µPa²], of echoes `intensity` (..., bins) and a pulse's `shares`."""
     if len(shares) == 1:
         return intensity * shares[0]
     return _gate(np.repeat(0.5 * intensity, 2, -1), shares)
 
 
-def realisation(intensity, shares, noise, random, coherent=None, coherent_intensity=0.0):
+def realisation(intensity: np.ndarray, shares: np.ndarray, noise: float, random: np.random.Generator,
+                coherent: np.ndarray | None = None, coherent_intensity: np.ndarray | float = 0.0) -> np.ndarray:
     """Draw the intensity one ping would record.
 
     Parameters
@@ -86,14 +92,15 @@ def realisation(intensity, shares, noise, random, coherent=None, coherent_intens
     return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
 
 
-def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_db, speckle, seed, absorption_db,
-          paths=("b",)):
+def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
+          labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None, speckle: bool, seed: int,
+          absorption_db: float, paths: Sequence[str] = ("b",)) -> xarray.Dataset:
     """Make the dataset of a run.
 
     Parameters
     ----------
-    echoes : dict of (ping, side, bin) arrays
-        As `EchoSums.read` and `imaging.truth` give them, and `CoherentEchoes` where there are some.
+    record : EnergyRecord
+        Arrays (ping, side, bin).
     sonar : Sidescan
     track : Track
     depth_below : (P,) [m]
@@ -116,24 +123,24 @@ def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_
     xarray.Dataset
         Dimensions (ping, side, range); see its attributes.
     """
-    pings, _, bins = echoes["intensity"].shape
+    pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
     shares = pulse_shares(bin_length, sonar.pulse_length)
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
-    depth, in_beam = echoes["depth"], echoes["rays_in_beam"]
-    if "coherent" in echoes:
-        depth, in_beam = depth.copy(), in_beam + echoes["coherent_in_beam"]
+    coherent, in_beam = record.coherent, record.echoes_in_beam
+    depth = record.depth if coherent is None else record.depth.copy()
     step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
     for start in range(0, pings, step):
         some = slice(start, start + step)
-        energy = echoes["intensity"][some].astype(float)
+        energy = record.intensity[some].astype(float)
         mean, with_phase = mean_intensity(energy, shares), ()
-        if "coherent" in echoes:
-            with_phase = echoes["coherent"][some], echoes["coherent_intensity"][some].astype(float)
-            _place(depth[some], mean, echoes["coherent_depth"][some], np.where(in_beam[some] > 0, with_phase[1], 0))
+        if coherent is not None:
+            with_phase = coherent.pressure[some], coherent.intensity[some].astype(float)
+            depth[some] = _mean_depth(depth[some], mean, coherent.depth[some],
+                                      np.where(in_beam[some] > 0, with_phase[1], 0))
             mean = mean + with_phase[1]
         mean_level[some] = _level(mean)
         if speckle:
@@ -142,7 +149,7 @@ def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_
         else:
             level[some] = _level(mean + noise)
     # in a shadow side lobes bring what little there is: it has no label
-    label = np.where(in_beam > 0, echoes["label"], np.uint32(0))
+    label = np.where(in_beam > 0, record.truth.label, np.uint32(0))
     slant_range = 0.5 * sonar.sound_speed * time
     shadow = _shadow(in_beam, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
     dims = ("ping", "side", "range")
@@ -154,10 +161,10 @@ def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_
     dataset = xarray.Dataset(
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
-         **truth.variables(echoes, label, class_of, dims),
+         **truth.variables(record.truth, label, class_of, dims),
          "depth": entry(depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
-         "rays": entry(echoes["rays"], "1", "rays that arrive")},
+         "rays": entry(record.rays, "1", "rays that arrive")},
         coords={
             "ping": entry(np.arange(pings), "1", "ping number", along),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
@@ -178,15 +185,15 @@ def image(echoes, *, sonar, track, depth_below, window, labels, class_of, noise_
                "noise_db": None if noise_db is None else float(noise_db),
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
                "labels": {str(number): name for number, name in labels.items()}})
-    if "path_intensity" in echoes:
-        dataset = dataset.assign(_by_path(echoes, shares, entry)).assign_coords(
+    if record.path_intensity is not None:
+        dataset = dataset.assign(_by_path(record, shares, entry)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
     return dataset
 
 
-def _by_path(echoes, shares, entry):
+def _by_path(record: EnergyRecord, shares: np.ndarray, entry: Callable[..., tuple]) -> dict[str, tuple]:
     """Levels of every path, (path_name, ping, side, range), and the number of the strongest."""
-    intensity, coherent = echoes["path_intensity"], echoes.get("coherent_path_intensity")
+    intensity, coherent = record.path_intensity, record.coherent and record.coherent.path_intensity
     pings, sides, paths, bins = intensity.shape
     level = np.empty((paths, pings, sides, bins), np.float32)
     step = max(1, WORK // (sides * paths * bins))
@@ -204,12 +211,12 @@ def _by_path(echoes, shares, entry):
             "path": entry(strongest, "1", "path that brings most of the echo, counted from 1; 0: nothing")}
 
 
-def _place(depth, mean, coherent_depth, coherent_mean):
-    """Count where it is what has a phase, in place."""
+def _mean_depth(depth, mean, coherent_depth, coherent_mean):
+    """Depths weighted by energy, coherent echoes included."""
     there = (coherent_depth != 0) & (coherent_mean > 0)
     total = np.where(there, mean + coherent_mean, 1)
     known = np.where(np.isnan(depth), 0, depth)
-    depth[...] = np.where(there, (mean * known + coherent_mean * coherent_depth) / total, depth)
+    return np.where(there, (mean * known + coherent_mean * coherent_depth) / total, depth)
 
 
 def _crossed(z, coherent, cell):

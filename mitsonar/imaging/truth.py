@@ -8,14 +8,46 @@ beams and the resolution of an array (``shown``); C coherent intensity, which is
 instances' own sums, for what they interfere belongs to none; B what the seabed
 sends directly, H what it would send from where instance l stands in front of it.
 """
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
-__all__ = ["shadows", "shares", "variables"]
+__all__ = ["BinTruth", "shadows", "shares", "variables"]
 
 HALF = 0.5
 
 
-def shares(intensity, shown, coherent_power=None, coherent_intensity=None):
+@dataclass(frozen=True, kw_only=True)
+class BinTruth:
+    """Ground truth of bins.
+
+    Attributes
+    ----------
+    label : (..., bins) uint32
+        Number of the instance, from 1, that brings most of what arrives in the bin; 0 where nothing does.
+    share : (..., L, bins) float32
+        Of every instance in the bin's energy, as the picture shows it.
+    hidden : (..., bins) float32
+        Share of the seabed's echo that objects hide.
+    object_shadow : (..., bins) uint32
+        Number of the instance in whose shadow the bin lies, else 0.
+    layover : (..., bins) uint8
+        Separate places that share the bin.
+    seabed_place : (..., bins, 3) float32 [m]
+        x, y and depth of the seabed that the main lobe sees there; NaN where it sees hardly any.
+    """
+
+    label: np.ndarray
+    share: np.ndarray
+    hidden: np.ndarray
+    object_shadow: np.ndarray
+    layover: np.ndarray
+    seabed_place: np.ndarray
+
+
+def shares(intensity: np.ndarray, shown: Callable[[np.ndarray], np.ndarray],
+           coherent_power: np.ndarray | None = None, coherent_intensity: np.ndarray | None = None) -> np.ndarray:
     """Share of every instance in the bins' energy.
 
     Parameters
@@ -45,7 +77,7 @@ def shares(intensity, shown, coherent_power=None, coherent_intensity=None):
     return np.where(whole > 0, total / np.where(whole > 0, whole, 1), 0).astype(np.float32)
 
 
-def _beside(values):
+def _beside(values: np.ndarray) -> np.ndarray:
     """Sums of both neighbours along the last axis."""
     out = np.zeros_like(values)
     out[..., 1:] = values[..., :-1]
@@ -53,7 +85,9 @@ def _beside(values):
     return out
 
 
-def shadows(hidden_intensity, seabed_intensity, intensity, shown, coherent_intensity=0.0):
+def shadows(hidden_intensity: np.ndarray, seabed_intensity: np.ndarray, intensity: np.ndarray,
+            shown: Callable[[np.ndarray], np.ndarray],
+            coherent_intensity: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Share of the seabed's echo that objects hide, and whose shadow a bin lies in.
 
     Parameters
@@ -83,13 +117,12 @@ def shadows(hidden_intensity, seabed_intensity, intensity, shown, coherent_inten
     return hidden, np.where(dark, by_object.argmax(-2) + 1, 0).astype(np.uint32)
 
 
-def variables(known, label, class_of, dims):
+def variables(known: BinTruth, label: np.ndarray, class_of: Mapping[int, int], dims: tuple[str, ...]) -> dict:
     """Give what is known of the bins as variables of a dataset.
 
     Parameters
     ----------
-    known : dict of arrays
-        As `BinTruth.read` gives it, the instances' axis of ``share`` before the last.
+    known : BinTruth
     label : (...) uint32
         Number of the instance that brings most; 0 where nothing is heard.
     class_of : dict[int, int]
@@ -107,10 +140,10 @@ def variables(known, label, class_of, dims):
     return {
         "label": entry(label, "1", "shape that brings most of the echo"),
         "class": entry(np.array([0, *class_of.values()], np.uint32)[label], "1", "class of that shape"),
-        "share": entry(np.moveaxis(known["share"], -2, 0), "1", "share of each shape in the echo", ("shape", *dims)),
-        "hidden": entry(known["hidden"], "1", "share of the seabed's echo that objects hide"),
-        "object_shadow": entry(known["object_shadow"], "1", "object in whose shadow the bin lies; 0: none"),
-        "layover": entry(known["layover"], "1", "separate places that share the bin"),
-        **{f"seabed_{name}": entry(np.ascontiguousarray(known["seabed_place"][..., k]), "m",
+        "share": entry(np.moveaxis(known.share, -2, 0), "1", "share of each shape in the echo", ("shape", *dims)),
+        "hidden": entry(known.hidden, "1", "share of the seabed's echo that objects hide"),
+        "object_shadow": entry(known.object_shadow, "1", "object in whose shadow the bin lies; 0: none"),
+        "layover": entry(known.layover, "1", "separate places that share the bin"),
+        **{f"seabed_{name}": entry(np.ascontiguousarray(known.seabed_place[..., k]), "m",
                                    f"mean {words} of the seabed seen")
            for k, (name, words) in enumerate((("x", "place east"), ("y", "place north"), ("depth", "depth")))}}

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..imaging import fan
+from ..imaging.energy_record import gathered
 from ..scene import materials, objects
 from ..scene.geometry import Geometry
 from ..scene.labels import classes_of
@@ -133,10 +134,10 @@ def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Calla
     truth = survey.fan_truth(*beams, seed)               # refuses what is too large before the hours of signals
     signals = received_signals(survey, pings, kernel="band_limited", return_path="vector", seed=seed,
                                progress=progress, say=say)
-    known = [truth(ping) for ping in pings]
+    record = gathered((truth(ping) for ping in pings), pings=len(pings), rows=len(beams[0]))
     classes, class_of = classes_of(survey.labels)
     image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
-                      class_of=class_of, known={name: np.stack([one[name] for one in known]) for name in known[0]})
+                      class_of=class_of, record=record)
     return objects.annotated(image, classes, class_of, survey.geometry)
 
 

@@ -24,6 +24,7 @@ from ..echoes.record import Echoes
 from ..echoes.scatterers import TARGET_RADIUS
 from ..echoes.smooth.targets import SmoothTargets
 from ..echoes.sonar_equation import pressure_along_legs
+from ..imaging.energy_record import CoherentRecord, CoherentSums
 from ..imaging.sidescan import pulse_cells
 from ..sonar.directivity import sinc
 
@@ -84,21 +85,17 @@ class CoherentEchoes:
 
         Returns
         -------
-        dict of (2 B, bins, ...) arrays
-            ``coherent`` complex64 (cell) [µPa], means of z over each stretch; ``coherent_intensity`` [µPa²], mean of
-            |z|²; ``coherent_power`` (labels, bins), of every instance by itself; ``coherent_depth`` [m], of the
-            strongest; ``coherent_in_beam`` uint32, 1 where one comes through the main lobe; and where there is more
-            than one path ``coherent_path_intensity`` (2 B, paths, bins) [µPa²].
+        CoherentSums
+            Arrays (2 B, ..., bins).
         """
         survey, rows = self.survey, 2 * len(ping)
         cells, paths = pulse_cells(survey.bin_length, survey.sonar.pulse_length), len(survey.paths)
-        out = {"coherent": np.zeros((rows, survey.bins, cells), np.complex64),
-               "coherent_intensity": np.zeros((rows, survey.bins)),
-               "coherent_power": np.zeros((rows, len(survey.labels), survey.bins), np.float32),
-               "coherent_depth": np.zeros((rows, survey.bins), np.float32),
-               "coherent_in_beam": np.zeros((rows, survey.bins), np.uint32)}
-        if paths > 1:
-            out["coherent_path_intensity"] = np.zeros((rows, paths, survey.bins))
+        record = CoherentRecord(
+            pressure=np.zeros((rows, survey.bins, cells), np.complex64), intensity=np.zeros((rows, survey.bins)),
+            depth=np.zeros((rows, survey.bins), np.float32), in_beam=np.zeros((rows, survey.bins), np.uint32),
+            path_intensity=np.zeros((rows, paths, survey.bins)) if paths > 1 else None)
+        out = CoherentSums(record=record,
+                           label_power=np.zeros((rows, len(survey.labels), survey.bins), np.float32))
         group = max(1, WORK // (2 * self.samples))
         for first in range(0, len(ping), group):
             some = slice(first, min(first + group, len(ping)))
@@ -216,7 +213,7 @@ class CoherentEchoes:
 
     def _sum(self, heard, rows, out):
         """Put a group's echoes into the record."""
-        survey, samples = self.survey, self.samples
+        survey, samples, record = self.survey, self.samples, out.record
         heard = {name: np.concatenate([block[name] for block in heard]) for name in heard[0]}
         size = (rows.stop - rows.start) * samples
         begin = (heard["delay"] - 0.5 * survey.sonar.pulse_length - self.start) / self.step
@@ -237,11 +234,11 @@ class CoherentEchoes:
                 z.imag += np.bincount(place[some] + step, weights.imag, size).reshape(z.shape)
             z = np.cumsum(z, axis=1)
             z[:, self.per_pulse:] -= z[:, :-self.per_pulse].copy()
-            if "coherent_path_intensity" in out:
-                out["coherent_path_intensity"][rows, path] = self._means(np.abs(z) ** 2, 1)[..., 0]
+            if record.path_intensity is not None:
+                record.path_intensity[rows, path] = self._means(np.abs(z) ** 2, 1)[..., 0]
             total = total + z
-        out["coherent"][rows] = self._means(total, out["coherent"].shape[-1])
-        out["coherent_intensity"][rows] = self._means(np.abs(total) ** 2, 1)[..., 0]
+        record.pressure[rows] = self._means(total, record.pressure.shape[-1])
+        record.intensity[rows] = self._means(np.abs(total) ** 2, 1)[..., 0]
         self._name(heard, slot, rows, out)
 
     def _means(self, samples, parts):
@@ -259,12 +256,12 @@ class CoherentEchoes:
 
     def _name(self, heard, slot, rows, out):
         """Powers of the instances in every bin, and depth of the strongest, of those with their middles there."""
-        survey = self.survey
+        survey, record = self.survey, out.record
         bins, labels = survey.bins, int(heard["label"].max()) + 1
         bin = np.floor((heard["delay"] - survey.window[0]) / survey.bin_length).astype(np.int64)
         bin = np.clip(bin, 0, bins - 1)                       # what the record hears of pulses from just outside
         row, label, seen = heard["row"].astype(np.int64), heard["label"], heard["in_beam"]
-        out["coherent_in_beam"][rows][row[seen], bin[seen]] = 1
+        record.in_beam[rows][row[seen], bin[seen]] = 1
         _, first, which = np.unique(((row * bins + bin) * labels + label) * self.samples + slot, return_index=True,
                                     return_inverse=True)
         power = np.abs(np.bincount(which, heard["real"]) + 1j * np.bincount(which, heard["imaginary"])) ** 2
@@ -274,8 +271,8 @@ class CoherentEchoes:
         which = np.searchsorted(key, (row * bins + bin) * labels + label)
         depth = np.bincount(which, energy * heard["depth"]) / np.bincount(which, energy)
         place, of = np.divmod(key, labels)
-        out["coherent_power"][rows][place // bins, of - 1, place % bins] = power
+        out.label_power[rows][place // bins, of - 1, place % bins] = power
         order = np.lexsort((power, place))
         last = np.flatnonzero(np.diff(place[order], append=-1))
         best = order[last]
-        out["coherent_depth"][rows][np.divmod(place[best], bins)] = depth[best]
+        record.depth[rows][np.divmod(place[best], bins)] = depth[best]

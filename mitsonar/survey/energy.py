@@ -27,6 +27,7 @@ from ..echoes.paths import Paths
 from ..echoes.sights import Sights
 from ..echoes.sonar_equation import absorbed, echo_energy, speed_ratio
 from ..echoes.volume import WaterEchoes
+from ..imaging.energy_record import EnergyRecord, gathered
 from ..imaging.sidescan import mean_intensity, pulse_shares
 from ..scene.materials import scattering_strength
 from ..sonar.directivity import sinc
@@ -39,7 +40,7 @@ from ..water.absorption_table import Absorption
 from .coherent_sidescan import CoherentEchoes
 from .places import Place
 from .survey import Survey
-from .truth import BinTruth
+from .truth import TruthSums
 from .underway import Underway
 
 __all__ = ["SidescanSurvey"]
@@ -128,22 +129,19 @@ class SidescanSurvey(Survey):
 
         Returns
         -------
-        dict of (ping, side, bin) arrays, as `EchoSums.read` gives them, and `CoherentEchoes` where there are some
+        EnergyRecord
+            Arrays (ping, side, bin).
         """
         pings, block = self.track.pings, self.pings_per_block()
         kernel = _Block(self, seed)
-        out = {}
-        for start in range(0, pings, block):
-            part = kernel(np.arange(start, min(start + block, pings)))
-            for name, value in part.items():
-                value = value.reshape(-1, 2, *value.shape[1:])
-                if name not in out:
-                    kind = np.float32 if name.endswith("intensity") else value.dtype
-                    out[name] = np.empty((pings, *value.shape[1:]), kind)
-                out[name][start:start + block] = value
-            if progress is not None:
-                progress(min(start + block, pings), pings)
-        return out
+
+        def blocks():
+            for start in range(0, pings, block):
+                yield kernel(np.arange(start, min(start + block, pings)))
+                if progress is not None:
+                    progress(min(start + block, pings), pings)
+
+        return gathered(blocks(), pings=pings, rows=2)
 
 
 class _Block:
@@ -184,7 +182,7 @@ class _Block:
         dr.eval(self.along, self.per_bin)
         self.first_grid, self.second_grid = survey.grids()
         self.surface = dr.opaque(mi.UInt32, geometry.surface_label)
-        self.truth = BinTruth(
+        self.truth = TruthSums(
             geometry, labels=len(survey.labels), bins=survey.bins, depth_below=survey.depth_below,
             farthest=0.5 * sonar.sound_speed * survey.window[1],
             shown=partial(mean_intensity, shares=pulse_shares(survey.bin_length, sonar.pulse_length)))
@@ -230,12 +228,14 @@ class _Block:
             self._add_ghosts(place, ray, hits, sums)
         if self.water is not None:
             self._add_water(place, sums)
-        dr.eval(sums.energy, sums.depth, sums.count, sums.path_energy, origins.sums())
+        dr.eval(sums.sums(), origins.sums())
         unit = 10 ** (survey.sonar.source_level_db / 10) * self.unit
-        record = sums.read(unit, survey.geometry.depth_range)
-        if self.coherent:
-            record |= self.coherent(place, ping, source)
-        return record | self.truth.read(origins, unit, record)
+        energy = sums.read(unit, survey.geometry.depth_range)
+        coherent = self.coherent(place, ping, source) if self.coherent else None
+        return EnergyRecord(intensity=energy.intensity, depth=energy.depth, rays=energy.rays,
+                            rays_in_beam=energy.rays_in_beam, path_intensity=energy.path_intensity,
+                            coherent=coherent and coherent.record,
+                            truth=self.truth.read(origins, unit, energy, coherent))
 
     def _first_quantiles(self, ping):
         survey = self.survey

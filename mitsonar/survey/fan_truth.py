@@ -21,9 +21,10 @@ from ..device.chance import Salt, ping_key
 from ..device.lookups import held
 from ..echoes.energy_sums import UNIT_BITS, EchoSums
 from ..echoes.sonar_equation import GRAZING, echo_energy, speed_ratio
+from ..imaging.energy_record import CoherentRecord, CoherentSums, EnergyRecord
 from ..scene.materials import scattering_strength
 from ..tracing.aimed_launch import DrawnRays
-from .truth import BinTruth
+from .truth import TruthSums
 from .underway import Motion, Reception
 
 __all__ = ["FanTruth"]
@@ -33,7 +34,6 @@ FEWEST_RAYS, MOST_RAYS, MOST_PASSES = 200_000, 3_000_000, 16        # rays of a 
 MOST_SUMS = 1 << 27                # of beams x shapes x bins: 1 GB
 PARTS = 8                          # directions in a beam that its pattern is averaged over
 FLAT = 0.1                         # wavelengths that elements of a line may stand off it
-SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 BEAM = 1e-4                        # [sr] that units are reckoned by, as `signal.echoes` does by a sonar's beam
 SLACK = 0.8, 1.25                  # of the record's ends: bent rays do not come back when straight ones would
 REACH = 3                          # samples to either side that the compressed pulse is followed
@@ -81,7 +81,7 @@ class FanTruth:
         nearest = 0.25 * survey.sound_speed(0) / survey.sampling_rate
         self.unit = BEAM * 2.0 ** -UNIT_BITS / np.maximum(slant_range, nearest) ** 2
         self.per_bin = upload(mi.Float64, 1 / self.unit)
-        self.truth = BinTruth(geometry, labels=self.labels, bins=self.bins, depth_below=survey.depth_below,
+        self.truth = TruthSums(geometry, labels=self.labels, bins=self.bins, depth_below=survey.depth_below,
                               farthest=slant_range[-1], shown=self._shown)
         wanted = max(RAYS_PER_BIN * self.beams * self.bins, FEWEST_RAYS)
         self.passes = min(-(-wanted // MOST_RAYS), MOST_PASSES)
@@ -95,8 +95,8 @@ class FanTruth:
 
         Returns
         -------
-        dict of arrays (beam, bin, ...)
-            As `BinTruth.read`, and ``rays`` uint32, ``shadow`` uint8.
+        EnergyRecord
+            Arrays (beam, ..., bin).
         """
         survey, lib, light = self.survey, self.lib, self.light
         origin, rotation = survey.track.position[ping], survey.track.rotation()[ping]
@@ -108,20 +108,14 @@ class FanTruth:
         for number in range(self.passes):
             key = ping_key(self.seed, ping, number, Salt.FAN_TRUTH)
             self._pass(sources, start, motion, rotation, float(survey.depth_below[ping]), key, sums, origins)
-        record = sums.read(self.unit, survey.geometry.depth_range)
-        rays = record["rays"]
+        energy, coherent = sums.read(self.unit, survey.geometry.depth_range), None
         if light.scatterers.targets or light.smooth:
-            coherent = self._coherent(sources, start, motion, origin, rotation)
-            record["label_intensity"] += coherent
-            record["intensity"] = record["intensity"] + coherent.sum(1)
-            rays = rays + coherent.any(1)
-        known = self.truth.read(origins, self.unit, record)
-        empty = _runs_of(rays == 0, SHORTEST_SHADOW)
-        below = np.logical_or.accumulate(rays > 0, -1)
-        # what few rays leave out between others is told by its neighbours, as the picture shows them
-        known["label"] = np.where(empty, 0, np.where(known["share"].any(1), known["share"].argmax(1) + 1, 0))
-        return known | {"label": known["label"].astype(np.uint32), "rays": rays.astype(np.uint32),
-                        "shadow": (empty & below).astype(np.uint8)}
+            power = self._coherent(sources, start, motion, origin, rotation)
+            coherent = CoherentSums(label_power=power, record=CoherentRecord(
+                intensity=self._shown(power.sum(1)), in_beam=power.any(1).astype(np.uint32)))
+        return EnergyRecord(intensity=energy.intensity, depth=energy.depth, rays=energy.rays,
+                            rays_in_beam=energy.rays_in_beam, coherent=coherent and coherent.record,
+                            truth=self.truth.read(origins, self.unit, energy, coherent))
 
     def _pass(self, sources, start, motion, rotation, below, key, sums, origins):
         """Add the rays of a pass to the sums."""
@@ -264,13 +258,6 @@ def _axes(angle, direction):
         return np.zeros(3), direction[0]
     normal, axis = np.linalg.lstsq(np.stack([np.cos(angle), np.sin(angle)], 1), direction, rcond=None)[0]
     return axis / np.linalg.norm(axis), normal / np.linalg.norm(normal)
-
-
-def _runs_of(flags, shortest):
-    """Flags (..., N) without their runs that are shorter."""
-    from scipy.ndimage import binary_opening
-
-    return binary_opening(flags, np.ones((1,) * (flags.ndim - 1) + (shortest,), bool))
 
 
 @dr.syntax

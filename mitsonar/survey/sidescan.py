@@ -104,14 +104,14 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
             progress: Callable[[int, int], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the image, with its truth; see `mitsonar.render`."""
-    echoes, sonar, track = survey.echoes(seed, progress), survey.sonar, survey.track
+    record, sonar, track = survey.echoes(seed, progress), survey.sonar, survey.track
     noise_db = None
     if sensor.noise:
         noise_db = float(sensor.noise_level_db() + db_from_power(sonar.bandwidth) - sonar.directivity_index_db())
     head_depth = float(np.mean(-track.position[:, 2]))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
-        echoes, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
+        record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db, speckle=sensor.speckle, seed=seed,
         absorption_db=float(survey.absorption.at(head_depth)))
     return objects.annotated(image, classes, class_of, survey.geometry)

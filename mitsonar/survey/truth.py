@@ -1,17 +1,20 @@
-"""Ground truth of bins, from rays: see `imaging.truth` and `signal.origins`."""
+"""Ground truth of bins, from rays: see `imaging.truth` and `echoes.origin_sums`."""
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..echoes.energy_sums import SummedEnergy
 from ..echoes.origin_sums import OriginSums, sector
 from ..imaging import truth
+from ..imaging.energy_record import CoherentSums
+from ..imaging.truth import BinTruth
 from ..scene.labels import SEABED
 
-__all__ = ["BinTruth"]
+__all__ = ["TruthSums"]
 
 
-class BinTruth:
+class TruthSums:
     """Collect where the echoes of a block come from, and say it bin by bin.
 
     Parameters
@@ -54,32 +57,31 @@ class BinTruth:
         sums.add(row=ray.row, bin=bin, units=units, place=place, seabed=kind == SEABED, in_beam=in_beam, active=active,
                  sector=sector(-ray.direction.z, below, self.farthest))
 
-    def read(self, sums, unit, record):
+    def read(self, sums: OriginSums, unit: np.ndarray, energy: SummedEnergy,
+             coherent: CoherentSums | None = None) -> BinTruth:
         """Give the block's truth.
 
         Parameters
         ----------
         sums : OriginSums
         unit : (bins,) [µPa²]
-        record : dict of (rows, ...) arrays
-            With ``label_intensity``, which is taken out, and where there are coherent echoes ``coherent_power``, which
-            is too, and ``coherent_intensity``.
+        energy : SummedEnergy
+        coherent : CoherentSums or None
+            None where nothing has a phase of its own.
 
         Returns
         -------
-        dict of (rows, ...) arrays
-            ``label`` uint32, the instance that brings most of the echoes that arrive in the bin, 0 where none does;
-            ``share`` (labels, bins), as the picture shows them, ``hidden``, ``object_shadow``, ``layover`` (bins),
-            ``seabed_place`` (bins, 3).
+        BinTruth
+            Arrays (rows, ..., bins).
         """
         known = sums.read(unit, self.lower, self.upper)
-        seabed, intensity = known.pop("seabed_intensity"), record.pop("label_intensity")
-        coherent = record.pop("coherent_power", None), record.get("coherent_intensity")
-        arriving = truth.shares(intensity, np.asarray, *coherent)
-        known["label"] = np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32)
-        known["share"] = truth.shares(intensity, self.shown, *coherent)
-        known["hidden"], known["object_shadow"] = (
-            truth.shadows(known.pop("hidden_intensity"), seabed, record["intensity"], self.shown,
-                          record.get("coherent_intensity", 0.0)) if self.hides else
-            (np.zeros(seabed.shape, np.float32), np.zeros(seabed.shape, np.uint32)))
-        return known
+        with_phase = () if coherent is None else (coherent.label_power, coherent.record.intensity)
+        arriving = truth.shares(energy.label_intensity, np.asarray, *with_phase)
+        hidden, object_shadow = (np.zeros(energy.intensity.shape, kind) for kind in (np.float32, np.uint32))
+        if known.hidden_intensity is not None:
+            hidden, object_shadow = truth.shadows(known.hidden_intensity, known.seabed_intensity, energy.intensity,
+                                                  self.shown, coherent.record.intensity if coherent else 0.0)
+        return BinTruth(
+            label=np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32),
+            share=truth.shares(energy.label_intensity, self.shown, *with_phase), hidden=hidden,
+            object_shadow=object_shadow, layover=known.layover, seabed_place=known.seabed_place)

@@ -4,6 +4,8 @@ import pytest
 import xarray as xr
 
 from mitsonar.imaging import fan
+from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.imaging.truth import BinTruth
 from mitsonar.signal import received
 from mitsonar.sonar import cylindrical_array, element_array, lfm, line_array, planar_array
 
@@ -46,12 +48,13 @@ def test_an_echo_lands_in_its_beam_at_its_range(steered):
         "ping": [0], "time": ("sample", time), "rx_delay": ("rx", delay),
         **{f"rx_{axis}": ("rx", column) for axis, column in zip("xyz", array.position.T)}},
         attrs={"frequency": 75e3, "sampling_rate": rate, "sound_speed": speed, "seed": 0, "source_level_db": 0.0})
-    names = "label", "object_shadow", "layover", "rays", "shadow"
-    bins = {name: np.zeros((1, 121, 2000), np.uint32) for name in names}
-    known = {**bins, "share": np.zeros((1, 121, 1, 2000)), "hidden": np.zeros((1, 121, 2000)),
-             "seabed_place": np.zeros((1, 121, 2000, 3))}
-    image = fan.image(signals, pulse, *fan.fan_directions(array, 121, np.pi), depth_below=np.array([10.0]), known=known,
-                      labels={1: "seabed"}, class_of={1: 1})
+    none = {name: np.zeros((1, 121, 2000), np.uint32) for name in ("label", "object_shadow", "layover")}
+    truth = BinTruth(**none, share=np.zeros((1, 121, 1, 2000)), hidden=np.zeros((1, 121, 2000)),
+                     seabed_place=np.zeros((1, 121, 2000, 3)))
+    rays = np.zeros((1, 121, 2000), np.uint32)
+    record = EnergyRecord(intensity=rays, depth=rays, rays=rays, rays_in_beam=rays, truth=truth)
+    image = fan.image(signals, pulse, *fan.fan_directions(array, 121, np.pi), depth_below=np.array([10.0]),
+                      record=record, labels={1: "seabed"}, class_of={1: 1})
     beam, sample = np.unravel_index(np.argmax(image["level"].values[0]), image["level"].shape[1:])
     assert float(image["beam"][beam]) == pytest.approx(0.5, abs=np.pi / 240)
     assert float(image["range"][sample]) == pytest.approx(distance, abs=750 / rate)

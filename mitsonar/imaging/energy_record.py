@@ -1,0 +1,144 @@
+"""What a sonar receives as powers, row by row and bin by bin: the record that pictures and their truth are made of.
+
+A row is what a beam of the sonar hears of one ping: a side of a sidescan, a beam of an array.
+"""
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from .truth import BinTruth
+
+__all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoherentRecord:
+    """Echoes that have a phase of their own: point targets, smooth surfaces, a flat sea surface.
+
+    Attributes
+    ----------
+    intensity : (..., bins) [µPa²]
+        Mean square of their sum, as the picture shows it.
+    in_beam : (..., bins) uint32
+        1 where such an echo comes through the main lobe.
+    pressure : (..., bins, cells) complex64 [µPa] or None
+        Means of their sum over the cells of each bin. None where the picture gets its pressures from elsewhere.
+    depth : (..., bins) float32 [m] or None
+        Of the strongest; 0 where there is none.
+    path_intensity : (..., paths, bins) [µPa²] or None
+        None where paths are not told apart.
+    """
+
+    intensity: np.ndarray
+    in_beam: np.ndarray
+    pressure: np.ndarray | None = None
+    depth: np.ndarray | None = None
+    path_intensity: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoherentSums:
+    """The coherent echoes of a block of pings.
+
+    Attributes
+    ----------
+    record : CoherentRecord
+    label_power : (rows, labels, bins) [µPa²]
+        Of every instance by itself, in the bins that the middles of its echoes lie in.
+    """
+
+    record: CoherentRecord
+    label_power: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnergyRecord:
+    """Powers of the echoes of some pings.
+
+    Arrays of a block of pings have ping and row as one axis, and intensities in double precision; `gathered` gives
+    (ping, row, ..., bin), and intensities in single precision.
+
+    Attributes
+    ----------
+    intensity : (..., bins) [µPa²]
+        Of all echoes but those that have a phase of their own.
+    depth : (..., bins) float32 [m]
+        Mean depth the echoes come from, weighted by their energy; NaN where there are none.
+    rays, rays_in_beam : (..., bins) uint32
+        Rays that arrive, and those of them within the main lobe.
+    path_intensity : (..., paths, bins) [µPa²] or None
+        None where paths are not told apart.
+    coherent : CoherentRecord or None
+        None where nothing in the scene has a phase of its own.
+    truth : BinTruth
+    """
+
+    intensity: np.ndarray
+    depth: np.ndarray
+    rays: np.ndarray
+    rays_in_beam: np.ndarray
+    path_intensity: np.ndarray | None = None
+    coherent: CoherentRecord | None = None
+    truth: BinTruth
+
+    @property
+    def echoes_in_beam(self) -> np.ndarray:
+        """Rays and coherent echoes that arrive within the main lobe, (..., bins) uint32."""
+        return self.rays_in_beam if self.coherent is None else self.rays_in_beam + self.coherent.in_beam
+
+
+def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> EnergyRecord:
+    """Put the records of consecutive blocks together.
+
+    Parameters
+    ----------
+    blocks : iterable of EnergyRecord
+        Each of some pings; arrays (pings of the block x rows, ...).
+    pings : int
+        Of all blocks together.
+    rows : int
+        Of a ping.
+
+    Returns
+    -------
+    EnergyRecord
+        Arrays (pings, rows, ...).
+    """
+    whole, start = None, 0
+    for block in blocks:
+        if whole is None:
+            whole = _changed(block, lambda array: np.empty((pings, rows, *array.shape[1:]), _kept(array.dtype)))
+        for kept, array in zip(_arrays(whole), _arrays(block)):
+            array = array.reshape(-1, rows, *array.shape[1:])
+            kept[start:start + len(array)] = array
+        start += len(block.intensity) // rows
+    if start != pings:
+        raise ValueError(f"blocks of {start} pings were given for a record of {pings}")
+    return whole
+
+
+def _kept(kind: np.dtype) -> np.dtype:
+    """Single precision of floating-point numbers: 1e-7 lies far below any speckle, and a survey's record is large."""
+    return np.dtype(np.float32) if kind == np.float64 else kind
+
+
+_R = TypeVar("_R")
+
+
+def _changed(record: _R, change: Callable[[np.ndarray], np.ndarray]) -> _R:
+    """The same record of other arrays."""
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    return replace(record, **{name: _changed(value, change) if is_dataclass(value) else change(value)
+                              for name, value in values.items() if value is not None})
+
+
+def _arrays(record: object) -> Iterator[np.ndarray]:
+    """All arrays of a record, in the order of its fields."""
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if is_dataclass(value):
+            yield from _arrays(value)
+        elif value is not None:
+            yield value
