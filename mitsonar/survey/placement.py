@@ -21,7 +21,7 @@ def soundings(geometry, x, y):
     ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, -below)),
                    mi.Vector3f(0, 0, 1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
-    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))    # noqa: E711
+    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))  # noqa: E711  (all)
     label = dr.gather(mi.UInt32, geometry.rows, 4 * row, pi.is_valid())
     seabed = pi.is_valid() & (label != geometry.surface_label)
     return np.where(seabed.numpy(), below - pi.t.numpy(), np.nan).reshape(x.shape)

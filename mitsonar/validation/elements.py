@@ -1,4 +1,6 @@
 """The sonar equation closes through element signals too: mean energy of responses of one element above a bed."""
+from functools import partial
+
 import numpy as np
 
 from ..scattering import backscatter_strength_db
@@ -45,12 +47,9 @@ def _run(quick):
             continue
         profile = WATERS[water]
         speed = float(profile.at(BED_DEPTH))
-
-        def law(angle, sediment=sediment, speed=speed):
-            return backscatter_strength_db("sediment", angle, FREQUENCY, sediment=sediment, sound_speed=speed)
-
+        law = partial(backscatter_strength_db, "sediment", frequency=FREQUENCY, sediment=sediment, sound_speed=speed)
         bed = FlatBed.of(profile, SONAR_DEPTH, BED_DEPTH, 1.05 * RANGE)
-        expected = bed.energy(GATES, lambda angle: 10 ** (law(angle) / 10), ABSORPTION, 2 * np.pi)  # noqa: B023
+        expected = bed.energy(GATES, lambda angle, law=law: 10 ** (law(angle) / 10), ABSORPTION, 2 * np.pi)
         error = 10 * np.log10(_energy(water, sediment, lighting, 1 if quick else 4) / expected)
         error = error[np.isfinite(expected)]
         grazing = bed.grazing_at(0.5 * (GATES[1:] + GATES[:-1]))[np.isfinite(expected)]

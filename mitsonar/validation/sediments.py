@@ -1,4 +1,6 @@
 """Laws of seabed scattering: printed strengths, reciprocity, energy."""
+from functools import partial
+
 import numpy as np
 
 from ..scattering import ElasticSediment, LambertSeabed, Sediment, backscatter_strength_db, bistatic_strength_db
@@ -149,7 +151,7 @@ def _kept(quick):
         there, back = (bistatic_strength_db(law, *ways, azimuth, 100e3) for ways in
                        ((way_in, way_out), (way_out, way_in)))
         yield worst(f"{name}: there and back", there, back, 1e-9, "dB")
-        shares = [scattered_share(lambda *angles: law.scattering_strength(*angles, 1e3 * khz, SPEED),  # noqa: B023
+        shares = [scattered_share(partial(law.scattering_strength, frequency=1e3 * khz, sound_speed=SPEED),
                                   np.radians(angle))
                   for khz in frequencies for angle in degrees]
         yield Row(f"{name}: share of power scattered is {max(shares):.3f}, beyond 1", max(0.0, max(shares) - 1), 0.0,

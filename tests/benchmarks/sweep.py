@@ -24,8 +24,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "inputs"))
 
-from measuring import ROOT, machine, table  # noqa: E402
-from small_scene import TEXT  # noqa: E402
+from measuring import ROOT, machine, table  # noqa: E402  (found by the path above)
+from small_scene import TEXT  # noqa: E402  (found by the path above)
 
 PLAN = """
 scene = "scene.xml"

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
+from rasterio.transform import Affine, from_origin
+from rasterio.warp import transform
 
 from mitsonar.io import bathymetry
-
-rasterio = pytest.importorskip("rasterio")
-from rasterio.transform import Affine, from_origin  # noqa: E402
-from rasterio.warp import transform  # noqa: E402
 
 WEST, NORTH = 500000.0, 5000080.0
 UPRIGHT = from_origin(WEST, NORTH, 2, 2)

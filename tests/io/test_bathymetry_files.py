@@ -12,15 +12,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import rasterio
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rasterio.transform import from_origin
+from rasterio.warp import transform
 
 from mitsonar.io import bathymetry
-
-rasterio = pytest.importorskip("rasterio")
-from rasterio.transform import from_origin  # noqa: E402
-from rasterio.warp import transform  # noqa: E402
 
 WEST, SOUTH = 500000.0, 5000000.0
 SURVEY = Path(__file__).resolve().parents[2] / "../shared/data/bathymetry/JD211_public_Release_1-4_UTM.bag"

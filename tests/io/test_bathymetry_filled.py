@@ -5,14 +5,13 @@ solver's tolerance, a thousandth of their relief.
 """
 import numpy as np
 import pytest
+import rasterio
+from rasterio.transform import from_origin
 
 from mitsonar.io import bathymetry
 from mitsonar.io.bathymetry import Relief
 from mitsonar.io.hole_filling import fill_holes
 from mitsonar.scattering import Fractal, RoughnessSpectrum
-
-rasterio = pytest.importorskip("rasterio")
-from rasterio.transform import from_origin  # noqa: E402
 
 X, Y = np.meshgrid(np.linspace(-1, 1, 81), np.linspace(-1, 1, 61))
 STEPS = X[0, 1] - X[0, 0], Y[1, 0] - Y[0, 0]

@@ -5,13 +5,12 @@ an edge may fall either way: the warper places them to an eighth of its own cell
 """
 import numpy as np
 import pytest
+import rasterio
+from rasterio.transform import Affine, from_origin
+from rasterio.warp import transform
 
 from mitsonar.io import bathymetry, sediment_map
 from mitsonar.io.sediment_map import ClassTable
-
-rasterio = pytest.importorskip("rasterio")
-from rasterio.transform import Affine, from_origin  # noqa: E402
-from rasterio.warp import transform  # noqa: E402
 
 WEST, SOUTH = 500000.0, 5000000.0
 TABLE = ClassTable.of("1: clay, 7: medium sand, 9: Sandy_Gravel, 12: clay")

@@ -19,7 +19,7 @@ def shapes():
     """Register the shapes for the variant of these tests."""
     mi.set_variant("llvm_ad_mono")
     import mitsonar.plugins.shapes.bathymetry
-    import mitsonar.plugins.shapes.seabed  # noqa: F401
+    import mitsonar.plugins.shapes.seabed  # noqa: F401  (registers it)
 
 
 def seabed(**attributes):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from array_scene import array_scene, buried_bed
 
-import mitsonar  # noqa: F401
+import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.tessellation import FINEST_SAGITTA
