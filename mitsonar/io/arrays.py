@@ -9,16 +9,21 @@ the element looks, of any length; ``ax, ay, az`` which way its face's length lie
 [s]. Only x, y and z must be there. Columns stand in any order, others are ignored, and so are empty lines and those
 starting with #. Commas, semicolons or tabs divide them.
 """
+from typing import Any
+
 import numpy as np
 
+from ..sonar.array import Array
 from ..sonar.array_makers import element_array
 from . import tables
+from .files import FilePath
 
 POSITION, NORMAL, ALONG = ("x", "y", "z"), ("nx", "ny", "nz"), ("ax", "ay", "az")
 SINGLE = ("weight", "delay")
 
 
-def read(path, *, normal="down", along="forward", **face):
+def read(path: FilePath, *, normal: str | np.ndarray = "down", along: str | np.ndarray = "forward",
+         **face: Any) -> Array:
     """Read an array.
 
     Parameters

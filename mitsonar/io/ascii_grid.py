@@ -7,12 +7,14 @@ import itertools
 
 import numpy as np
 
+from .files import FilePath
+
 _KEYS = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy", "nodata_value")
 _BLOCK = 1 << 22  # characters read at a time
 _LONGEST = 200    # characters of a line of the header
 
 
-def is_ascii_grid(path):
+def is_ascii_grid(path: FilePath) -> bool:
     """Tell whether a file starts as an ESRI ASCII grid does, whatever it is called."""
     try:
         with open(path, "rb") as file:
@@ -22,7 +24,7 @@ def is_ascii_grid(path):
     return bool(word) and word[0].lower() in (b"ncols", b"nrows")
 
 
-def read_values(path, rows, columns):
+def read_values(path: FilePath, rows: int, columns: int) -> np.ndarray:
     """Read the heights of an ESRI ASCII grid.
 
     Parameters

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..scattering.empirical import EmpiricalSeabed
 from ..units import hertz_from_khz
+from .files import FilePath
 from .tables import floats, records
 
 __all__ = ["read"]
@@ -21,7 +22,7 @@ __all__ = ["read"]
 FREQUENCY = re.compile(r"(\d+(?:\.\d*)?)\s*khz")
 
 
-def read(path):
+def read(path: FilePath) -> EmpiricalSeabed:
     """Read a table of backscatter strength.
 
     Parameters

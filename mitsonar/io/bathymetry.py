@@ -5,12 +5,15 @@ NaN where nothing was measured. Grids in degrees, in feet or turned against nort
 node then is interpolated from measured nodes only, so fill values never bleed into the seabed.
 """
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from ..scattering import RoughnessSpectrum
 from . import hole_filling, raster_files, rasters, survey_relief
+from .files import FilePath
 
 _DEEPEST = 12000.0  # [m], beyond any ocean: larger numbers are undeclared fill values
 
@@ -40,28 +43,30 @@ class Bathymetry:
     x: np.ndarray
     y: np.ndarray
     heights: np.ndarray
-    local_origin: tuple
+    local_origin: tuple[float, float]
     crs: str = ""
     vertical: str = "elevation"
     roughness: RoughnessSpectrum | None = None
 
     @property
-    def valid(self):
+    def valid(self) -> np.ndarray:
         """Tell which nodes have a depth: bool array (Y, X)."""
         return np.isfinite(self.heights)
 
     @property
-    def spacing(self):
+    def spacing(self) -> tuple[float, float]:
         """Give the distance of columns and of rows [m]."""
-        return tuple(float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
+        across, along = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
+        return across, along
 
     @property
-    def bounds(self):
+    def bounds(self) -> tuple[float, float, float, float]:
         """Give west, south, east and north [m] of the nodes in the coordinate system ``crs``."""
         east, north = self.local_origin
-        return tuple(float(v) for v in (self.x[0] + east, self.y[0] + north, self.x[-1] + east, self.y[-1] + north))
+        return (float(self.x[0] + east), float(self.y[0] + north), float(self.x[-1] + east),
+                float(self.y[-1] + north))
 
-    def height_at(self, x, y):
+    def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> np.ndarray:
         """Give the height [m] at local points by bilinear interpolation; NaN beside holes and beyond the grid."""
         from scipy.interpolate import RegularGridInterpolator
 
@@ -100,14 +105,18 @@ class Relief:
             RoughnessSpectrum(w2=1.0 if self.w2 is None else self.w2, gamma=self.gamma)
 
     @property
-    def spectrum(self):
+    def spectrum(self) -> RoughnessSpectrum | None:
         """Give the spectrum, where both numbers are given, else None."""
-        return None if self.w2 is None else RoughnessSpectrum(w2=self.w2, gamma=self.gamma, outer_scale=1e6)
+        if self.w2 is None or self.gamma is None:
+            return None
+        return RoughnessSpectrum(w2=self.w2, gamma=self.gamma, outer_scale=1e6)
 
 
-def read(path, *, crop=None, centre=None, size=None, frame="projected", resolution=None, vertical="auto", band=1,
-         variable=None, spacing=None, nodata=None, crs=None, local_origin=None, holes="cut", holes_max=None,
-         relief=None):
+def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequence[float] | None = None,
+         size: Sequence[float] | None = None, frame: str = "projected", resolution: float | None = None,
+         vertical: str = "auto", band: int = 1, variable: str | None = None, spacing: float | None = None,
+         nodata: float | None = None, crs: str | None = None, local_origin: Sequence[float] | None = None,
+         holes: str = "cut", holes_max: float | None = None, relief: Relief | None = None) -> Bathymetry:
     """Read a bathymetry grid.
 
     Parameters
@@ -192,7 +201,7 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
         if holes == "filled":
             steps = tuple(abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in (x, y))
             heights = hole_filling.fill_holes(heights, steps, holes_max)
-        if relief:
+        if relief and roughness:
             heights = survey_relief.refine(x, y, heights, finer_x, finer_y, roughness, relief.seed)
             x, y = finer_x, finer_y
             if np.isnan(heights).all():
@@ -207,7 +216,7 @@ def read(path, *, crop=None, centre=None, size=None, frame="projected", resoluti
     if y[0] > y[-1]:
         y, heights = y[::-1], heights[::-1]
     return Bathymetry(x=x - local_origin[0], y=y - local_origin[1], heights=np.ascontiguousarray(heights, np.float32),
-                      local_origin=tuple(float(value) for value in local_origin), crs=crs, vertical=vertical,
+                      local_origin=(float(local_origin[0]), float(local_origin[1])), crs=crs, vertical=vertical,
                       roughness=roughness)
 
 
@@ -222,10 +231,8 @@ def _values(grid, raster, band, window, nodata):
 
 
 def _measured(grid, depths, gamma):
-    from rasterio.windows import Window
-
     def read_window(row, column, size):
-        return depths(Window(int(column), int(row), size, size))
+        return depths(rasters.window_at(int(column), int(row), size, size))
     return survey_relief.measure(read_window, grid.shape, grid.res, gamma)
 
 

@@ -6,7 +6,7 @@ __all__ = ["sentence", "shortened"]
 LONGEST_WORD = 300                 # characters; paths are seldom longer
 
 
-def sentence(error):
+def sentence(error: BaseException) -> str:
     """Put an error the user can mend into one sentence.
 
     Parameters
@@ -25,7 +25,7 @@ def sentence(error):
     return shortened(" ".join(str(error).split()))
 
 
-def shortened(text):
+def shortened(text: str) -> str:
     """Leave out the middle of every word of more than 300 characters, such as a number of thousands of digits.
 
     Parameters

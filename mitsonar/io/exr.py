@@ -18,12 +18,13 @@ import json
 import math
 import os
 import re
+from typing import Any
 
 import numpy as np
 import OpenEXR
-import xarray
+import xarray as xr
 
-from .files import check_readable, replacing
+from .files import FilePath, check_readable, replacing
 from .records import SonarImage
 
 CONFIG = "mitsonar:config"
@@ -38,7 +39,7 @@ SHOWN = {"sonar": "", "seed": "", "sound_speed": " m/s", "frequency": " Hz", "so
          "absorption_db": " dB/m", "bin_width": " m", "crs": ""}  # attributes repeated in words, with their units
 
 
-def write(dataset, path):
+def write(dataset: xr.Dataset, path: FilePath) -> None:
     """Write a sonar dataset as one OpenEXR file; an existing file is replaced once the new one is complete.
 
     Parameters
@@ -73,7 +74,7 @@ def write(dataset, path):
     words = {f"mitsonar:{name}": f"{dataset.attrs[name]}{unit}" for name, unit in SHOWN.items()
              if dataset.attrs.get(name) is not None}
     versions = dataset.attrs.get("versions", {})
-    units = {f"mitsonar:units.{CHANNELS.get(name, name)}": str(variable.attrs["units"])
+    units = {f"mitsonar:units.{_channel(name)}": str(variable.attrs["units"])
              for name, variable in dataset.data_vars.items() if "units" in variable.attrs}
     image = {**common, **words, "mitsonar:version": str(versions.get("mitsonar", "unknown")),
              "mitsonar:Y": str(shown.get("long_name", layout["picture"])),
@@ -86,7 +87,7 @@ def write(dataset, path):
         _config(temporary, path)
 
 
-def read(path):
+def read(path: FilePath) -> SonarImage:
     """Read a dataset written by `write`, identical in dimensions, coordinates, types, attributes and values.
 
     Parameters
@@ -134,16 +135,16 @@ def _decode(config, channels):
         if math.prod(sizes[layer] for layer in own) > len(channels):
             raise ValueError(f"{name} has more layers than there are channels")
         prefixes = _prefixes([coords[layer].values for layer in own])
-        stacked = np.stack([channels[prefix + CHANNELS.get(name, name)] for prefix in prefixes])
+        stacked = np.stack([channels[prefix + _channel(name)] for prefix in prefixes])
         order = [*own, *config["rows"], config["column"]]
         kind = _kind(entry, stacked.size)
         values = stacked.view(np.int32) if kind.kind == "i" else stacked
         values = values.astype(kind).reshape([sizes[dim] for dim in order])
-        variables[name] = xarray.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
+        variables[name] = xr.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
     return SonarImage(variables, coords, config["attrs"])
 
 
-def attributes(path):
+def attributes(path: FilePath) -> dict[str, Any]:
     """Read the attributes of a dataset written by `write`, and leave its pixels alone.
 
     Parameters
@@ -204,7 +205,7 @@ def _encode(dataset, layout):
             for prefix, pixels in zip(prefixes, values.reshape(len(prefixes), -1, values.shape[-1]), strict=True):
                 # Contiguous, for the library writes any other array wrong without a word.
                 pixels = np.ascontiguousarray(pixels)
-                channels[prefix + CHANNELS.get(name, name)] = pixels.view(np.uint32) if stored is np.int32 else pixels
+                channels[prefix + _channel(name)] = pixels.view(np.uint32) if stored is np.int32 else pixels
         variables[name] = entry
     coords = {name: {"dims": list(coord.dims), "dtype": coord.dtype.str, "attrs": _strict(coord.attrs, name),
                      "values": _values(name, coord.values)} for name, coord in dataset.coords.items()}
@@ -222,6 +223,11 @@ def _picture(dataset, layout):
     if [list(dataset[layer].values) for layer in layers] == [["port", "starboard"]]:
         image = [image[0, :, ::-1], image[1]]
     return np.ascontiguousarray(np.concatenate(list(image), axis=1), np.float32)
+
+
+def _channel(variable):
+    """Give the name of a variable's channel."""
+    return CHANNELS.get(str(variable), str(variable))
 
 
 def _prefixes(names):
@@ -246,7 +252,7 @@ def _variable(entry, sizes):
     kind = _kind(entry, len(entry["values"]), max((len(text) for text in entry["values"] if isinstance(text, str)),
                                                   default=0))
     values = np.array(entry["values"], np.int64 if kind.kind in "mM" else kind).view(kind)
-    return xarray.Variable(entry["dims"], values.reshape([sizes[dim] for dim in entry["dims"]]), entry["attrs"])
+    return xr.Variable(entry["dims"], values.reshape([sizes[dim] for dim in entry["dims"]]), entry["attrs"])
 
 
 def _kind(entry, count, longest=0):
@@ -277,7 +283,7 @@ def _strict(value, where):
     raise ValueError(f"cannot write {where} as EXR: it is a {type(value).__name__}; use plain JSON values.")
 
 
-def header(path):
+def header(path: FilePath) -> dict[str, Any]:
     """Read the header of the first part of an OpenEXR file, of ours or not.
 
     Parameters

@@ -8,13 +8,15 @@ import contextlib
 import errno
 import os
 import secrets
+from collections.abc import Iterator
 from pathlib import Path
 
+FilePath = str | os.PathLike[str]        # what names a file or a folder
 FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
         errno.EFBIG: "the file grew past the largest size allowed here"}
 
 
-def check_readable(path, what="", wanted="a file"):
+def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> None:
     """Check that ``path`` is an ordinary file that can be read, before it is opened.
 
     Parameters
@@ -45,7 +47,7 @@ def check_readable(path, what="", wanted="a file"):
         raise PermissionError(f"{name}: you may not read it; change its permissions.")
 
 
-def check_writable(path):
+def check_writable(path: FilePath) -> Path:
     """Check that a file can be written at ``path``, before any work is spent on it.
 
     Parameters
@@ -86,7 +88,7 @@ def check_writable(path):
 
 
 @contextlib.contextmanager
-def full_disk_said(path):
+def full_disk_said(path: FilePath) -> Iterator[None]:
     """Turn the error of a full disk into one sentence about ``path``, which is to vanish then; others pass unchanged.
 
     Raises
@@ -106,7 +108,7 @@ def full_disk_said(path):
 
 
 @contextlib.contextmanager
-def replacing(path):
+def replacing(path: FilePath) -> Iterator[Path]:
     """Give a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
 
     Parameters

@@ -5,6 +5,8 @@
 Such a surface has its highest and lowest point on the rim. The equation is that of five nodes, with the steps of the
 grid, and conjugate gradients solve it, from the solution on a grid of half as many rows and columns on.
 """
+from typing import cast
+
 import numpy as np
 
 _MOST_NODES = 5_000_000       # unknowns: about 1.5 GB
@@ -12,7 +14,7 @@ _FEW = 1000                   # unknowns that need no first guess
 _TOLERANCE = 3e-4             # of the residual, relative; the rest is clipped to the rim's heights
 
 
-def fill_holes(heights, steps, widest=None):
+def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | None = None) -> np.ndarray:
     """Fill the holes that the survey surrounds; what reaches the grid's edge lies outside the survey and stays open.
 
     Parameters
@@ -35,7 +37,7 @@ def fill_holes(heights, steps, widest=None):
     """
     from scipy import ndimage
 
-    holes, count = ndimage.label(np.isnan(heights))
+    holes, count = cast("tuple[np.ndarray, int]", ndimage.label(np.isnan(heights)))
     edge = np.concatenate((holes[0], holes[-1], holes[:, 0], holes[:, -1]))
     asked = np.ones(count + 1, bool)
     asked[0] = asked[edge] = False

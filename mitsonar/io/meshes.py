@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from . import files, ply
+from .files import FilePath
 
 __all__ = ["KINDS", "check", "check_target", "listed"]
 
@@ -25,7 +26,7 @@ OBJ_CORNERS = tuple((what, rb"(?m)^[ \t\r]*%b[ \t]" % kind,
                                              ("normals", b"vn", rb"(?:/\d*(?:/0*)?)?")))
 
 
-def listed(folder):
+def listed(folder: FilePath) -> list[Path]:
     """Give the meshes of a folder, sorted by name.
 
     Parameters
@@ -47,7 +48,7 @@ def listed(folder):
     return found
 
 
-def check_target(path):
+def check_target(path: FilePath) -> None:
     """Refuse a target's mesh that cannot be read, or is too large for one of many.
 
     Parameters
@@ -73,7 +74,7 @@ def check_target(path):
     check(path, path.suffix.lower()[1:])
 
 
-def check(path, kind, index=0):
+def check(path: FilePath, kind: str, index: int = 0) -> None:
     """Refuse a mesh whose faces name vertices that are not there, which Mitsuba's readers believe.
 
     Parameters

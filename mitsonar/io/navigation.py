@@ -11,6 +11,7 @@ system by PROJ, and a heading, which compasses count from true north, loses the 
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from ..sonar.track import Track
 
@@ -34,15 +35,15 @@ class Frame:
     """
 
     crs: str
-    origin: tuple = (0.0, 0.0)
+    origin: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def about(cls, latitude_deg, longitude_deg):
+    def about(cls, latitude_deg: float, longitude_deg: float) -> "Frame":
         """Lay a frame about a point: transverse Mercator, true to scale and to north there."""
         return cls(crs=f"+proj=tmerc +lat_0={latitude_deg:.9f} +lon_0={longitude_deg:.9f} +k=1 +x_0=0 +y_0=0 "
                        "+datum=WGS84 +units=m +no_defs")
 
-    def project(self, latitude_deg, longitude_deg):
+    def project(self, latitude_deg: np.ndarray, longitude_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points on WGS 84.
 
         Parameters
@@ -98,7 +99,7 @@ class Waypoints:
     z: np.ndarray | None = None
     geographic: bool = False
 
-    def placed(self, frame=None):
+    def placed(self, frame: Frame | None = None) -> np.ndarray:
         """Give the points in the scene, array (N, 2) [m]; raises `ValueError` as `Frame.project`."""
         return _placed(self, frame)[0]
 
@@ -132,7 +133,7 @@ class Navigation:
     heading: np.ndarray | None
     geographic: bool = False
 
-    def placed(self, frame=None, depth=0.0):
+    def placed(self, frame: Frame | None = None, depth: float = 0.0) -> Track:
         """Lay the track into a scene.
 
         Parameters
@@ -159,7 +160,7 @@ class Navigation:
                      pitch=self.pitch, heading=heading)
 
 
-def middle(record):
+def middle(record: Waypoints | Navigation) -> Frame:
     """Give the `Frame` about the middle of what a record in degrees covers."""
     return Frame.about(*(0.5 * (float(np.min(axis)) + float(np.max(axis))) for axis in (record.y, record.x)))
 
@@ -172,7 +173,7 @@ def _placed(record, frame):
     return (position if frame is None else position - frame.origin), 0.0
 
 
-def course(time, position):
+def course(time: npt.ArrayLike, position: npt.ArrayLike) -> np.ndarray:
     """Give the course over ground.
 
     Parameters

@@ -16,6 +16,7 @@ import os
 
 import numpy as np
 
+from .files import FilePath
 from .navigation import Navigation
 
 __all__ = ["read", "recognised"]
@@ -34,14 +35,14 @@ _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it 
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
 
-def recognised(path):
+def recognised(path: FilePath) -> bool:
     """Tell whether a file is, or says it is, XTF: by its name, or by its first byte 123 with binary after it."""
     with open(path, "rb") as file:
         start = file.read(1024)
     return str(path).lower().endswith(".xtf") or (start[:1] == b"\x7b" and b"\0" in start)
 
 
-def read(path):
+def read(path: FilePath) -> Navigation:
     """Read the navigation of an XTF file.
 
     Parameters
@@ -69,7 +70,7 @@ def read(path):
 def _packets(path):
     """Give the units of navigation, a structured array of each kind of packet that tells of it, and of all pings."""
     import pyxtf
-    from pyxtf.xtf_ctypes import XTFPacketClasses
+    from pyxtf.xtf_ctypes import XTFPacketClasses  # pyright: ignore[reportAttributeAccessIssue]  it is there
 
     pings = [int(kind) for kind, layout in XTFPacketClasses.items() if issubclass(layout, pyxtf.XTFPingHeader)]
     layouts = {107: pyxtf.XTFPosRawNavigation, 42: pyxtf.XTFHeaderNavigation, 3: pyxtf.XTFAttitudeData,

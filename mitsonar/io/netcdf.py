@@ -4,13 +4,13 @@ import os
 
 import xarray as xr
 
-from .files import check_readable, replacing
+from .files import FilePath, check_readable, replacing
 from .records import ENGINE, SonarImage, SonarSignals, decoded, encoded
 
 __all__ = ["read", "write"]
 
 
-def write(record: xr.Dataset | xr.DataArray, path):
+def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     """Write an image or signals to a netCDF-4 file, whole or not at all.
 
     Parameters
@@ -38,7 +38,7 @@ def write(record: xr.Dataset | xr.DataArray, path):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
 
 
-def read(path) -> SonarImage | SonarSignals:
+def read(path: FilePath) -> SonarImage | SonarSignals:
     """Read what `write`, or the ``to_netcdf`` of a record, wrote.
 
     Parameters

@@ -8,6 +8,7 @@ import struct
 import warnings
 
 from . import files
+from .files import FilePath
 
 __all__ = ["check", "check_volume"]
 
@@ -16,7 +17,7 @@ MOST_BYTES = 2_000_000_000         # unpacked
 REMEDY = "give a PNG, JPEG or OpenEXR file"
 
 
-def check(path):
+def check(path: FilePath) -> None:
     """Refuse a picture that Mitsuba cannot read, or that is too large for a texture.
 
     Parameters
@@ -48,7 +49,7 @@ def check(path):
                          f"{MOST_BYTES:,} bytes; make it coarser, or cut it")
 
 
-def check_volume(path):
+def check_volume(path: FilePath) -> None:
     """Refuse a grid volume (``.vol``) that is shorter than its header says.
 
     Parameters

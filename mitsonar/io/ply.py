@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .files import FilePath
+
 __all__ = ["check"]
 
 LONGEST_HEADER = 1 << 16           # bytes
@@ -25,7 +27,7 @@ class _Element(NamedTuple):
     fields: dict                   # name to type; of a face's corners: ".count", ".0", ".1", ".2"
 
 
-def check(path):
+def check(path: FilePath) -> None:
     """Refuse a PLY file that Mitsuba's reader would misread.
 
     Parameters
@@ -59,7 +61,7 @@ def check(path):
                 records = np.fromfile(file, record, min(left, BLOCK // record.itemsize + 1))
                 left -= len(records)
                 if element.name == "face":
-                    _check_faces(element, [records[name] for name in record.names], vertices)
+                    _check_faces(element, [records[name] for name in element.fields], vertices)
 
 
 def _header(file):

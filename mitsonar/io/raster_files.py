@@ -12,11 +12,20 @@ import os
 import threading
 import tokenize
 import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import ascii_grid, soundings
+from .files import FilePath
 from .rasters import MOST_NODES, source_crs
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
+    from rasterio.io import DatasetReader
+    from rasterio.transform import Affine
+
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topography", "height", "altitude", "band1")
@@ -29,8 +38,9 @@ _stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 
 
 @contextlib.contextmanager
-def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, nodata=None,
-           what="bathymetry grid"):
+def opened(path: FilePath, *, spacing: float | None = None, variable: str | None = None, crs: str | None = None,
+           resolution: float | None = None, nodata: float | None = None,
+           what: str = "bathymetry grid") -> "Iterator[tuple[DatasetReader, CRS | None]]":
     """Open a survey as a raster, and say what GDAL objects to in a sentence.
 
     Parameters
@@ -60,7 +70,7 @@ def opened(path, *, spacing=None, variable=None, crs=None, resolution=None, noda
     ValueError
         If there is no such file, or none of its kind can be read.
     """
-    import rasterio
+    import rasterio.errors
     from rasterio._err import CPLE_BaseError
 
     if not os.path.exists(path):
@@ -219,7 +229,8 @@ def _soundings_as_raster(path, crs, resolution, nodata):
     return in_memory(heights, transform, crs=survey.crs), survey.source
 
 
-def in_memory(values, transform, *, crs=None, nodata=None):
+def in_memory(values: np.ndarray, transform: "Affine", *, crs: "CRS | None" = None,
+              nodata: float | None = None) -> "DatasetReader":
     """Make a raster of an array: (Y, X), rows in the order that ``transform`` says."""
     from rasterio.io import MemoryFile
 
@@ -231,7 +242,7 @@ def in_memory(values, transform, *, crs=None, nodata=None):
     return memory.open()
 
 
-def check_size(rows, columns):
+def check_size(rows: int, columns: int) -> None:
     """Raise `ValueError` if a grid that must be held whole has too many nodes."""
     if rows * columns > MOST_NODES:
         raise ValueError(f"{rows} x {columns} nodes are more than {MOST_NODES:.0e}; make a GeoTIFF of it, of which "

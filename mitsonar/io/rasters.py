@@ -2,15 +2,26 @@
 import contextlib
 import os
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
+    from rasterio.io import DatasetReader
+    from rasterio.vrt import WarpedVRT
+    from rasterio.windows import Window
+
+    from .survey_relief import FinerGrid
+
 
 MOST_NODES = 2e8
 _METRES = ("", "m", "metre", "metres", "meter", "meters")
 
 
-def check(raster, band):
+def check(raster: "DatasetReader", band: int) -> None:
     """Raise `ValueError` if a raster has no such band, no place on Earth, or heights in another unit than metres."""
     if raster.count == 0:
         parts = f"; it holds {', '.join(raster.subdatasets)}: name one of them" if raster.subdatasets else ""
@@ -27,7 +38,8 @@ def check(raster, band):
 
 
 @contextlib.contextmanager
-def in_metres(raster, source, resolution, nodata, smooth=False):
+def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float | None, nodata: float | None,
+              smooth: bool = False) -> "Iterator[DatasetReader | WarpedVRT]":
     """Give the raster itself, or a view of it in metres, upright and at the resolution asked for.
 
     Views interpolate linearly, or if ``smooth`` by cubics, which keep more of the short waves.
@@ -61,7 +73,7 @@ def in_metres(raster, source, resolution, nodata, smooth=False):
         yield grid
 
 
-def source_crs(raster, crs):
+def source_crs(raster: "DatasetReader", crs: str | None) -> "CRS | None":
     """Give the coordinate system of a raster, or the one stated for a raster that names none.
 
     Raises
@@ -76,14 +88,14 @@ def source_crs(raster, crs):
     return raster.crs if crs is None else crs_of(crs)
 
 
-def refuse_degrees(bounds):
+def refuse_degrees(bounds: Sequence[float]) -> None:
     """Raise `ValueError` if west, south, east and north of no system that is named look like degrees."""
     if np.all(np.abs(bounds) <= (360, 90, 360, 90)):
         raise ValueError("no coordinate system is named and the coordinates look like degrees; "
                          'say crs "EPSG:4326", or what they are.')
 
 
-def crs_of(text):
+def crs_of(text: str) -> "CRS":
     """Give the coordinate system that a text such as "EPSG:32632" names."""
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
@@ -97,19 +109,19 @@ def crs_of(text):
         raise ValueError(f'"{text}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None
 
 
-def is_metric(crs):
+def is_metric(crs: "CRS | None") -> bool:
     """Tell whether coordinates are metres already; those of no system are taken for metres."""
     return crs is None or not (crs.is_geographic or (crs.is_projected and crs.linear_units_factor[1] != 1))
 
 
-def utm(x, y, source):
+def utm(x: float, y: float, source: "CRS") -> "CRS":
     """Give the UTM system of a place in the system ``source``."""
     from pyproj.aoi import AreaOfInterest
     from pyproj.database import query_utm_crs_info
     from rasterio.crs import CRS
     from rasterio.warp import transform
 
-    (longitude,), (latitude,) = transform(source, CRS.from_epsg(4326), [x], [y])
+    (longitude,), (latitude,) = transform(source, CRS.from_epsg(4326), [x], [y])[:2]
     longitude = (longitude + 180) % 360 - 180
     found = query_utm_crs_info(datum_name="WGS 84", contains=True, area_of_interest=AreaOfInterest(
         longitude, latitude, longitude, latitude))
@@ -127,9 +139,9 @@ class Part:
     ("projected") or in metres from the middle of the file's extent, rounded to metres ("local").
     """
 
-    crop: tuple | None = None
-    centre: tuple | None = None
-    size: tuple | None = None
+    crop: Sequence[float] | None = None
+    centre: Sequence[float] | None = None
+    size: Sequence[float] | None = None
     frame: str = "projected"
 
     def __post_init__(self):
@@ -144,30 +156,32 @@ class Part:
         if self.frame not in ("projected", "local"):
             raise ValueError(f'frame is "{self.frame}"; it must be "projected" or "local".')
 
-    def bounds(self, middle, source, target):
+    def bounds(self, middle: tuple[float, float], source: "CRS | None",
+               target: "CRS | None") -> tuple[float, float, float, float]:
         """Give west, south, east and north in the system ``target`` of a grid about ``middle``."""
         from rasterio.warp import transform_bounds
 
-        def placed(bounds):
+        def placed(west, south, east, north):
             if self.frame == "local":
-                return tuple(value + offset for value, offset in zip(bounds, middle * 2))
-            return bounds if source == target or not target else transform_bounds(source, target, *bounds)
+                return west + middle[0], south + middle[1], east + middle[0], north + middle[1]
+            if source == target or not target:
+                return west, south, east, north
+            return transform_bounds(source, target, west, south, east, north)
 
         if self.crop is not None:
-            return placed(self.crop)
+            return placed(*self.crop)
         if self.size is None:
             return -np.inf, -np.inf, np.inf, np.inf
-        east, north = middle if self.centre is None else placed(tuple(self.centre) * 2)[:2]
+        east, north = middle if self.centre is None else placed(*self.centre, *self.centre)[:2]
         return east - self.size[0] / 2, north - self.size[1] / 2, east + self.size[0] / 2, north + self.size[1] / 2
 
 
-def window(grid, part, source):
+def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: Part,
+           source: "CRS | None") -> "tuple[np.ndarray, np.ndarray, Window]":
     """Give the coordinates of the columns and rows that ``part`` holds, and their window in the grid.
 
     Rows come in the file's order, mostly from the north; raises `ValueError` if fewer than two of either are left.
     """
-    from rasterio.windows import Window
-
     at = grid.transform
     x = at.c + (np.arange(grid.width) + 0.5) * at.a
     y = at.f + (np.arange(grid.height) + 0.5) * at.e
@@ -183,10 +197,18 @@ def window(grid, part, source):
     if columns.size * rows.size > MOST_NODES:
         raise ValueError(f"{rows.size} x {columns.size} nodes are more than {MOST_NODES:.0e}; read a part or a "
                          "coarser resolution.")
-    return x[columns], y[rows], Window(columns[0], rows[0], columns.size, rows.size)
+    return x[columns], y[rows], window_at(columns[0], rows[0], columns.size, rows.size)
 
 
-def window_about(grid, x, y, margin):
+def window_at(column: int, row: int, width: int, height: int) -> "Window":
+    """Give the window of so many columns and rows from one on."""
+    from rasterio.windows import Window
+
+    return Window(column, row, width, height)  # pyright: ignore[reportCallIssue]  its fields are declared untyped
+
+
+def window_about(grid: "DatasetReader | WarpedVRT", x: np.ndarray, y: np.ndarray,
+                 margin: int) -> "tuple[np.ndarray, np.ndarray, Window]":
     """Give the coordinates of columns and rows of a grid about those of another, and the window that holds them.
 
     Parameters
@@ -197,8 +219,6 @@ def window_about(grid, x, y, margin):
     margin : int
         Nodes of the grid that are wanted beyond these, where it has them.
     """
-    from rasterio.windows import Window
-
     at = grid.transform
     spans = []
     for places, first, step, number in ((x, at.c, at.a, grid.width), (y, at.f, at.e, grid.height)):
@@ -206,10 +226,10 @@ def window_about(grid, x, y, margin):
         low, high = max(int(index[0]) - margin, 0), min(int(np.ceil(index[1])) + margin, number - 1)
         spans.append((low, high - low + 1, first + (np.arange(low, high + 1) + 0.5) * step))
     (column, width, x), (row, height, y) = spans
-    return x, y, Window(column, row, width, height)
+    return x, y, window_at(column, row, width, height)
 
 
-def name_of(crs):
+def name_of(crs: "CRS | None") -> str:
     """Give a coordinate system's EPSG code, else its WKT, else nothing."""
     if not crs:
         return ""

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from . import exr, netcdf
+from .files import FilePath
 from .records import SonarImage, SonarSignals
 
 __all__ = ["read", "write"]
@@ -15,7 +16,7 @@ ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 KINDS = ".exr (images), .nc (images, signals)"
 
 
-def read(path):
+def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray:
     """Read a file that mitsonar wrote.
 
     Parameters
@@ -50,7 +51,7 @@ def read(path):
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON or PNG; give a file that mitsonar wrote.")
 
 
-def write(record: xr.Dataset | xr.DataArray, path):
+def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     """Write an image or signals, whole or not at all.
 
     Parameters

@@ -6,11 +6,13 @@ attributes that are no plain value go as JSON in text that begins with "json:", 
 Zarr holds all of it by itself.
 """
 import json
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from ..sonar.pulses import Pulse, pulse_of
+from .files import FilePath
 
 __all__ = ["SonarImage", "SonarSignals", "decoded", "encoded"]
 
@@ -24,11 +26,11 @@ class SonarImage(xr.Dataset):
     __slots__ = ()
 
     @classmethod
-    def of(cls, dataset: xr.Dataset):
+    def of(cls, dataset: xr.Dataset) -> "SonarImage":
         """Give the dataset as an image."""
         return cls(dataset.data_vars, dataset.coords, dataset.attrs)
 
-    def to_netcdf(self, path=None, *arguments, **options):
+    def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
         """Write to netCDF-4; arguments are those of `xarray.Dataset.to_netcdf`, the engine h5netcdf if not given."""
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
 
@@ -39,7 +41,7 @@ class SonarSignals(xr.DataArray):
     __slots__ = ()
 
     @classmethod
-    def of(cls, array: xr.DataArray):
+    def of(cls, array: xr.DataArray) -> "SonarSignals":
         """Give the array as signals."""
         return cls(array.variable, array.coords, name=array.name)
 
@@ -56,7 +58,7 @@ class SonarSignals(xr.DataArray):
             raise ValueError("these signals do not say which pulse was transmitted; take that of the scene's sensor.")
         return pulse_of(self.attrs["pulse"])
 
-    def to_netcdf(self, path=None, *arguments, **options):
+    def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
         """Write to netCDF-4 as `encoded` says; arguments are those of `xarray.DataArray.to_netcdf`."""
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
 

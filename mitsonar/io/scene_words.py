@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
+from .files import FilePath
 from .scenes import root
 
 __all__ = ["Parameter", "described"]
@@ -29,10 +30,10 @@ class Parameter:
     name: str
     default: str
     comment: str
-    uses: tuple
+    uses: tuple[tuple[str, str, str], ...]
 
 
-def described(path) -> tuple[str, list[Parameter]]:
+def described(path: FilePath) -> tuple[str, list[Parameter]]:
     """Read the heading and the parameters of a scene file, in its order.
 
     Parameters
@@ -55,8 +56,10 @@ def described(path) -> tuple[str, list[Parameter]]:
         children = list(element)
         for child, behind in zip(children, [*children[1:], None]):
             if child.tag == "default":
-                said = behind is not None and behind.tag is ElementTree.Comment and "\n" not in (child.tail or "")
-                found.setdefault(child.get("name"), (child.get("value", ""), _line(behind.text) if said else ""))
+                comment = ""
+                if behind is not None and behind.tag is ElementTree.Comment and "\n" not in (child.tail or ""):
+                    comment = _line(behind.text)
+                found.setdefault(child.get("name"), (child.get("value", ""), comment))
             elif isinstance(child.tag, str) and element.get("type"):
                 for value in child.attrib.values():
                     for name in re.findall(r"(?<!\\)\$(\w+)", value):

@@ -1,6 +1,7 @@
 """Scene files as text: found by name, parsed, their ``$parameters`` filled in as Mitsuba does it."""
 import numbers
 import os
+from collections.abc import Mapping
 from importlib import resources
 from xml.etree import ElementTree
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ..spelling import meant
 from . import files
+from .files import FilePath
 
 __all__ = ["check", "filled", "find", "root", "shipped", "text"]
 
@@ -16,7 +18,7 @@ DEEPEST = 200                      # elements within elements; Mitsuba's reader 
 MOST_INCLUDED = 1000               # files
 
 
-def find(name):
+def find(name: str) -> str:
     """Find a scene: a file, or one that comes with mitsonar by its name.
 
     Parameters
@@ -52,7 +54,7 @@ def shipped() -> list[str]:
                   if entry.name.endswith(".xml"))
 
 
-def root(path):
+def root(path: FilePath) -> ElementTree.Element:
     """Parse a scene file and give its outermost element.
 
     Raises
@@ -72,7 +74,7 @@ def root(path):
         raise ValueError(f"{path}, line {error.position[0]}: the XML is broken: {what}") from None
 
 
-def check(path, values):
+def check(path: str, values: Mapping[str, str]) -> None:
     """Check all files that are opened while a scene is parsed: itself, what it includes, and spectra.
 
     Parameters
@@ -102,11 +104,11 @@ def check(path, values):
                 raise ValueError(f"{file}: more than {DEEPEST} elements are nested in one another; flatten them")
             waiting += [(child, depth + 1) for child in reversed(element)]
             if element.tag == "default":
-                known.setdefault(element.get("name"), filled(element.get("value", ""), known))
+                known.setdefault(element.get("name", ""), filled(element.get("value", ""), known))
             elif element.tag == "path":
                 folders.insert(0, os.path.join(os.path.dirname(file), filled(element.get("value", ""), known)))
-            elif element.get("filename"):
-                name = filled(element.get("filename"), known)
+            elif template := element.get("filename"):
+                name = filled(template, known)
                 beside = [os.path.dirname(file)] if element.tag == "include" else []
                 found = next((found for folder in (*beside, *folders, "")
                               if os.path.exists(found := os.path.join(folder, name))), None)
@@ -118,7 +120,7 @@ def check(path, values):
     walk(path)
 
 
-def filled(template, values):
+def filled(template: str, values: Mapping[str, str]) -> str:
     """Give an attribute's text with its ``$names`` replaced, longest first: $rays must not eat the start of $rays_far.
 
     Parameters
@@ -126,14 +128,14 @@ def filled(template, values):
     template : str
     values : dict of str to str
     """
-    for name in sorted(values, key=len, reverse=True):
+    for name in sorted(filter(None, values), key=len, reverse=True):
         # a dollar behind a backslash is no parameter, and both stay for Mitsuba to read
         parts = template.replace(r"\$", "\0").split(f"${name}")
         template = values[name].join(parts).replace("\0", r"\$")
     return template
 
 
-def text(name, value):
+def text(name: str, value: object) -> str:
     """Write a parameter's value as XML has it.
 
     Parameters

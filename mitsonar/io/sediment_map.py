@@ -11,6 +11,8 @@ import numpy as np
 
 from ..seabed.roughness import sediment_key
 from . import raster_files, tables
+from .bathymetry import Bathymetry
+from .files import FilePath
 
 _SHOWN = 10                   # codes that an error lists
 
@@ -27,11 +29,11 @@ class ClassTable:
         Sediment where the map has no code; without it the map must have one everywhere.
     """
 
-    classes: dict
+    classes: dict[int, str]
     elsewhere: str | None = None
 
     @classmethod
-    def of(cls, text):
+    def of(cls, text: str) -> "ClassTable":
         """Make a table of a text such as "1: clay, 7: medium sand, nodata: sand", or of a CSV file's path.
 
         The file has columns ``code`` and ``sediment``; "nodata" is a code in both.
@@ -67,12 +69,12 @@ class ClassTable:
         return cls(classes=classes, elsewhere=elsewhere)
 
     @property
-    def sediments(self):
+    def sediments(self) -> list[str]:
         """Give the sediments, each once, in the order of the numbers that `numbers` gives."""
         named = [*self.classes.values(), *([self.elsewhere] if self.elsewhere else [])]
         return list(dict.fromkeys(named))
 
-    def numbers(self, codes):
+    def numbers(self, codes: np.ndarray) -> np.ndarray:
         """Give the places (N,) in ``sediments`` of codes (N,); NaN is where the map has none.
 
         Raises
@@ -98,7 +100,8 @@ class ClassTable:
         return place[inverse.ravel()]
 
 
-def read(path, survey, table, cells=None, *, crs=None):
+def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
+         crs: str | None = None) -> np.ndarray:
     """Read the classes of a map on the cells between the nodes of a survey.
 
     Parameters

@@ -7,12 +7,13 @@ units and provenance are coordinates and attributes, what is no plain value amon
 import xarray as xr
 
 from . import netcdf
+from .files import FilePath
 from .records import SonarSignals
 
 __all__ = ["read", "write"]
 
 
-def write(path, signals: xr.DataArray):
+def write(path: FilePath, signals: xr.DataArray) -> None:
     """Write element signals or impulse responses to a netCDF-4 file, whole or not at all.
 
     Parameters
@@ -29,7 +30,7 @@ def write(path, signals: xr.DataArray):
     netcdf.write(signals, path)
 
 
-def read(path) -> SonarSignals:
+def read(path: FilePath) -> SonarSignals:
     """Read what `write` wrote.
 
     Parameters

@@ -7,10 +7,14 @@ distances are holes.
 import logging
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .rasters import MOST_NODES
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
 
 _MOST_TRIANGULATED = 5_000_000   # about 2 GB of triangles
 _NODES = 1_000_000               # interpolated at a time
@@ -41,11 +45,11 @@ class Soundings:
     x: np.ndarray
     y: np.ndarray
     z: np.ndarray
-    crs: object = None
-    source: object = None
+    crs: "CRS | None" = None
+    source: "CRS | None" = None
 
     @property
-    def distance(self):
+    def distance(self) -> float:
         """Give the mean distance [m] of soundings: that of as many on a square grid over their convex hull."""
         from scipy.spatial import ConvexHull, QhullError
 
@@ -57,7 +61,7 @@ class Soundings:
             raise ValueError(f"the {self.x.size} soundings lie on a line or in a point; a seabed needs an area.")
         return math.sqrt(area / self.x.size)
 
-    def gridded(self, resolution=None):
+    def gridded(self, resolution: float | None = None) -> tuple[float, float, tuple[float, float], np.ndarray]:
         """Lay the soundings on a grid.
 
         Parameters
@@ -98,10 +102,12 @@ class Soundings:
 
     def _regular(self):
         """Give what `gridded` does of soundings that are the nodes of a regular grid, None of others."""
-        axes = _lattice(self.x), _lattice(self.y)
-        if not all(axes) or axes[0][2] * axes[1][2] > max(_EMPTIEST * self.x.size, 100):
+        columns_of, rows_of = _lattice(self.x), _lattice(self.y)
+        if columns_of is None or rows_of is None:
             return None
-        (west, step_x, columns), (south, step_y, rows) = axes
+        (west, step_x, columns), (south, step_y, rows) = columns_of, rows_of
+        if columns * rows > max(_EMPTIEST * self.x.size, 100):
+            return None
         node = _node(self.y, south, step_y) * columns + _node(self.x, west, step_x)
         values = _means(node, rows * columns, self.z).reshape(rows, columns)
         # Coordinates rounded to metres lie on a lattice too, but few of its nodes have neighbours.
@@ -113,7 +119,7 @@ class Soundings:
 
     def _interpolated(self, first, columns, rows, resolution, reach):
         """Give the heights (Y, X), rows from the south, at multiples of the resolution from ``first`` on."""
-        from scipy.spatial import Delaunay, QhullError, cKDTree
+        from scipy.spatial import Delaunay, KDTree, QhullError
 
         x, y = self.x / resolution - first[0], self.y / resolution - first[1]  # [nodes]: small numbers
         cell = np.rint(y).astype(np.int64) * columns + np.rint(x).astype(np.int64)
@@ -128,13 +134,13 @@ class Soundings:
         except QhullError:
             raise ValueError(f"in cells of {resolution:g} m the soundings lie on a line; use a finer "
                              "resolution.") from None
-        near, values = cKDTree(places), np.full(rows * columns, np.nan)
+        near, values = KDTree(places), np.full(rows * columns, np.nan)
         for start in range(0, rows * columns, _NODES):
             node = np.arange(start, min(start + _NODES, rows * columns))
             wanted = np.column_stack((node % columns, node // columns)).astype(float)
             away, nearest = near.query(wanted, distance_upper_bound=reach / resolution)
             inside = np.isfinite(away)
-            values[node[inside]] = _on_triangles(triangles, z, wanted[inside], nearest[inside])
+            values[node[inside]] = _on_triangles(triangles, z, wanted[inside], np.asarray(nearest)[inside])
         return values.reshape(rows, columns)
 
 

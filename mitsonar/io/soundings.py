@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 
+from .files import FilePath
 from .rasters import crs_of, is_metric, refuse_degrees, utm
 from .sounding_grids import Soundings
 
@@ -17,7 +18,7 @@ _NAMES = {"x": ("x", "easting", "east", "e", "lon", "long", "longitude"),
 _GEOGRAPHIC = ("lon", "long", "longitude")
 
 
-def holds_soundings(path):
+def holds_soundings(path: FilePath) -> bool:
     """Tell whether a file is text that starts with three numbers a line, or is called as such files are."""
     if os.path.isfile(path) and str(path).lower().endswith(_SUFFIXES):
         return True
@@ -30,7 +31,7 @@ def holds_soundings(path):
     return len(_numbers(first)) >= 3
 
 
-def read(path, *, crs=None, nodata=None):
+def read(path: FilePath, *, crs: str | None = None, nodata: float | None = None) -> Soundings:
     """Read a list of soundings.
 
     Blanks, tabs, commas or semicolons divide the columns, and ``#`` starts a comment. A header may name the columns;
@@ -113,8 +114,8 @@ def _layout(path):
     else:
         raise ValueError("the file holds no soundings; they are lines of x, y and z.")
     divider = next((mark for mark in ",;" if mark in line), None)
-    columns = [next((index for index, name in enumerate(names) if name in _NAMES[key]), None) for key in "xyz"]
-    if None in columns:
+    columns = [next((index for index, name in enumerate(names) if name in _NAMES[key]), -1) for key in "xyz"]
+    if -1 in columns:
         return divider, skipped, (0, 1, 2), False
     return divider, skipped, tuple(columns), names[columns[0]] in _GEOGRAPHIC
 

@@ -4,12 +4,20 @@ The survey's heights are interpolated by cubic splines; a random surface of the 
 shortest waves, continued as the power law it follows there, adds what splines leave out (`mitsonar.scattering.Fractal`
 with ``surveyed``). Longer waves stay as they were surveyed.
 """
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..scattering import Fractal
+from ..scattering import Fractal, RoughnessSpectrum
 from ..seabed.measured_roughness import SMALLEST_PATCH, fit_power_law
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
+    from rasterio.io import DatasetReader
+    from rasterio.transform import Affine
+    from rasterio.vrt import WarpedVRT
+
 
 MARGIN = 12                        # nodes of the survey about a part, beyond which splines feel nothing
 _PATCHES, _TRIED = 64, 24          # patches that are enough; places looked at along each side of the file
@@ -19,13 +27,13 @@ _FEW = 4                           # patches with which larger ones do
 class FinerGrid(NamedTuple):
     """Say where the nodes of a finer grid are, as rasters do: ``transform``, ``width``, ``height``, ``crs``."""
 
-    transform: object
+    transform: "Affine"
     width: int
     height: int
-    crs: object
+    crs: "CRS | None"
 
     @classmethod
-    def over(cls, grid, resolution):
+    def over(cls, grid: "DatasetReader | WarpedVRT", resolution: float | None) -> "FinerGrid":
         """Lay one over a raster, with the nodes that the raster resampled to ``resolution`` [m] would have."""
         from rasterio.transform import from_origin
 
@@ -39,7 +47,8 @@ class FinerGrid(NamedTuple):
                    round((high - low) / resolution), grid.crs)
 
 
-def measure(read_window, shape, steps, gamma=None):
+def measure(read_window: Callable[[int, int, int], np.ndarray], shape: tuple[int, int], steps: tuple[float, float],
+            gamma: float | None = None) -> RoughnessSpectrum:
     """Measure the roughness of a survey on patches without holes, all over the file, whatever part of it is used.
 
     Parameters
@@ -86,7 +95,8 @@ def _patches(read_window, shape, size):
     return found
 
 
-def refine(x, y, heights, finer_x, finer_y, spectrum, seed):
+def refine(x: np.ndarray, y: np.ndarray, heights: np.ndarray, finer_x: np.ndarray, finer_y: np.ndarray,
+           spectrum: RoughnessSpectrum, seed: int) -> np.ndarray:
     """Lay a survey on a finer grid and add the relief below its resolution.
 
     Parameters
@@ -111,7 +121,7 @@ def refine(x, y, heights, finer_x, finer_y, spectrum, seed):
     holes = np.isnan(heights)
     if holes.any():                # splines would carry a hole everywhere
         nearest = ndimage.distance_transform_edt(holes, return_distances=False, return_indices=True)
-        heights = heights[tuple(nearest)]
+        heights = heights[tuple(np.asarray(nearest))]
     steps = [(axis[-1] - axis[0]) / (axis.size - 1) for axis in (y, x)]
     finer_steps = [(axis[-1] - axis[0]) / (axis.size - 1) for axis in (finer_y, finer_x)]
     first = finer_y[0] - y[0], finer_x[0] - x[0]

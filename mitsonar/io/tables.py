@@ -4,14 +4,17 @@ Commas, semicolons or tabs divide the fields; empty lines and those starting wit
 with the file and, where there is one, the line.
 """
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from .files import FilePath
+
 __all__ = ["floats", "records"]
 
 
-def records(path, what):
+def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[str]]]:
     """Read the header and the records of a table.
 
     Parameters
@@ -67,7 +70,7 @@ def records(path, what):
     return names, lines, rows
 
 
-def floats(path, lines, name, column):
+def floats(path: FilePath, lines: Sequence[int], name: str, column: Sequence[str]) -> np.ndarray:
     """Give a column as finite numbers: all at once if they are sound, else one by one to find the first that is not.
 
     Parameters
@@ -94,7 +97,8 @@ def floats(path, lines, name, column):
         values = np.array([_number(text) for text in column])
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        raise ValueError(f"{path}, line {lines[bad[0]]}: {name} is {column[bad[0]].strip() or 'empty'!r}, which is not "
+        first = int(bad[0])
+        raise ValueError(f"{path}, line {lines[first]}: {name} is {column[first].strip() or 'empty'!r}, which is not "
                          "a finite number; repair the line or remove it.")
     return values
 

@@ -20,9 +20,11 @@ import re
 
 import numpy as np
 
+from ..sonar.track import Track
 from ..units import radians_from_deg
 from . import navigation_xtf, tables
-from .navigation import Navigation, Waypoints
+from .files import FilePath
+from .navigation import Frame, Navigation, Waypoints
 
 __all__ = ["load", "read", "waypoints"]
 
@@ -37,7 +39,7 @@ LATEST = 1e11                      # [s] from 1970, three thousand years
 LARGEST_FILE = 200_000_000         # bytes of a CSV file, which take sixteen times as much while they are read
 
 
-def read(path, *, frame=None, depth=0.0):
+def read(path: FilePath, *, frame: Frame | None = None, depth: float = 0.0) -> Track:
     """Read a recorded track.
 
     Parameters
@@ -69,7 +71,7 @@ def read(path, *, frame=None, depth=0.0):
     return record.placed(frame, depth)
 
 
-def load(path):
+def load(path: FilePath) -> Navigation | Waypoints:
     """Read a track or way points as their file has them.
 
     Parameters
@@ -131,7 +133,7 @@ def load(path):
                       heading=angles["heading"] if "heading" in values else None, geographic=geographic)
 
 
-def waypoints(text):
+def waypoints(text: str) -> Waypoints:
     """Read way points written in a line: "0 0, 50 0, 50 30" or "37.75N 122.38W, 37.76N 122.38W".
 
     Parameters
@@ -217,10 +219,13 @@ def _times(path, numbers, column):
     seconds = np.empty(len(column))
     for k, (number, text) in enumerate(zip(numbers, column, strict=True)):
         try:
-            day, clock, fraction, offset = INSTANT.fullmatch(text).groups()
+            found = INSTANT.fullmatch(text)
+            if found is None:
+                raise ValueError
+            day, clock, fraction, offset = found.groups()
             offset = "+00:00" if offset in (None, "Z", "z") else f"{offset[:3]}:{offset[-2:]}"
             whole = datetime.datetime.fromisoformat(f"{day}T{clock}{offset}").timestamp()
-        except (AttributeError, ValueError):
+        except ValueError:
             raise ValueError(f"{path}, line {number}: time is {text!r}, but the first record has an ISO 8601 time "
                              f"({column[0]}); write all alike, such as 2012-08-21T10:11:12.5Z.") from None
         seconds[k] = whole + float((fraction or ".0").replace(",", "."))

@@ -4,13 +4,14 @@
 takes all lines and the number of the section asked for and gives `Samples`; and its row in the list. What is the same
 for all comes after: `cleaning` says what becomes of the samples, `completion` of what the file does not give.
 """
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ..files import FilePath
 from . import aml, caris, castaway, hypack, kongsberg, seabird, table, text, valeport
 from .completion import EXTENSIONS, SOUND_SPEEDS, completed
-from .records import Cast, Cleaning
+from .records import Cast, Cleaning, Samples
 
 __all__ = ["EXTENSIONS", "FORMATS", "SOUND_SPEEDS", "Cast", "Cleaning", "Format", "read"]
 
@@ -19,8 +20,8 @@ class Format(NamedTuple):
     """One format: its name, a test of the lines that carry content, and the reader."""
 
     name: str
-    recognises: Callable
-    reads: Callable
+    recognises: Callable[[Sequence[str]], bool]
+    reads: Callable[[Sequence[str], int], Samples]
 
 
 # The table comes last: it is the least particular.
@@ -36,7 +37,7 @@ FORMATS = (
 )
 
 
-def read(path, section=0, *, sound_speed="file", extension="constant"):
+def read(path: FilePath, section: int = 0, *, sound_speed: str = "file", extension: str = "constant") -> Cast:
     """Read a cast.
 
     Parameters
@@ -78,7 +79,7 @@ def read(path, section=0, *, sound_speed="file", extension="constant"):
         lines = text.read_lines(path)
         content = [line for line in lines or () if line.partition("#")[0].strip()]
         for known in FORMATS:
-            if content and known.recognises(content):
+            if lines and content and known.recognises(content):
                 return completed(known.reads(lines, section), known.name, sound_speed, extension)
     except ValueError as error:
         raise ValueError(f"cannot read the cast {path}: {error}") from None

@@ -7,11 +7,13 @@ density and sound speed, each if it was to be displayed. Salinity must then be w
 pressure give, or the columns are not what they were taken for.
 """
 import re
+from collections.abc import Sequence
 
 import gsw
 import numpy as np
 
 from . import fields
+from .records import Samples
 
 SENSORS = {"CT": ("conductivity", "temperature"), "C": ("conductivity",), "T": ("temperature",), "P": ("pressure",),
            "SV": ("sound speed",)}
@@ -21,14 +23,14 @@ COMPUTED = {"displaybattery": ("battery",), "displaysalinity": ("salinity",), "d
 SALINITIES_AGREE = 0.5
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     first = content[0].strip().lower()
     return first in ("[cast header]", "[header]", "[instrument]") or (
         first.startswith("[") and any(_begins_data(line) for line in content))
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     start = next((k for k, line in enumerate(lines) if _begins_data(line)), None)

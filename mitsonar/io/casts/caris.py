@@ -1,15 +1,17 @@
 """CARIS SVP: sections, each a line with time and place and then depth and sound speed."""
 import re
+from collections.abc import Sequence
 
 from . import fields
+from .records import Samples
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     return content[0].strip().upper().startswith("[SVP_VERSION")
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples of a section; see `mitsonar.io.casts.read`."""
     starts = [k for k, line in enumerate(lines) if line.lower().startswith("section")]
     if not 0 <= section < len(starts):

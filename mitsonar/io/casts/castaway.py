@@ -1,18 +1,20 @@
 """CastAway CSV, the processed cast: notes after %, a header, rows."""
 import re
+from collections.abc import Sequence
 
 from . import fields
+from .records import Samples
 
 COLUMNS = {"depth": "Depth (Meter)", "sound speed": "Sound velocity (Meters per Second)",
            "temperature": "Temperature (Celsius)", "salinity": "Salinity (Practical Salinity Scale)"}
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     return re.match(r"%\s*device\s*,", content[0], re.IGNORECASE) is not None
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     notes, rows = {}, []

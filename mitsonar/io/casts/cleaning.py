@@ -17,7 +17,7 @@ there a depth that does not increase is an error.
 """
 import numpy as np
 
-from .records import Cleaning
+from .records import Cleaning, Samples
 
 SLOWEST_WATER = 1350.0  # [m/s]: fresh water at 0 deg C has 1402, and instruments write 0 in air
 SPLASH = 0.5            # [m]
@@ -26,7 +26,7 @@ SAME_DEPTH = 0.05       # [m]
 SPIKE = 1.0             # [m]
 
 
-def cleaned(samples):
+def cleaned(samples: Samples) -> tuple[Samples, Cleaning]:
     """Clean samples that have a depth, by their state.
 
     Parameters

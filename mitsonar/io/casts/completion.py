@@ -13,7 +13,7 @@ import numpy as np
 from ...water import SoundSpeedProfile, sound_speed
 from ...water.profile import FASTEST, SLOWEST
 from .cleaning import cleaned
-from .records import Cast
+from .records import Cast, Samples
 
 UNKNOWN_LATITUDE, UNKNOWN_LONGITUDE = 45.0, -20.0   # gravity changes depths by 0.26 % from there to pole or equator
 HIGHEST, DEEPEST = -20.0, 12000.0                   # [m]
@@ -23,7 +23,7 @@ EXTENSIONS = ("constant", "gradient")
 STEPS = np.concatenate([np.arange(0, 1000, 50.0), np.arange(1000, DEEPEST + 1, 250.0)])
 
 
-def completed(samples, name, source, extension):
+def completed(samples: Samples, name: str, source: str, extension: str) -> Cast:
     """Make the cast of samples.
 
     Parameters

@@ -2,6 +2,8 @@
 import datetime
 import math
 import re
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
@@ -31,19 +33,19 @@ POSITION = re.compile(r"([+-]?\d+(?:\.\d+)?)(?:[\s:d\N{DEGREE SIGN}]+(\d+(?:\.\d
                       r"[\s\"'\N{DEGREE SIGN}]*([NSEWnsew]?)")
 
 
-def only_section(section):
+def only_section(section: int) -> None:
     """Refuse any section but the first, for formats that hold one cast a file."""
     if section != 0:
         raise ValueError(f"section {section} was asked for, but the format holds one cast a file; leave section out.")
 
 
-def shown(text):
+def shown(text: str) -> str:
     """Give a field as an error may show it: short, on one line."""
     text = "".join(character if character.isprintable() else "?" for character in text[:31])
     return f"{text[:30]}..." if len(text) > 30 else text
 
 
-def number(text):
+def number(text: str) -> float:
     """Give the number a field holds, NaN where it holds none."""
     try:
         return math.nan if "_" in text else float(text)    # Python's 1_500 is no number to others
@@ -51,7 +53,8 @@ def number(text):
         return math.nan
 
 
-def samples(rows, columns, state, **more):
+def samples(rows: Sequence[tuple[int, Sequence[str]]], columns: Mapping[str, int | tuple[int, float]],
+            state: Literal["recorded", "processed", "ordered"], **more: Any) -> Samples:
     """Make samples of the rows of a file.
 
     Parameters
@@ -87,13 +90,13 @@ def samples(rows, columns, state, **more):
     return Samples(lines=np.array([line for line, _ in rows]), columns=table, state=state, **more)
 
 
-def rows_of(lines):
+def rows_of(lines: Sequence[str]) -> list[tuple[int, str]]:
     """Give the rows that carry content, as (line number, text), without comments after #."""
     rows = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, 1))
     return [(number, row) for number, row in rows if row]
 
 
-def title(text):
+def title(text: str) -> tuple[str | None, str]:
     """Give the quantity and the unit that the title of a column names, or None and all of it."""
     words = re.sub(r"[_()\[\]\"']+", " ", text.lower()).split()
     for end in range(min(len(words), 4), 0, -1):
@@ -103,7 +106,7 @@ def title(text):
     return None, text
 
 
-def titled(line, header):
+def titled(line: int, header: Sequence[str]) -> dict[str, tuple[int, float]]:
     """Give the columns that a header names.
 
     Parameters
@@ -144,13 +147,14 @@ def titled(line, header):
     return columns
 
 
-def suffices(quantities):
+def suffices(quantities: Collection[str | None]) -> bool:
     """Tell whether quantities of these names give a sound speed against depth."""
-    return bool({"depth", "pressure"} & set(quantities)) and (
-        "sound speed" in quantities or ("temperature" in quantities and {"salinity", "conductivity"} & set(quantities)))
+    named = set(quantities)
+    salted = "temperature" in named and not named.isdisjoint(("salinity", "conductivity"))
+    return not named.isdisjoint(("depth", "pressure")) and ("sound speed" in named or salted)
 
 
-def position(text, name):
+def position(text: str, name: str) -> float | None:
     """Give the degrees of a latitude or longitude: decimal, or with minutes and seconds; None if it cannot be read.
 
     The sign before the degrees is that of the whole, and so is a letter behind.
@@ -173,7 +177,7 @@ def position(text, name):
     return -value if degrees.startswith("-") or side.upper() in ("S", "W") else value
 
 
-def instant(text, *layouts):
+def instant(text: str, *layouts: str) -> datetime.datetime | None:
     """Give the time that a text holds in one of the layouts of ``strptime``, in UTC; None if in none of them."""
     for layout in layouts:
         try:

@@ -1,13 +1,16 @@
 """HYPACK VEL: ``FTP NEW version latitude longitude hh:mm mm/dd/yyyy``, then depth and sound speed, in metric units."""
+from collections.abc import Sequence
+
 from . import fields
+from .records import Samples
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     return content[0].split()[:2] == ["FTP", "NEW"]
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]

@@ -2,16 +2,18 @@
 history count )``, then depth and sound speed. Time is YYYYMMDDhhmm, newer YYYYMMDDhhmmss.
 """
 import re
+from collections.abc import Sequence
 
 from . import fields
+from .records import Samples
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     return re.match(r"\s*\(\s*soundvelocity\b", content[0], re.IGNORECASE) is not None
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]

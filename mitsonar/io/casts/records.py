@@ -1,5 +1,6 @@
 """What a file of a cast holds (`Samples`), what was left out of it (`Cleaning`), and the cast itself (`Cast`)."""
 import datetime
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -63,7 +64,7 @@ class Samples:
     """
 
     lines: np.ndarray
-    columns: dict
+    columns: dict[str, np.ndarray]
     state: Literal["recorded", "processed", "ordered"]
     flagged: int = 0
     latitude: float | None = None
@@ -71,7 +72,7 @@ class Samples:
     time: datetime.datetime | None = None
     sections: int = 1
 
-    def taking(self, which, **columns):
+    def taking(self, which: np.ndarray | Sequence[int] | slice, **columns: np.ndarray) -> "Samples":
         """Give the samples of an index or a mask, with ``columns`` added or replaced (those already taken)."""
         taken = {what: values[which] for what, values in self.columns.items()} | columns
         return replace(self, lines=self.lines[which], columns=taken)

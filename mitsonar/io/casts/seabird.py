@@ -4,11 +4,13 @@ Of sensors there may be two; the first counts. Depths in fresh water are pressur
 temperatures in IPTS-68 are 1.00024 times those in ITS-90 (Sea-Bird application notes 69 and 42).
 """
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from . import fields
+from .records import Samples
 
 PSI = 0.6894757                     # [dbar]
 # (beginning of the long name, ending of its brackets) -> quantity, factor
@@ -31,12 +33,12 @@ CAST = re.compile(r"\*.*\bcast\s+\d+\s+(\d+ \w{3} \d{4} \d+:\d+:\d+)\s+samples\b
 NO_NUMBER = -9.990e-29
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     return content[0].lower().startswith("* sea-bird") or any(line.strip() == "*END*" for line in content)
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     end = next((k for k, line in enumerate(lines) if line.strip() == "*END*"), None)

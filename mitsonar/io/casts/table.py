@@ -1,15 +1,18 @@
 """A plain table: depth and sound speed, or what they are computed from, with or without a header."""
+from collections.abc import Sequence
+
 from . import fields
+from .records import Samples
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     first, second = (_split(line) for line in (*content, "")[:2])
     named = {what for what, _ in map(fields.title, first)}
     return _numeric(first) or (_numeric(second) and len(first) == len(second)) or fields.suffices(named)
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     rows = [(number, _split(row)) for number, row in fields.rows_of(lines)]

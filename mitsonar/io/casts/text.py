@@ -1,9 +1,10 @@
 """The lines of a text file, whatever its encoding, in bounded memory."""
+from pathlib import Path
 
 MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 samples a second; no line is that long
 
 
-def read_lines(path):
+def read_lines(path: Path) -> list[str] | None:
     """Read the lines of a text file.
 
     Parameters

@@ -2,17 +2,20 @@
 sound speed as they were logged, the tare of the pressure taken off. In air the sound speed is 0. Days come before
 months.
 """
+from collections.abc import Sequence
+
 from . import fields
+from .records import Samples
 
 UNITS = {"m": "depth", "dbar": "pressure"}
 
 
-def recognises(content):
+def recognises(content: Sequence[str]) -> bool:
     """Tell whether these lines are of the format."""
     return any(line.lower().startswith(("minisvp:", "pressure units:")) for line in content[:20])
 
 
-def read(lines, section):
+def read(lines: Sequence[str], section: int) -> Samples:
     """Give the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     notes, rows = {}, []
