@@ -1,10 +1,29 @@
-"""Small scenes for comparisons of the whole chain, as Mitsuba dictionaries."""
+"""Small scenes for comparisons of the whole chain, as Mitsuba dictionaries: the builder of `validate` and of the tests.
+
+    scene = sidescan({"bed": bed(40.0), "ball": point_target([30.0, 0.0, -38.0])}, film={"range": 60.0})
+
+Every scene has a sonar that stands still at x = y = 0 and looks north, in water of 1500 m/s, without speckle and noise.
+The arguments ``sensor``, ``water``, ``film`` and ``integrator`` add attributes to these, or replace them.
+"""
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+    from ..water import SoundSpeedProfile
 
 __all__ = ["array_sonar", "bed", "buried_bed", "lambert", "point_target", "sediment", "sidescan", "water_of"]
 
+Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
-def sidescan(shapes, *, depth, sensor=None, water=None, film=None, rays=1_000_000, pings=2):
-    """Load a scene of a sidescan that stands still at the origin, speckle and noise off, heading north.
+
+def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,
+             sensor: Attributes | None = None, water: Attributes | None = None, film: Attributes | None = None,
+             integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of a sidescan, by default of 100 kHz and 1000 bins to 100 m.
 
     Parameters
     ----------
@@ -12,76 +31,101 @@ def sidescan(shapes, *, depth, sensor=None, water=None, film=None, rays=1_000_00
         By their ids.
     depth : float [m]
         Of the sonar.
-    sensor, water, film : dict
-        Changes to their attributes.
-    rays, pings : int
+    pings, rays : int
+    sensor, water, film, integrator : dict, optional
+        Attributes that are added or replaced. Of a sensor with a ``track``, place and pings are the track's.
 
     Returns
     -------
     mitsuba.Scene
     """
-    place = {"pings": pings, "speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -float(depth)]}
-    return _load({"type": "sidescan", "preset": "towed_100khz", "speckle": False, "noise": False, **place,
-                  **(sensor or {})}, water, film, {"rays": rays}, shapes)
+    still = {"pings": pings, **_still(depth)}
+    return _loaded(shapes, {"type": "sidescan", "preset": "towed_100khz", "speckle": False}, still, sensor, water,
+                   {"range": 100.0, "bins": 1000, **(film or {})}, {"rays": rays, **(integrator or {})})
 
 
-def array_sonar(shapes, *, depth, sensor=None, water=None, film=None, integrator=None):
-    """Load a scene of one omnidirectional element that sends and hears, still and without noise; as `sidescan`."""
-    place = {"speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -float(depth)]}
-    return _load({"type": "array_sonar", "frequency_khz": 100.0, "noise": False, **place, **(sensor or {})}, water,
-                 film, integrator or {}, shapes)
+def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+                water: Attributes | None = None, film: Attributes | None = None,
+                integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of one omnidirectional element that sends and hears, by default 100 kHz to 30 m; as `sidescan`."""
+    return _loaded(shapes, {"type": "array_sonar", "frequency_khz": 100.0}, _still(depth), sensor, water,
+                   {"range": 30.0, **(film or {})}, integrator or {})
 
 
-def _load(sensor, water, film, integrator, shapes):
+def _still(depth: float) -> dict[str, Any]:
+    return {"speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -float(depth)]}
+
+
+def _loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sensor: Attributes | None,
+            water: Attributes | None, film: Attributes, integrator: Attributes) -> "mi.Scene":
     from ..scene.loading import prepare
 
     prepare()
     import mitsuba as mi
 
-    water = dict(water or {})
-    if not {"profile", "sound_speed"} & set(water):
-        water["sound_speed"] = 1500.0
+    sensor, water = sensor or {}, water or {}
+    place = {} if "track" in sensor else still
+    speed = {} if {"profile", "cast"} & set(water) else {"sound_speed": 1500.0}
     return mi.load_dict({
-        "type": "scene", "integrator": {"type": "sonar_path", **integrator},
-        "sensor": {**sensor, "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **water},
-                   "film": {"type": "sonar_film", "range": 100.0, **(film or {})}},
-        **shapes}, optimize=False)
+        "type": "scene",
+        "integrator": {"type": "sonar_path", **integrator},
+        "sensor": {**kind, "noise": False, **place, **sensor,
+                   "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **speed, **water},
+                   "film": {"type": "sonar_film", **film}},
+        **shapes}, optimize=False, parallel=False)
 
 
-def water_of(profile):
-    """The attributes of water with a sound speed profile."""
+def water_of(profile: "SoundSpeedProfile") -> dict[str, Any]:
+    """Give the attributes of water with a sound speed profile."""
     if len(profile.depth) == 1:
         return {"sound_speed": float(profile.sound_speed[0])}
     return {"profile": ", ".join(f"{depth:g}:{speed:g}" for depth, speed in zip(profile.depth, profile.sound_speed))}
 
 
-def bed(depth, material, *, size=800.0):
-    """A flat, level bed of two facets, `size` [m] square."""
+def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0, tilt: float = 0.0) -> dict[str, Any]:
+    """Describe a flat bed of two facets.
+
+    Parameters
+    ----------
+    depth : float [m]
+        In the middle, at x = y = 0.
+    material : dict, optional
+        `lambert` by default.
+    size : float [m]
+        Length of a side.
+    tilt : float [rad]
+        Slope, deeper to the east.
+
+    Returns
+    -------
+    dict
+    """
     from ..scene.loading import prepare
 
     prepare()
     import mitsuba as mi
 
-    place = mi.ScalarTransform4f().translate([0, 0, -float(depth)]).scale([size / 2, size / 2, 1])
-    return {"type": "rectangle", "to_world": place, "bsdf": material}
+    place = mi.ScalarTransform4f().translate([0, 0, -float(depth)])
+    place = place.rotate([0, 1, 0], float(np.rad2deg(tilt))).scale([size / 2, size / 2, 1])
+    return {"type": "rectangle", "to_world": place, "bsdf": dict(material or lambert())}
 
 
-def buried_bed(depth, *, size=200.0):
-    """A bed that as good as scatters nothing: for targets alone."""
+def buried_bed(depth: float, *, size: float = 200.0) -> dict[str, Any]:
+    """Describe a bed that as good as scatters nothing, for targets alone."""
     return bed(depth, lambert(-190.0), size=size)
 
 
-def lambert(mu_db):
-    """A material of Lambert's law."""
+def lambert(mu_db: float = -27.0) -> dict[str, Any]:
+    """Describe a material of Lambert's law, of strength µ [dB]."""
     return {"type": "lambert", "mu_db": float(mu_db)}
 
 
-def sediment(name):
-    """The material of a named sediment."""
+def sediment(name: str) -> dict[str, Any]:
+    """Describe the material of a named sediment."""
     return {"type": "sediment", "sediment": name}
 
 
-def point_target(position, strength_db=0.0):
-    """A point target at a place [m]."""
+def point_target(position: Sequence[float] | np.ndarray, strength_db: float = 0.0) -> dict[str, Any]:
+    """Describe a point target at a place (3,) [m], of a target strength [dB re 1 m²]."""
     return {"type": "point_target", "position": [float(one) for one in position],
             "target_strength_db": float(strength_db)}

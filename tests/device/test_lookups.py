@@ -167,12 +167,13 @@ import mitsonar
 import mitsuba as mi
 import drjit as dr
 mi.set_variant("llvm_ad_mono")
-from array_scene import SUMMER, array_scene, buried_bed, target
+from summer import SUMMER_TEXT
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 rng = np.random.default_rng(0)
 distance, bearing, depth = rng.uniform(40, 200, 100), rng.uniform(0, 2 * np.pi, 100), rng.uniform(2, 38, 100)
 places = [(150, 60, -18), *np.column_stack([distance * np.cos(bearing), distance * np.sin(bearing), -depth])]
-scene = array_scene({"bed": buried_bed(40.0, size=20.0), **{f"t{i}": target(p) for i, p in enumerate(places)}},
-                    water={"profile": SUMMER}, film={"range": 210.0}, integrator={"cell": 20.0},
+scene = array_sonar({"bed": buried_bed(40.0, size=20.0), **{f"t{i}": point_target(p) for i, p in enumerate(places)}},
+                    water={"profile": SUMMER_TEXT}, film={"range": 210.0}, integrator={"cell": 20.0},
                     sensor={"start": [0.0, 0.0, -17.0], "receive": "line", "receive_elements": 8,
                             "receive_pitch": 1 / 7, "receive_axis": "down", "receive_normal": "forward"})
 dr.set_flag(dr.JitFlag.Debug, True)

@@ -6,6 +6,7 @@ the device leave 4e-11 s.
 import numpy as np
 import pytest
 from drjit.auto import Float, Float64
+from summer import SUMMER_TABLE
 
 import drjit as dr
 from mitsonar.propagation import eigenray, return_time
@@ -18,8 +19,7 @@ from mitsonar.water import SoundSpeedProfile
 PROFILES = {
     "constant": ([0.0], [1500.0]), "gradient": ([0.0, 100.0], [1480.0, 1520.0]),
     "duct": ([0.0, 20.0, 40.0], [1600.0, 1500.0, 1600.0]),
-    "summer": ([0, 4, 8, 11, 14, 17, 20, 25, 32, 40], [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6, 1494.2, 1492.9,
-                                                       1492.3, 1492.2]),
+    "summer": SUMMER_TABLE,
 }
 
 

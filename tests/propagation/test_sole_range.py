@@ -6,6 +6,7 @@ layers among them, that end above the points; ends close to one another, at node
 import numpy as np
 import pytest
 from drjit.auto import Float, Float64
+from summer import SUMMER
 
 import drjit as dr
 from mitsonar.propagation import eigenrays, exact_returns
@@ -15,8 +16,6 @@ from mitsonar.propagation.sole_range import sole_range
 from mitsonar.propagation.travel import REST
 from mitsonar.water import SoundSpeedProfile
 
-SUMMER = SoundSpeedProfile([0, 4, 8, 11, 14, 17, 20, 25, 32, 40], [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6,
-                                                                  1494.2, 1492.9, 1492.3, 1492.2])
 PROFILES, POINTS = 25, 1500
 
 

@@ -4,19 +4,19 @@ Cells: a bed of two facets of 200 m, cut into n² each, n = ⌈longest side / ce
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, bed
 
 import mitsonar
 from mitsonar.survey import cost as array_cost
 from mitsonar.echoes import ensonification
 from mitsonar.survey.signals import LEAD
+from mitsonar.validation.scenes import array_sonar, bed
 
 CUTS = int(np.ceil(200 * np.sqrt(2) / 2.0))
 LINE = {"receive": "line", "receive_elements": 3, "receive_normal": "down"}
 
 
 def scene(*, lighting="scatterers", pings=1, size=200.0, film=300.0, **sensor):
-    return array_scene({"bed": bed(20.0, size=size)}, sensor={**LINE, "pings": pings, **sensor}, film={"range": film},
+    return array_sonar({"bed": bed(20.0, size=size)}, sensor={**LINE, "pings": pings, **sensor}, film={"range": film},
                        integrator={"cell": 2.0, "lighting": lighting, "rays": 5000})
 
 

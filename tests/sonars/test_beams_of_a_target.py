@@ -6,10 +6,10 @@ long that the array is crossed in 1 % of it: b = |sin Nu / (N sin u)|, u = (πd/
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, buried_bed, target
 
 import mitsonar
 from mitsonar.signal import beamforming
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 
 RANGE, WAVELENGTH, ELEMENTS = 300.0, 0.015, 32
 
@@ -17,8 +17,8 @@ RANGE, WAVELENGTH, ELEMENTS = 300.0, 0.015, 32
 def heard(target_deg, pitch, **receive):
     """Signals of a line across the bow, heading north, from a target at its depth."""
     east, north = RANGE * np.sin(np.radians(target_deg)), RANGE * np.cos(np.radians(target_deg))
-    scene = array_scene(
-        {"bed": buried_bed(200.0), "buoy": target([east, north, -10.0])},
+    scene = array_sonar(
+        {"bed": buried_bed(200.0), "buoy": point_target([east, north, -10.0])},
         sensor={"pulse": "cw", "pulse_ms": 20.0, "pulse_window": "hann", "receive": "line", "receive_normal": "forward",
                 "receive_elements": ELEMENTS, "receive_pitch": pitch, **receive},
         film={"range": RANGE + 20, "range_min": RANGE - 10})

@@ -12,11 +12,11 @@ dB). Gates begin behind the corner where both meet: the integrand has no varianc
 """
 import numpy as np
 import pytest
-from sidescan_scene import lambert, plane, sidescan
 
 import mitsuba as mi
 import mitsonar
 from mitsonar.io import exr
+from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030
 GATES = np.arange(52, 72, 4)
@@ -26,7 +26,7 @@ def scene(max_depth, *, pings=40, **more):
     T = mi.ScalarTransform4f
     wall = {"type": "rectangle", "bsdf": lambert(-8.0),
             "to_world": T().translate([35, 0, -32.5]).rotate([0, 1, 0], -90).scale([7.5, 200, 1])}
-    made = sidescan({"seabed": plane(40.0, mu_db=-10.0), "wall": wall}, rays=400_000,
+    made = sidescan({"seabed": bed(40.0, lambert(-10.0)), "wall": wall}, rays=400_000,
                     sensor={"vertical_beam_width_deg": 180.0, "beam_width_deg": 20.0, "pings": pings, **more},
                     film={"bins": 100, "range": 80.0})
     made.integrator().max_depth = max_depth

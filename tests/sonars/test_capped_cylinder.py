@@ -6,9 +6,9 @@ takes under 0.05 dB; 0.3 dB for what facets leave of round bodies.
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, bed, buried_bed
 
 import mitsonar
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert
 
 WAVELENGTH, RADIUS, LENGTH = 0.015, 0.1, 0.5
 AT = np.array([0.0, 150.0, -10.0])                                      # the sonar at the origin, 10 m deep
@@ -22,7 +22,7 @@ def drum(axis, *, near=0.0, **more):
 
 
 def strength_db(shape):
-    scene = array_scene({"bed": buried_bed(900.0), "drum": shape}, water={"absorption_db_per_km": 0.0},
+    scene = array_sonar({"bed": buried_bed(900.0), "drum": shape}, water={"absorption_db_per_km": 0.0},
                         sensor={"pulse": "cw", "pulse_ms": 1.0}, film={"range": 158.0, "range_min": 142.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     return 20 * np.log10(abs(survey.responses(0)[0, 0].astype(complex).sum()) * 150.0 ** 2)
@@ -73,8 +73,8 @@ def test_it_scatters_from_its_cap(variant):
     for kind in ("capped_cylinder", "cylinder"):
         pipe = {"type": kind, "p0": [0.0, 0.0, -20.5], "p1": [0.0, 0.0, -18.0], "radius": 2.0,
                 "bsdf": {"type": "lambert", "mu_db": -5.0}}
-        response = mitsonar.impulse_response(array_scene(
-            {"bed": bed(20.0, mu_db=-60.0, size=20.0), "pipe": pipe}, film={"range": 9.0, "range_min": 7.0},
+        response = mitsonar.impulse_response(array_sonar(
+            {"bed": bed(20.0, lambert(-60.0), size=20.0), "pipe": pipe}, film={"range": 9.0, "range_min": 7.0},
             integrator={"cell": 0.05}))
         early = response["time"].values < 2 * 8.2 / 1500
         levels.append(np.sum(np.abs(response.values[..., early]) ** 2))

@@ -10,9 +10,11 @@ and heard at 0. A sonar that has gone on by b hears the same, whatever the bed: 
 """
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, bed, buried_bed, target
+from summer import SUMMER_TEXT
+from track_files import write_track
 
 import mitsonar
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 
 APART, AWAY, LENGTH, WAVELENGTH = 0.6, 24.0, 0.2, 0.015
 FACE = {"pattern": "rectangular", "element_length": LENGTH, "element_height": 0.01, "normal": "starboard"}
@@ -30,7 +32,7 @@ def faces(tmp_path, places, *arrays):
 @pytest.mark.parametrize("return_path", ["vector", "eigenray"])
 @pytest.mark.parametrize("array", ["transmit", "receive"])
 def test_each_face_sees_the_target_from_where_it_is(variant, tmp_path, array, return_path):
-    scene = array_scene({"bed": buried_bed(30.0), "buoy": target([AWAY, 0, -10])}, integrator={"cell": 4.0},
+    scene = array_sonar({"bed": buried_bed(30.0), "buoy": point_target([AWAY, 0, -10])}, integrator={"cell": 4.0},
                         water={"absorption_db_per_km": 0.0}, film={"sample_rate_khz": 30.0},
                         sensor=faces(tmp_path, [-APART, 0, APART], array))
     found = np.abs(mitsonar.impulse_response(scene, return_path=return_path).values.sum(-1)).ravel()
@@ -41,14 +43,14 @@ def test_each_face_sees_the_target_from_where_it_is(variant, tmp_path, array, re
 
 
 @pytest.mark.parametrize("return_path", ["vector", "eigenray"])
-@pytest.mark.parametrize("profile", ["0:1500", SUMMER])
+@pytest.mark.parametrize("profile", ["0:1500", SUMMER_TEXT])
 def test_displaced_phase_centres_hear_the_same(variant, tmp_path, profile, return_path):
     # an hour from ping to ping: it lies still while echoes come in
-    (tmp_path / "track.csv").write_text(f"time,x,y,z,roll,pitch,heading\n0,0,0,-10,0,0,0\n3600,0,{APART},-10,0,0,0\n")
+    track = write_track(tmp_path / "track.csv", [[0, 0, 0, -10, 0, 0, 0], [3600, 0, APART, -10, 0, 0, 0]])
     transmit = {f"transmit_{name}": value for name, value in FACE.items()}
-    scene = array_scene({"bed": bed(20.0, size=80.0)}, integrator={"cell": 0.25}, water={"profile": profile},
+    scene = array_sonar({"bed": bed(20.0, size=80.0)}, integrator={"cell": 0.25}, water={"profile": profile},
                         film={"range": 28.0, "range_min": 20.0, "sample_rate_khz": 20.0},
-                        sensor={"track": str(tmp_path / "track.csv"), "ping_rate_hz": 1 / 3600, **transmit,
+                        sensor={"track": track, "ping_rate_hz": 1 / 3600, **transmit,
                                 **faces(tmp_path, [-APART, APART], "receive")})
     response = mitsonar.impulse_response(scene, (0, 1), return_path=return_path).values[:, 0].astype(complex)
     fore, aft = response[0, 1], response[1, 0]

@@ -7,13 +7,14 @@ neither is looked at.
 """
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, buried_bed, target
+from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.propagation import eigenray
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 from mitsonar.water import SoundSpeedProfile
 
-WATER = {"thermocline": (SUMMER, 17.0), "duct": ("0:1600, 20:1500, 40:1600", 20.0)}
+WATER = {"thermocline": (SUMMER_TEXT, 17.0), "duct": ("0:1600, 20:1500, 40:1600", 20.0)}
 ELEMENTS, POINTS = 8, 300
 
 
@@ -24,7 +25,7 @@ def profile_of(text):
 def scene_of(places, water, depth, **sensor):
     line = {"receive": "line", "receive_elements": ELEMENTS, "receive_pitch": 1 / 7, "receive_axis": "down",
             "receive_normal": "forward"}
-    return array_scene({"bed": buried_bed(40.0, size=20.0), **{f"t{i}": target(p) for i, p in enumerate(places)}},
+    return array_sonar({"bed": buried_bed(40.0, size=20.0), **{f"t{i}": point_target(p) for i, p in enumerate(places)}},
                        water={"profile": water, "absorption_db_per_km": 0.0}, film={"range": 215.0},
                        integrator={"cell": 30.0}, sensor={"start": [0.0, 0.0, -depth], **line, **sensor})
 
@@ -85,6 +86,6 @@ def test_what_no_ray_brings_to_an_element_is_counted_and_told(variant, rng):
 
 def test_nothing_is_told_where_nothing_is_lost(variant, recwarn):
     places = np.array([[60.0, 0.0, -30.0], [150.0, 60.0, -18.0]])
-    heard = mitsonar.impulse_response(scene_of(places, SUMMER, 17.0), return_path="eigenray")
+    heard = mitsonar.impulse_response(scene_of(places, SUMMER_TEXT, 17.0), return_path="eigenray")
     assert heard.attrs["lost_arrivals"] == 0
     assert not [one for one in recwarn if "missing" in str(one.message)]

@@ -12,13 +12,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, bed, buried_bed, knots, target
+from summer import SUMMER_TEXT
+from track_files import write_track
 
 import mitsonar
 from mitsonar.survey.pressure import _DopplerClass, _Sorter
-from mitsonar.scene.loading import prepare
 from mitsonar.signal import doppler_classes
 from mitsonar.sonar import Track, cw
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 
 C, F0, RANGE, PULSE = 1500.0, 100e3, 20.0, 4e-3
 LONG = {"pulse": "cw", "pulse_ms": 1000 * PULSE, "pulse_window": "hann"}
@@ -35,14 +37,8 @@ def at_time(signals, time):
 
 def tracked(tmp_path, rows, shapes, *, integrator=None, **sensor):
     """A scene whose sonar follows a recorded track: rows of time, x, y, z, roll, pitch, heading [degrees]."""
-    path = tmp_path / "track.csv"
-    path.write_text("time,x,y,z,roll,pitch,heading\n" + "\n".join(",".join(f"{v:.12g}" for v in row) for row in rows))
-    prepare()
-    return mi.load_dict({
-        "type": "scene", "integrator": {"type": "sonar_path", "cell": 2.0, **(integrator or {})},
-        "sensor": {"type": "array_sonar", "frequency_khz": F0 / 1000, "track": str(path), "noise": False, **sensor,
-                   "medium": {"type": "seawater", "absorption_db_per_km": 0.0, "sound_speed": C},
-                   "film": {"type": "sonar_film", **RECORD}}, **shapes}, optimize=False)
+    return array_sonar(shapes, sensor={"track": write_track(tmp_path / "track.csv", rows), **sensor}, film=RECORD,
+                       water={"absorption_db_per_km": 0.0}, integrator={"cell": 2.0, **(integrator or {})})
 
 
 # (roll, pitch, heading) of the platform, [degrees]
@@ -56,7 +52,7 @@ def test_transmission_goes_where_it_is_steered(variant, tmp_path, attitude):
     found = []
     for angle in np.radians(azimuth):
         buoy = place + RANGE * turn @ [np.cos(angle), np.sin(angle), 0]
-        scene = tracked(tmp_path, [(0, *place, *attitude)], {"bed": buried_bed(60.0), "buoy": target(buoy)},
+        scene = tracked(tmp_path, [(0, *place, *attitude)], {"bed": buried_bed(60.0), "buoy": point_target(buoy)},
                         transmit="line", transmit_elements=16, transmit_normal="forward",
                         transmit_steer_deg=f"{steered}, 0", **LONG)
         found.append(abs(at_time(mitsonar.element_signals(scene), 2 * RANGE / C + PULSE / 2)))
@@ -97,10 +93,10 @@ def test_steered_transmission_of_a_moving_platform(variant, steered):
     buoy = RANGE * np.array([np.sin(np.radians(60.0)), 0.5, 0])
     elements = (np.arange(9) - 4)[:, None] * [0.125, 0, 0]
     wanted, middle = sent_on_the_way(speed, buoy, elements, elements @ direction / C)
-    scene = array_scene(
-        {"bed": buried_bed(60.0), "buoy": target(buoy - [0, 0, 10])}, integrator={"cell": 2.0}, film=RECORD,
+    scene = array_sonar(
+        {"bed": buried_bed(60.0), "buoy": point_target(buoy - [0, 0, 10])}, integrator={"cell": 2.0}, film=RECORD,
         water={"absorption_db_per_km": 0.0},
-        sensor={"speed_knots": knots(speed), "transmit": "line", "transmit_elements": 9, "transmit_pitch": 0.125,
+        sensor={"speed_knots": speed / KNOT, "transmit": "line", "transmit_elements": 9, "transmit_pitch": 0.125,
                 "transmit_steer_deg": f"{steered}, 0", **LONG})
     found = at_time(mitsonar.element_signals(scene), middle) / 10 ** (210 / 20) * RANGE ** 2
     assert 20 * np.log10(abs(found / wanted)) == pytest.approx(0, abs=0.15)
@@ -110,8 +106,8 @@ def test_steered_transmission_of_a_moving_platform(variant, steered):
 @pytest.mark.parametrize("heading", [0.0, 90.0, 203.0])
 def test_doppler_of_a_target_ahead(variant, heading):
     speed, course = 4.0, np.array([np.sin(np.radians(heading)), np.cos(np.radians(heading)), 0])
-    scene = array_scene({"bed": buried_bed(30.0), "buoy": target(RANGE * course - [0, 0, 10.0])},
-                        sensor={"speed_knots": knots(speed), "heading_deg": heading, **LONG},
+    scene = array_sonar({"bed": buried_bed(30.0), "buoy": point_target(RANGE * course - [0, 0, 10.0])},
+                        sensor={"speed_knots": speed / KNOT, "heading_deg": heading, **LONG},
                         film=RECORD, integrator={"cell": 2.0})
     signals = mitsonar.element_signals(scene)
     spectrum = np.abs(np.fft.fft(signals.values[0, 0, 0], 1 << 16))
@@ -138,9 +134,9 @@ def test_a_source_off_the_centre_is_no_slower_than_the_centre(variant):
     """Two metres up, where sound is slower, the target ahead has more Doppler than any factor of the centre's depth."""
     levels = []
     for fans in ("centre", "elements"):
-        scene = array_scene({"bed": buried_bed(30.0), "buoy": target([0, RANGE, -8.0])}, film=RECORD,
+        scene = array_sonar({"bed": buried_bed(30.0), "buoy": point_target([0, RANGE, -8.0])}, film=RECORD,
                             water={"profile": "0:1490, 40:1530"}, integrator={"cell": 2.0, "fans": fans},
-                            sensor={"speed_knots": knots(5.0), "transmit_offset": [0.0, 0.0, -2.0], **LONG})
+                            sensor={"speed_knots": 5.0 / KNOT, "transmit_offset": [0.0, 0.0, -2.0], **LONG})
         levels.append(20 * np.log10(np.abs(mitsonar.element_signals(scene).values).max() + 1e-30))
     assert levels[1] == pytest.approx(levels[0], abs=0.2)
 
@@ -153,9 +149,9 @@ def test_fans_off_the_centre_turn_with_the_platform(variant, tmp_path, fans):
                      20 * time], -1)
     sums = {}
     for each in ("centre", fans):
-        scene = tracked(tmp_path, rows, {"bed": buried_bed(30.0), "buoy": target([6.0, 18.0, -14.0])}, ping_rate_hz=2.0,
-                        transmit="line", transmit_elements=3, transmit_pitch=0.5, receive="line", receive_elements=3,
-                        receive_pitch=0.2, integrator={"fans": each})
+        scene = tracked(tmp_path, rows, {"bed": buried_bed(30.0), "buoy": point_target([6.0, 18.0, -14.0])},
+                        ping_rate_hz=2.0, transmit="line", transmit_elements=3, transmit_pitch=0.5, receive="line",
+                        receive_elements=3, receive_pitch=0.2, integrator={"fans": each})
         sums[each] = mitsonar.impulse_response(scene, 1).values[0].astype(complex).sum(-1)
     assert np.angle(sums[fans] / sums["centre"]) / (2 * np.pi) == pytest.approx(0, abs=0.002)
 
@@ -167,7 +163,7 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
     sensor = {f"{array}_{name}": value for array in ("transmit", "receive") for name, value in face.items()}
     heard = []
     for choose in (True, False):
-        scene = array_scene({"bed": bed(20.0, size=150.0)}, water={"profile": SUMMER}, integrator={"cell": 0.8},
+        scene = array_sonar({"bed": bed(20.0, size=150.0)}, water={"profile": SUMMER_TEXT}, integrator={"cell": 0.8},
                             film={"range": 70.0, "range_min": 40.0}, sensor={"frequency_khz": 300.0, **sensor})
         survey = scene.integrator().array_survey(scene, scene.sensors()[0])
         if not choose:
@@ -181,7 +177,7 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
 def test_level_rays_in_even_water_are_no_reason_for_doubt(variant, profile, axis):
     """A metre above the bed most rays are flatter than 1.1 degrees; vector and eigenray agree, nothing is refused."""
     heard = [mitsonar.impulse_response(
-        array_scene({"bed": bed(11.0, size=150.0)}, water={"profile": profile}, integrator={"cell": 3.0},
+        array_sonar({"bed": bed(11.0, size=150.0)}, water={"profile": profile}, integrator={"cell": 3.0},
                     film={"range": 70.0, "range_min": 60.0},
                     sensor={"receive": "line", "receive_elements": 4, "receive_axis": axis}),
         return_path=path).values for path in ("vector", "eigenray")]
@@ -192,7 +188,7 @@ def test_level_rays_in_even_water_are_no_reason_for_doubt(variant, profile, axis
                                                 (2.0, 0.1, 2 * np.pi * 2.0 * 0.1 / 0.005 ** 2)])
 def test_noise_of_elements_of_hundreds_of_wavelengths(variant, length, height, gain):
     """A line hears 2L/λ less, a face that looks both ways 2πA/λ²; 4000 samples scatter by 0.07 dB."""
-    scene = array_scene({"bed": buried_bed(30.0)}, integrator={"cell": 5.0},
+    scene = array_sonar({"bed": buried_bed(30.0)}, integrator={"cell": 5.0},
                         film={"range": 30.0, "sample_rate_khz": 100},
                         sensor={"frequency_khz": 300.0, "noise": True, "noise_level_db": 60.0,
                                 "receive_pattern": "rectangular", "receive_element_length": length,
@@ -216,9 +212,9 @@ def test_a_track_flown_at_an_altitude_moves_as_it_is_flown(variant, tmp_path):
 
 def test_steering_knows_the_water_the_track_leads_through(variant, tmp_path):
     """The mean of the profile is 1500 m/s, the array's water 1530: delays are those of 1530 m/s."""
-    (tmp_path / "line.csv").write_text("time,x,y,z,roll,pitch,heading\n0,0,0,-10,0,0,0\n", encoding="utf-8")
-    scene = array_scene({"bed": bed(30.0)}, water={"profile": "0:1530, 20:1530, 21:1470, 40:1470"},
+    track = write_track(tmp_path / "line.csv", [[0, 0, 0, -10, 0, 0, 0]])
+    scene = array_sonar({"bed": bed(30.0, size=200.0)}, water={"profile": "0:1530, 20:1530, 21:1470, 40:1470"},
                         sensor={"transmit": "line", "transmit_elements": 2, "transmit_pitch": 0.5,
-                                "transmit_steer_deg": "30, 0", "track": str(tmp_path / "line.csv")})
+                                "transmit_steer_deg": "30, 0", "track": track})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     assert survey.transmit.delay == pytest.approx(np.array([-0.25, 0.25]) * 0.5 / 1530, rel=1e-9)

@@ -8,14 +8,16 @@ of a fourfold interpolated record, itself good to 1/100.
 """
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, bed, buried_bed, knots, target
 from scipy.signal import resample
+from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.propagation import eigenray, return_time
 from mitsonar.signal import matched_filter
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 
-PROFILES = {"constant": "0:1500", "summer": SUMMER}
+PROFILES = {"constant": "0:1500", "summer": SUMMER_TEXT}
 RIGHT_CYCLES = 0.002
 
 
@@ -41,9 +43,9 @@ def line(axis="starboard", elements=9, pitch=0.125):
 @pytest.mark.parametrize("profile", PROFILES)
 def test_phase_across_a_metre_of_elements(variant, profile, axis, speed):
     where = np.array([9.0, 21.0, -24.0])
-    scene = array_scene({"bed": buried_bed(30.0), "ball": target(where)}, water={"profile": PROFILES[profile]},
+    scene = array_sonar({"bed": buried_bed(30.0), "ball": point_target(where)}, water={"profile": PROFILES[profile]},
                         sensor={**line(axis), "receive_normal": "forward" if axis == "down" else "down",
-                                "speed_knots": knots(speed)},
+                                "speed_knots": speed / KNOT},
                         integrator={"cell": 2.0})
     response = mitsonar.impulse_response(scene)
     delay = truth(scene, where)
@@ -63,7 +65,7 @@ def test_phase_across_a_metre_of_elements(variant, profile, axis, speed):
                          ids=lambda pulse: pulse["pulse"])
 def test_matched_filter_peaks_at_the_range_of_a_target(variant, pulse):
     where = np.array([4.0, 18.0, -20.0])
-    scene = array_scene({"bed": buried_bed(30.0), "ball": target(where, -10.0)}, water={"profile": SUMMER},
+    scene = array_sonar({"bed": buried_bed(30.0), "ball": point_target(where, -10.0)}, water={"profile": SUMMER_TEXT},
                         sensor={**line(), **pulse}, integrator={"cell": 2.0})
     signals = mitsonar.element_signals(scene)
     shape, rate = scene.sensors()[0].pulse, signals.attrs["sampling_rate"]
@@ -85,8 +87,9 @@ def test_a_forward_looking_sonar_does_not_stop_and_hop(variant):
     where = np.array([0.0, 100.0, -20.0])
     found = {}
     for speed in (0.0, 5.0):
-        scene = array_scene({"bed": buried_bed(30.0), "ball": target(where)}, film={"range": 110.0, "range_min": 90.0},
-                            sensor={"start": [0.0, 0.0, -20.0], "speed_knots": knots(speed), "frequency_khz": 300.0},
+        scene = array_sonar({"bed": buried_bed(30.0), "ball": point_target(where)},
+                            film={"range": 110.0, "range_min": 90.0},
+                            sensor={"start": [0.0, 0.0, -20.0], "speed_knots": speed / KNOT, "frequency_khz": 300.0},
                             integrator={"cell": 5.0})
         response = mitsonar.impulse_response(scene)
         sums = response.values[0, 0, 0].astype(complex).sum()
@@ -104,8 +107,8 @@ def test_a_forward_looking_sonar_does_not_stop_and_hop(variant):
 @pytest.mark.parametrize("path,least,most", [("vector", -np.inf, -75), ("paper", -25, -10)])
 def test_return_paths_against_the_eigenray(variant, path, least, most):
     """Responses of a bed, under way [dB of the exact ones]; where water has layers the published formula is far off."""
-    scene = array_scene(
-        {"bed": bed(30.0, size=60.0)}, water={"profile": SUMMER}, integrator={"cell": 0.2},
+    scene = array_sonar(
+        {"bed": bed(30.0, size=60.0)}, water={"profile": SUMMER_TEXT}, integrator={"cell": 0.2},
         sensor={"speed_knots": 6.0, "transmit": "line", "transmit_elements": 2, "transmit_pitch": 0.3,
                 "receive": "planar", "receive_elements": 6, "receive_rows": 3, "receive_pitch": 0.1,
                 "receive_normal": "forward"}, film={"range": 28.0, "range_min": 22.0})
@@ -119,10 +122,10 @@ def test_return_paths_against_the_eigenray(variant, path, least, most):
 @pytest.mark.parametrize("fans", ["elements", "interpolated"])
 def test_fans_of_elements_and_few_fans_agree_with_the_centre(variant, fans):
     """In all three the scatterers are the same points, so only the paths to them are found in other ways."""
-    shapes = {"bed": buried_bed(25.0), **{f"ball {k}": target([3.0 * k - 4, 14 + k, -16]) for k in range(4)}}
+    shapes = {"bed": buried_bed(25.0), **{f"ball {k}": point_target([3.0 * k - 4, 14 + k, -16]) for k in range(4)}}
     sensor = {"transmit": "line", "transmit_elements": 5, "transmit_pitch": 0.05, "receive": "line",
               "receive_elements": 3, "receive_pitch": 0.1}
-    responses = [mitsonar.impulse_response(array_scene(shapes, water={"profile": SUMMER}, sensor=sensor,
+    responses = [mitsonar.impulse_response(array_sonar(shapes, water={"profile": SUMMER_TEXT}, sensor=sensor,
                                                        integrator={"cell": 2.0, "fans": each})).values
                  for each in ("centre", fans)]
     # amplitudes are those of each way: A differs by metres over range, 1 %

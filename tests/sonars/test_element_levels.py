@@ -15,8 +15,8 @@ are other seabeds.
 """
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, bed, buried_bed, target
 from scipy.integrate import quad, trapezoid
+from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.echoes.ensonification import Ensonification
@@ -24,6 +24,7 @@ from mitsonar.propagation import eigenray
 from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.signal.impulses import BandLimited
 from mitsonar.signal.reception import band_filter
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 
 MU, ALPHA, ALTITUDE = 10 ** -2.7, 0.030, 10.0
 EDGES = np.arange(11.0, 29.0)                                         # of gates of slant range [m]
@@ -71,7 +72,7 @@ def gated(scene, edges=EDGES, speed=1500.0, **options):
 # ------------------------------------------------------------------------------------------- energies, no speckle
 @pytest.mark.parametrize("lighting", LIGHTING)
 def test_flat_bed_closes_within_hundredths_of_a_decibel(variant, sure, lighting):
-    energy = gated(array_scene({"bed": bed(20.0, size=60.0)}, integrator=LIGHTING[lighting]))
+    energy = gated(array_sonar({"bed": bed(20.0, size=60.0)}, integrator=LIGHTING[lighting]))
     assert np.abs(db(energy / gates(flat))).max() < 0.03
     assert abs(db(energy.sum() / gates(flat).sum())) < 0.005
 
@@ -79,7 +80,7 @@ def test_flat_bed_closes_within_hundredths_of_a_decibel(variant, sure, lighting)
 @pytest.mark.parametrize("lighting", LIGHTING)
 def test_level_follows_refraction(variant, sure, lighting):
     """Thermocline; gates of 1 m of mean speed, integrated over the eigenrays of 4000 ranges."""
-    scene = array_scene({"bed": bed(30.0, size=70.0)}, water={"profile": SUMMER}, integrator=LIGHTING[lighting],
+    scene = array_sonar({"bed": bed(30.0, size=70.0)}, water={"profile": SUMMER_TEXT}, integrator=LIGHTING[lighting],
                         film={"range": 35.0})
     profile = scene.sensors()[0].water.profile
     x = np.linspace(1e-3, 33, 4000)
@@ -96,7 +97,7 @@ def test_level_follows_refraction(variant, sure, lighting):
 @pytest.mark.parametrize("finer", [{"cell": 0.1}, {"cell": 0.2, "lighting": "rays", "rays": 300_000},
                                    {"cell": 0.2, "lighting": "rays", "rays": 600_000}])
 def test_neither_cells_nor_rays_move_the_level(variant, sure, finer):
-    coarse, fine = (gated(array_scene({"bed": bed(20.0, size=60.0)}, integrator=some), np.arange(11.0, 29.0, 2.0))
+    coarse, fine = (gated(array_sonar({"bed": bed(20.0, size=60.0)}, integrator=some), np.arange(11.0, 29.0, 2.0))
                     for some in ({"cell": 0.2}, finer))
     assert np.abs(db(fine / coarse)).max() < 0.05
     assert abs(db(fine.sum() / coarse.sum())) < 0.01
@@ -109,11 +110,11 @@ def test_tilted_bed(variant, sure, lighting, within):
     import mitsuba as mi
 
     tilt, T = 20.0, mi.ScalarTransform4f
-    shape = {**bed(0.0), "to_world": T().translate([0, 0, -20]).rotate([0, 1, 0], tilt).scale([25, 25, 1])}
+    shape = {**bed(0.0, size=200.0), "to_world": T().translate([0, 0, -20]).rotate([0, 1, 0], tilt).scale([25, 25, 1])}
     altitude = 10 * np.cos(np.radians(tilt))
     edges = np.arange(10.0, 23.0)
     expected = gates(lambda r: flat(r, altitude), edges)
-    energy = gated(array_scene({"bed": shape}, integrator=LIGHTING[lighting]), edges)
+    energy = gated(array_sonar({"bed": shape}, integrator=LIGHTING[lighting]), edges)
     assert np.abs(db(energy / expected)).max() < within
 
 
@@ -128,7 +129,7 @@ UNEVEN = {
 def test_both_ways_of_lighting_see_the_same_uneven_bed(variant, sure, name):
     """Slopes and shadows through a thermocline: rays, and ways to cells, know nothing of each other."""
     shape = {"type": "seabed", "depth": 20.0, "bsdf": {"type": "lambert"}, **UNEVEN[name]}
-    by_cells, by_rays = (gated(array_scene({"bed": shape}, water={"profile": SUMMER}, integrator=some,
+    by_cells, by_rays = (gated(array_sonar({"bed": shape}, water={"profile": SUMMER_TEXT}, integrator=some,
                                            film={"range": 32.0}), np.arange(12.0, 30.0, 2.0))
                          for some in ({"cell": 0.1}, {"cell": 0.1, "lighting": "rays", "rays": 1_000_000}))
     assert np.abs(db(by_cells / by_rays)).max() < 0.05
@@ -143,10 +144,10 @@ def boxed(**integrator):
     import mitsuba as mi
 
     T = mi.ScalarTransform4f
-    strip = {**bed(0.0), "to_world": T().translate([13, 0, -20]).scale([15, 3, 1])}
+    strip = {**bed(0.0, size=200.0), "to_world": T().translate([13, 0, -20]).scale([15, 3, 1])}
     box = {"type": "cube", "to_world": T().translate([0.5 * (FRONT + BACK), 0, TOP - 1]).scale([0.5, 4, 1]),
            "bsdf": strip["bsdf"]}
-    return array_scene({"bed": strip, "box": box}, integrator=integrator, film={"range": 27.0})
+    return array_sonar({"bed": strip, "box": box}, integrator=integrator, film={"range": 27.0})
 
 
 @pytest.mark.parametrize("lighting", ["scatterers", "rays"])
@@ -194,11 +195,11 @@ def test_nothing_is_heard_from_the_shadow(variant):
     assert (power[(slant_range > 17.3) & (slant_range < 24)] > 0).all()
 
 
-@pytest.mark.parametrize("water", [{"sound_speed": 1500.0}, {"profile": SUMMER}], ids=["uniform", "summer"])
+@pytest.mark.parametrize("water", [{"sound_speed": 1500.0}, {"profile": SUMMER_TEXT}], ids=["uniform", "summer"])
 @pytest.mark.parametrize("strength_db", [0.0, -30.0])
 def test_level_of_a_point_target(variant, water, strength_db):
     """h = 10^(TS/20) 10^(-2 α L / 20) (c_h/c_0) / A, to float32."""
-    scene = array_scene({"bed": buried_bed(40.0), "ball": target([12.0, 20.0, -25.0], strength_db)}, water=water,
+    scene = array_sonar({"bed": buried_bed(40.0), "ball": point_target([12.0, 20.0, -25.0], strength_db)}, water=water,
                         integrator={"cell": 5.0})
     profile = scene.sensors()[0].water.profile
     ray = eigenray(profile, 10.0, 25.0, np.hypot(12, 20))
@@ -213,7 +214,7 @@ def test_mean_intensity_of_responses(variant):
     """Six beds and samples of 7.5 mm, each on its own: gates of 6 m have 4800, 0.063 dB, together 0.036 dB."""
     total, edges, per_sample = 0, np.array([11.0, 17.0, 23.0, 29.0]), 750.0 / 100e3
     for number in range(6):
-        scene = array_scene({f"bed {number}": bed(20.0, size=60.0)}, integrator={"cell": 0.2},
+        scene = array_sonar({f"bed {number}": bed(20.0, size=60.0)}, integrator={"cell": 0.2},
                             film={"sample_rate_khz": 100.0, "range_min": 10.5})
         response = mitsonar.impulse_response(scene, kernel="nearest")
         r = 750.0 * response["time"].values
@@ -256,7 +257,7 @@ def test_mean_intensity_of_signals_with_patterns(variant):
                  "bsdf": {"type": "lambert", "mu_db": -27.0}}
         line = {f"{which}{name}": value for which in ("transmit", "receive") for name, value in
                 (("", "line"), ("_elements", 1), ("_element_length", LENGTH), ("_axis", "forward"))}
-        scene = array_scene({f"bed {number}": strip}, integrator={"cell": 0.075},
+        scene = array_sonar({f"bed {number}": strip}, integrator={"cell": 0.075},
                             sensor={"start": [0.0, 0.0, -TOW], "pulse": "cw", "pulse_ms": 1e3 * DURATION,
                                     "source_level_db": 220.0, **line},
                             water={"absorption_db_per_km": 1e3 * LOSS},
@@ -270,7 +271,7 @@ def test_mean_intensity_of_signals_with_patterns(variant):
 
 def test_energy_of_a_response_is_that_of_the_echo_times_the_kernels(variant):
     """A point target at 20 m, default kernel: Σ|h|² = 0.7921 / R⁴ within 0.06 dB, and the response says so."""
-    scene = array_scene({"bed": buried_bed(30.0), "buoy": target([3.0, 19.7, -10.0])}, integrator={"cell": 4.0},
+    scene = array_sonar({"bed": buried_bed(30.0), "buoy": point_target([3.0, 19.7, -10.0])}, integrator={"cell": 4.0},
                         water={"absorption_db_per_km": 0.0})
     response = mitsonar.impulse_response(scene)
     found = float(np.sum(np.abs(response.values) ** 2)) * np.hypot(3.0, 19.7) ** 4

@@ -21,12 +21,14 @@ from functools import cache
 import drjit as dr
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, bed, knots, target
 from scipy.special import j0
 from scipy.stats import kstest
+from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.signal.impulses import BandLimited
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import array_sonar, bed, point_target
 
 ALTITUDE, SPEED, BEDS = 10.0, 1500.0, 6
 FREQUENCY, RATE, ELEMENTS = 300e3, 100e3, 8
@@ -44,7 +46,7 @@ def heard(variant):
     """Responses (tx, rx, sample) of lines of half a wavelength over several flat beds, spreading taken out."""
     found = []
     for number in range(BEDS):
-        scene = array_scene({f"bed {number}": bed(20.0, size=60.0)}, integrator={"cell": 0.2},
+        scene = array_sonar({f"bed {number}": bed(20.0, size=60.0)}, integrator={"cell": 0.2},
                             sensor={"frequency_khz": FREQUENCY / 1e3, **line("transmit", ELEMENTS),
                                     **line("receive", ELEMENTS)},
                             film={"range": 29.0, "range_min": 20.0, "sample_rate_khz": RATE / 1e3})
@@ -74,7 +76,7 @@ def test_second_moment_of_coarse_cells(variant, cell, within):
     """Triangles of cell²/4 on rings of 7.5 mm: 18 and 4.6 points a sample. Three standard errors of 3600 samples."""
     intensity = []
     for number in range(3):
-        scene = array_scene({f"coarse bed {number}": bed(20.0, size=60.0)}, integrator={"cell": cell},
+        scene = array_sonar({f"coarse bed {number}": bed(20.0, size=60.0)}, integrator={"cell": cell},
                             film={"range": 29.0, "range_min": 20.0, "sample_rate_khz": RATE / 1e3})
         response = mitsonar.impulse_response(scene, kernel="nearest")
         intensity.append(np.abs(response.values[0, 0, 0]) ** 2 * response["time"].values ** 5)
@@ -140,8 +142,8 @@ def test_pings_apart_correlate_as_their_apertures_overlap(variant, speed):
         strip = {"type": "seabed", "depth": 20.0, "length": 16.0, "width": 60.0, "spacing": 4.0,
                  "bsdf": {"type": "lambert"}}
         face = {"element_length": LENGTH, "axis": "forward"}
-        scene = array_scene({f"bed {number}": strip}, integrator={"cell": 0.1},
-                            sensor={"pings": 2, "ping_rate_hz": speed / BASELINE, "speed_knots": knots(speed),
+        scene = array_sonar({f"bed {number}": strip}, integrator={"cell": 0.1},
+                            sensor={"pings": 2, "ping_rate_hz": speed / BASELINE, "speed_knots": speed / KNOT,
                                     **line("transmit", 1, **face), **line("receive", 1, **face)},
                             film={"range": 29.0, "range_min": 15.0, "sample_rate_khz": LOW_RATE / 1e3})
         response = mitsonar.impulse_response(scene, ping=[0, 1])
@@ -159,7 +161,7 @@ def small(**options):
     """A scene of 45 000 cells, heard by a line of four at speed."""
     options = {"sensor": {**line("receive", 4, 0.02), **options.pop("sensor", {})}, "film": {"range": 18.0},
                "integrator": {"cell": 0.25, **options.pop("integrator", {})}, **options}
-    return array_scene({"bed": bed(20.0, size=40.0), "ball": target([3.0, 12.0, -15.0], -20.0)}, **options)
+    return array_sonar({"bed": bed(20.0, size=40.0), "ball": point_target([3.0, 12.0, -15.0], -20.0)}, **options)
 
 
 def apart_db(a, b):
@@ -193,7 +195,7 @@ def test_elements_hear_the_same_alone_and_among_others(variant):
     assert apart_db(alone, whole[:, :, 1:3]) < -70
 
 
-@pytest.mark.parametrize("profile", [{"sound_speed": SPEED}, {"profile": SUMMER}], ids=["uniform", "summer"])
+@pytest.mark.parametrize("profile", [{"sound_speed": SPEED}, {"profile": SUMMER_TEXT}], ids=["uniform", "summer"])
 def test_source_and_receiver_change_places(variant, profile):
     """Reciprocity, patterns and all, of a standing array about one centre."""
     some = {"element_length": 0.03, "normal": "down"}, {"element_length": 0.08, "axis": "forward"}
@@ -213,7 +215,7 @@ def test_blocks_leave_no_seams(variant, monkeypatch):
 
 
 def test_other_ids_are_other_beds(variant):
-    first, second = (mitsonar.impulse_response(array_scene({name: bed(20.0, size=40.0)}, film={"range": 18.0},
+    first, second = (mitsonar.impulse_response(array_sonar({name: bed(20.0, size=40.0)}, film={"range": 18.0},
                                                            integrator={"cell": 0.25})).values for name in ("a", "b"))
     assert abs(np.vdot(first, second)) < 0.3 * np.linalg.norm(first) * np.linalg.norm(second)
 
@@ -222,7 +224,7 @@ def test_other_ids_are_other_beds(variant):
 RUNS = {
     "scatterers": ({}, {}),
     "rays": ({"integrator": {"lighting": "rays", "rays": 20_000}}, {}),
-    "summer": ({"water": {"profile": SUMMER}, "sensor": {"speed_knots": 6.0, **line("transmit", 3, 0.1)}}, {}),
+    "summer": ({"water": {"profile": SUMMER_TEXT}, "sensor": {"speed_knots": 6.0, **line("transmit", 3, 0.1)}}, {}),
     "fans": ({"integrator": {"fans": "interpolated", "fan_count": 2}, "sensor": line("transmit", 3, 0.1)}, {}),
     "nearest": ({}, {"kernel": "nearest"}),
     "eigenray": ({"integrator": {"cell": 1.0}}, {"return_path": "eigenray"}),

@@ -7,9 +7,9 @@ what points anywhere within 10,000 cells of a quarter scatter.
 import mitsuba as mi
 import numpy as np
 import pytest
-from array_scene import array_scene
 
 from mitsonar.scene.loading import prepare
+from mitsonar.validation.scenes import array_sonar
 
 BRIGHTNESS = np.array([[1.0, 0.5], [0.25, 0.125]])
 SIDE = 6.0
@@ -35,7 +35,7 @@ def square(kind, tmp_path):
 def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, lighting):
     monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
     prepare()
-    scene = array_scene({"bed": square(kind, tmp_path)}, integrator=lighting)
+    scene = array_sonar({"bed": square(kind, tmp_path)}, integrator=lighting)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     light = survey._run.light
     energy = np.zeros((2, 2))

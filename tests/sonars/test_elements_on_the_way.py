@@ -11,23 +11,22 @@ which fixes them within half a microsecond of the envelope's: brute force and th
 Tolerance 2 ns: the track is read every 0.1 s (0.3 ns by its spline), the vector approximation may leave 0.5 ns, sums of
 the kernel 0.5 ns.
 """
-import mitsuba as mi
 import numpy as np
 import pytest
-from array_scene import SUMMER, buried_bed, target
+from summer import SUMMER, SUMMER_TEXT
+from track_files import write_track
 
 import mitsonar
 from mitsonar.propagation import eigenray
-from mitsonar.scene.loading import prepare
 from mitsonar.sonar.element_patterns import element_pressure
 from mitsonar.sonar.track import rotation_matrix
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 from mitsonar.water import SoundSpeedProfile
 
 F0, INTERVAL, PINGS = 1e6, 0.5, 4
 ARMS = np.array([[0, 0, 0], [1, 0, 0], [-0.6, 0.8, 0], [0, -1, 0], [0.3, 0.3, 0.9], [0, 0, -1.0]])
 WAVE = 2 * np.pi
-SUMMER_WATER = SoundSpeedProfile(*np.array([part.split(":") for part in SUMMER.split(",")], float).T)
-WATERS = {"uniform": ("0:1500", SoundSpeedProfile.constant(1500.0)), "summer": (SUMMER, SUMMER_WATER)}
+WATERS = {"uniform": ("0:1500", SoundSpeedProfile.constant(1500.0)), "summer": (SUMMER_TEXT, SUMMER)}
 # t -> x, y, z [m], roll, pitch, heading [rad], and where the target is
 MOTIONS = {
     "heaving 0.3 m in 6 s": (lambda t: (0 * t, 1.5 * t, -10 + 0.3 * np.sin(WAVE * t / 6), 0 * t, 0 * t, 0 * t),
@@ -63,23 +62,19 @@ def heard(water, motion, ping, element, sender=(0, 0, 0)):
 
 def sailing(tmp_path, motion, profile, shapes=None, **sensor):
     """A scene whose sonar follows one of the motions, read every tenth of a second."""
-    prepare()
     time = np.arange(-1.0, PINGS * INTERVAL + 1.0, 0.1)
     x, y, z, *angles = MOTIONS[motion][0](time)
     rows = np.column_stack([time, x, y, z, *np.degrees(angles)])[time >= -1e-9]
-    np.savetxt(tmp_path / "track.csv", rows, delimiter=",", header="time,x,y,z,roll,pitch,heading", comments="",
-               fmt="%.12g")
     np.savetxt(tmp_path / "elements.csv", ARMS, delimiter=",", header="x,y,z", comments="")
     point = MOTIONS[motion][1]
     away = np.linalg.norm(point)
-    return mi.load_dict({
-        "type": "scene", "integrator": {"type": "sonar_path", "cell": 4.0},
-        "sensor": {"type": "array_sonar", "frequency_khz": F0 / 1000, "track": str(tmp_path / "track.csv"),
-                   "ping_rate_hz": 1 / INTERVAL, "noise": False, "receive": "file",
-                   "receive_file": str(tmp_path / "elements.csv"), **sensor,
-                   "medium": {"type": "seawater", "absorption_db_per_km": 0.0, "profile": profile},
-                   "film": {"type": "sonar_film", "range": away + 8, "range_min": away - 8, "sample_rate_khz": 30.0}},
-        "bed": buried_bed(40.0), "buoy": target(point), **(shapes or {})}, optimize=False)
+    return array_sonar(
+        {"bed": buried_bed(40.0), "buoy": point_target(point), **(shapes or {})}, integrator={"cell": 4.0},
+        sensor={"frequency_khz": F0 / 1000, "track": write_track(tmp_path / "track.csv", rows),
+                "ping_rate_hz": 1 / INTERVAL, "receive": "file", "receive_file": str(tmp_path / "elements.csv"),
+                **sensor},
+        water={"absorption_db_per_km": 0.0, "profile": profile},
+        film={"range": away + 8, "range_min": away - 8, "sample_rate_khz": 30.0})
 
 
 @pytest.mark.parametrize("return_path", ["vector", "eigenray"])

@@ -13,7 +13,8 @@ standard errors.
 from itertools import product
 
 import numpy as np
-from array_scene import array_scene
+
+from mitsonar.validation.scenes import array_sonar
 
 EDGES = np.array([34.0, 38.0])
 SOURCE = np.array([[0.0], [0.0], [-10.0]])
@@ -58,7 +59,7 @@ def test_a_wall_that_mirrors_first_last_and_between(variant):
                   [6, 60, 1]), "bsdf": {"type": "lambert", "mu_db": -5.0}},
               "wall": {"type": "rectangle", "to_world": T().translate([12, 0, -10]).rotate([0, 1, 0], -90).scale(
                   [10, 60, 1]), "bsdf": {"type": "rigid"}}}
-    scene = array_scene(shapes, film={"range": 40.0}, sensor={"frequency_khz": 10.0},
+    scene = array_sonar(shapes, film={"range": 40.0}, sensor={"frequency_khz": 10.0},
                         integrator={"max_depth": 3, "cell": 3.0, "rays": 200_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     found, keys = {True: 0, "last": 0, False: 0}, 12

@@ -9,15 +9,16 @@ in the pings from -y1 to y1. Bins are 5 cm, pings 25 cm apart, as wide as the be
 """
 import json
 
+from mean_intensity import render
 import numpy as np
 import pytest
 from PIL import Image
-from sidescan_scene import lambert, plane, render, sidescan
 
 import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.io import exr
 from mitsonar.dataset.labels import Labels, write
+from mitsonar.validation.scenes import bed, lambert, sidescan
 
 H, HEIGHT, NEAR, FAR, HALF_LENGTH = 10.0, 1.0, 28.0, 30.0, 3.0
 BIN, STEP, BINS, PINGS = 0.05, 0.25, 800, 41
@@ -30,7 +31,7 @@ def labelled(request, tmp_path_factory):
     to_world = mi.ScalarTransform4f().translate([request.param * 0.5 * (NEAR + FAR), 0, -20 + HEIGHT / 2])
     to_world = to_world.scale([0.5 * (FAR - NEAR), HALF_LENGTH, HEIGHT / 2])
     box = {"type": "cube", "id": "box.1", "bsdf": lambert(-20.0), "to_world": to_world}
-    scene = sidescan({"seabed": plane(20), "box": box}, rays=100_000, film={"range": BINS * BIN, "bins": BINS},
+    scene = sidescan({"seabed": bed(20), "box": box}, rays=100_000, film={"range": BINS * BIN, "bins": BINS},
                      sensor={"start": [0, -(PINGS // 2) * STEP, -H], "beam_width_deg": 0.5, "pulse_ms": 0.05,
                              "pings": PINGS, "ping_rate_hz": 4.0, "speed_knots": 3600 / 1852})
     image = render(scene)[0]

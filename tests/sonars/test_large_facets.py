@@ -1,11 +1,11 @@
 """Of facets larger than the reach only the cells in reach are listed: no cell is missed, none listed twice."""
 import numpy as np
 import pytest
-from array_scene import array_scene, bed
 
 from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.geometry import Geometry
+from mitsonar.validation.scenes import array_sonar, bed
 
 
 def tilted(tmp_path):
@@ -21,7 +21,7 @@ def tilted(tmp_path):
 def test_no_cell_in_reach_is_missed(variant, tmp_path, kind, start):
     prepare()
     shape = bed(20.0, size=100.0) if kind == "rectangle" else tilted(tmp_path)
-    geometry = Geometry(array_scene({"bed": shape}))
+    geometry = Geometry(array_sonar({"bed": shape}))
     scatterers, reach = Scatterers(geometry, 0.3), 17.0
     facets = scatterers.in_reach(np.array(start), 0.0, reach)
 
@@ -42,7 +42,7 @@ def test_no_cell_in_reach_is_missed(variant, tmp_path, kind, start):
 
 
 def test_cells_listed_once(variant):
-    scatterers = Scatterers(Geometry(array_scene({"bed": bed(20.0, size=100.0)})), 0.5)
+    scatterers = Scatterers(Geometry(array_sonar({"bed": bed(20.0, size=100.0)})), 0.5)
     facets = scatterers.in_reach(np.array([3.0, 4.0, -10.0]), 0.0, 15.0)
     numbers = [facet.numpy().astype(np.uint64) << np.uint64(32) | s.numpy() for facet, s in
                scatterers.listed(scatterers.stretches(facets, np.array([3.0, 4.0, -10.0]), 15.0), 777)]
@@ -53,7 +53,7 @@ def test_cells_listed_once(variant):
 
 def test_a_huge_bed_costs_what_is_in_reach(variant):
     """1 km at 5 cm is 1.6 x 10^9 cells; listing them all would take minutes."""
-    scene = array_scene({"bed": bed(20.0, size=1000.0)}, integrator={"cell": 0.05}, film={"range": 12.0})
+    scene = array_sonar({"bed": bed(20.0, size=1000.0)}, integrator={"cell": 0.05}, film={"range": 12.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     scatterers = survey._run.light.scatterers
     origin = survey.track.position[0]

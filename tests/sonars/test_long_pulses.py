@@ -10,11 +10,12 @@ a matched filter keeps; 0.02 cycles at the ends of pieces, of classes and of nei
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, buried_bed, knots, target
 
 import mitsonar
 from mitsonar.signal.doppler import pieces_of
 from mitsonar.sonar import cw, hfm, lfm
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 
 C, PULSE = 1500.0, 0.1
 
@@ -22,9 +23,9 @@ C, PULSE = 1500.0, 0.1
 def heard(where, speed, **sensor):
     """Signals of the elements, and what they should be."""
     distance = np.linalg.norm(where - [0, 0, -10])
-    scene = array_scene({"bed": buried_bed(200.0), "ball": target(where)}, water={"absorption_db_per_km": 0.0},
+    scene = array_sonar({"bed": buried_bed(200.0), "ball": point_target(where)}, water={"absorption_db_per_km": 0.0},
                         film={"range": distance + 90, "range_min": distance - 5}, integrator={"cell": 50.0},
-                        sensor={"pulse_ms": 1e3 * PULSE, "speed_knots": knots(speed), "pings": 1, **sensor})
+                        sensor={"pulse_ms": 1e3 * PULSE, "speed_knots": speed / KNOT, "pings": 1, **sensor})
     signals = mitsonar.element_signals(scene)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     time, velocity, wanted = signals["time"].values, survey.velocity[0], []

@@ -9,7 +9,8 @@ all cells are lit or those that rays find. Tolerance 0.02 dB with every cell, 0.
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, bed
+
+from mitsonar.validation.scenes import array_sonar, bed, lambert
 
 GATES = np.array([22.0, 26.0, 30.0, 34.0, 38.0])
 H_DIRECT, H_IMAGE, MU = 10.0, 30.0, 0.1
@@ -28,7 +29,7 @@ def expected():
 @pytest.mark.parametrize("lighting, tolerance", [("scatterers", 0.02), ("rays", 0.1)])
 def test_a_bed_under_a_mirror_is_heard_once_along_each_way(variant, lighting, tolerance):
     sea = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
-    scene = array_scene({"bed": bed(20.0, mu_db=-10.0), "sea": sea}, film={"range": 42.0},
+    scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "sea": sea}, film={"range": 42.0},
                         integrator={"max_depth": 3, "cell": 0.5, "rays": 50_000, "lighting": lighting})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     heard = {}

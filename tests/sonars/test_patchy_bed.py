@@ -7,25 +7,26 @@ energy. Levels are relative to the same bed without patches; 45 rays a bin add 0
 """
 import functools
 
+from mean_intensity import render
 import numpy as np
 import pytest
 from scipy.special import gamma, kv
 from scipy.stats import kstest
 
-from sidescan_scene import plane, render, sidescan
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import bed, lambert, sidescan
 
 SIZE, PINGS = 16.0, 1500
 
 
 def survey(shape=None, **sensor):
-    bed = plane(40.0, half=13_000.0)
-    if shape is not None:
-        bed["bsdf"].update(patchiness=shape, patch_size=SIZE)
+    patches = {} if shape is None else {"patchiness": shape, "patch_size": SIZE}
     # 16 m a ping, through the middles of patches, slowly: the beams turn to where the sonar is when echoes are back
     track = {"start": [0.0, -SIZE * (PINGS - 1) / 2, -20.0], "pings": PINGS, "ping_rate_hz": 0.05,
-             "speed_knots": SIZE * 0.05 * 3600 / 1852}
-    return sidescan({"seabed": bed}, sensor={**track, **sensor}, rays=25_000, first_pass=0.0,
-                    film={"range_min": 25.0, "range": 46.0, "bins": 280})
+             "speed_knots": SIZE * 0.05 / KNOT}
+    return sidescan({"seabed": bed(40.0, {**lambert(), **patches}, size=26_000.0)}, rays=25_000,
+                    sensor={**track, **sensor}, film={"range_min": 25.0, "range": 46.0, "bins": 280},
+                    integrator={"first_pass": 0.0})
 
 
 @functools.lru_cache

@@ -4,16 +4,14 @@ Closed form in water of one speed, to 0.01 dB (energies are float32 until they a
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, buried_bed, target
-from sidescan_scene import plane, sidescan
 
 import mitsonar
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target, sidescan
 
 
 @pytest.mark.parametrize("where", [(30.0, 0.0, -30.0), (-41.0, 0.4, -25.0)])
 def test_level_side_and_label_of_a_point_target(variant, where):
-    scene = sidescan({"bed": plane(40.0, mu_db=-190.0),
-                      "ball": {"type": "point_target", "position": list(where), "target_strength_db": -12.0}})
+    scene = sidescan({"bed": buried_bed(40.0, size=800.0), "ball": point_target(where, -12.0)})
     image = mitsonar.render(scene)
     sonar = scene.sensors()[0].sonar(20.0)
     offset = np.array(where) - [0, 0, -20]
@@ -38,9 +36,8 @@ def test_a_target_behind_a_wall_is_not_heard(variant):
 
     T = mi.ScalarTransform4f
     wall = {"type": "cube", "to_world": T().translate([20, 0, -30]).scale([0.2, 5, 9])}
-    target = {"type": "point_target", "position": [30.0, 0.0, -30.0], "target_strength_db": 30.0}
-    level = [mitsonar.render(sidescan({"bed": plane(40.0, mu_db=-190.0), "ball": target, **more}))["mean_level"].values
-             for more in ({}, {"wall": wall})]
+    shapes = {"bed": buried_bed(40.0, size=800.0), "ball": point_target([30.0, 0.0, -30.0], 30.0)}
+    level = [mitsonar.render(sidescan({**shapes, **more}))["mean_level"].values for more in ({}, {"wall": wall})]
     assert level[0].max() > level[1][:, 1].max() + 30
 
 
@@ -50,8 +47,7 @@ def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, wh
 
     The cw envelope is as high as the echo once it is in whole; 1.5 dB are left to the band of the samples.
     """
-    scene = sidescan({"bed": plane(40.0, mu_db=-190.0),
-                      "ball": {"type": "point_target", "position": list(where), "target_strength_db": -12.0}})
+    scene = sidescan({"bed": buried_bed(40.0, size=800.0), "ball": point_target(where, -12.0)})
     sonar = scene.sensors()[0].sonar(20.0)
     signals = mitsonar.element_signals(scene)
     assert dict(signals.sizes) | {"sample": 0} == {"ping": 1, "tx": 1, "rx": 2, "sample": 0}
@@ -71,11 +67,10 @@ def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, wh
 
 def test_a_point_target_hides_neither_bed_nor_targets(variant):
     """Rays pass it: what lies behind is as loud, and nowhere in a shadow, as if it were not there."""
-    behind = {"seabed": plane(40.0), "ball": {"type": "point_target", "position": [30.0, 0.0, -30.0]}}
-    behind["top"] = {"type": "point_target", "position": [-150.0, 0.0, -23.8]}    # one depth range: the same rays
+    behind = {"seabed": bed(40.0), "ball": point_target([30.0, 0.0, -30.0])}
+    behind["top"] = point_target([-150.0, 0.0, -23.8])                     # one depth range: the same rays
     # on the way to the one behind, and, as good as silent, a fence of them before the bed
-    fence = {f"post{i}": {"type": "point_target", "position": [12.0, 0.0, -23.8 - 0.019 * i],
-                          "target_strength_db": -190.0} for i in range(40)}
+    fence = {f"post{i}": point_target([12.0, 0.0, -23.8 - 0.019 * i], -190.0) for i in range(40)}
     alone, fenced = (mitsonar.render(sidescan({**behind, **more}, sensor={"pings": 1}, rays=20_000), 3)
                      for more in ({}, fence))
     heard = alone["mean_level"].values > 0
@@ -86,8 +81,8 @@ def test_a_point_target_hides_neither_bed_nor_targets(variant):
 
 def test_elements_hear_a_target_behind_another(variant):
     where = np.array([10.0, 0.0, -20.0]), np.array([20.0, 0.0, -30.0])
-    both, one = (mitsonar.impulse_response(array_scene({"bed": buried_bed(60.0), **{
-        f"ball{i}": target(place, strength) for i, (place, strength) in enumerate(zip(where, strengths))}}))
+    both, one = (mitsonar.impulse_response(array_sonar({"bed": buried_bed(60.0), **{
+        f"ball{i}": point_target(place, strength) for i, (place, strength) in enumerate(zip(where, strengths))}}))
         for strengths in ((-150.0, 0.0), (0.0, -150.0)))
     first, second = (np.abs(response.values.astype(complex).sum()) for response in (one, both))
     # spherical spreading there and back, absorption

@@ -8,14 +8,13 @@ A line of a metre that turns by 25 degrees a second sweeps its steered beam over
 the level was 0.27 dB off. A drive that comes 20 ms late on a platform that accelerates by 3.5 m/s² is heard with the
 factor of its own moment, which was half a cycle off. Classes leave 0.02 cycle, on the beam's flank 0.1 dB.
 """
-import mitsuba as mi
 import numpy as np
 import pytest
-from array_scene import buried_bed, target
+from track_files import write_track
 
 import mitsonar
-from mitsonar.scene.loading import prepare
 from mitsonar.sonar.track import rotation_matrix
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 
 C, F0, PULSE = 1500.0, 1e5, 0.1
 
@@ -29,18 +28,14 @@ def accelerating(t):
 
 
 def rendered_and_wanted(tmp_path, motion, point, **sensor):
-    prepare()
     time, distance = np.arange(0, 2.01, 0.05), float(np.linalg.norm(point - np.array([0, 0, -10.0])))
     place, heading = motion(time)
-    np.savetxt(tmp_path / "track.csv", np.column_stack([time, place, 0 * time, 0 * time, np.degrees(heading)]),
-               delimiter=",", header="time,x,y,z,roll,pitch,heading", comments="", fmt="%.12g")
-    scene = mi.load_dict({
-        "type": "scene", "integrator": {"type": "sonar_path", "cell": 50.0},
-        "sensor": {"type": "array_sonar", "frequency_khz": F0 / 1000, "pulse": "cw", "pulse_ms": 1e3 * PULSE,
-                   "pings": 1, "track": str(tmp_path / "track.csv"), "ping_rate_hz": 1.0, "noise": False, **sensor,
-                   "medium": {"type": "seawater", "absorption_db_per_km": 0.0, "sound_speed": C},
-                   "film": {"type": "sonar_film", "range": distance + 120, "range_min": distance - 5}},
-        "bed": buried_bed(200.0), "ball": target(point)}, optimize=False)
+    rows = np.column_stack([time, place, 0 * time, 0 * time, np.degrees(heading)])
+    scene = array_sonar(
+        {"bed": buried_bed(200.0), "ball": point_target(point)}, integrator={"cell": 50.0},
+        sensor={"pulse": "cw", "pulse_ms": 1e3 * PULSE, "pings": 1, "track": write_track(tmp_path / "track.csv", rows),
+                "ping_rate_hz": 1.0, **sensor},
+        water={"absorption_db_per_km": 0.0}, film={"range": distance + 120, "range_min": distance - 5})
     signals = mitsonar.element_signals(scene)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     heard, wanted = signals["time"].values, 0

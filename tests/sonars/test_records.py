@@ -5,17 +5,17 @@ No tolerance: files are containers, so equality is exact.
 import numpy as np
 import pytest
 import xarray as xr
-from array_scene import array_scene, bed, target
-from sidescan_scene import plane, sidescan
 
 import mitsonar
 from mitsonar.signal import matched_filter
 from mitsonar.signal.beamforming import delay_and_sum, directions
+from mitsonar.validation.scenes import array_sonar, bed, point_target, sidescan
 
 
 def image():
     """A sidescan's, with a target on the bed: attributes of every kind."""
-    return mitsonar.render(sidescan({"bed": plane(30.0), "buoy": target([15, 0, -29])}, film={"bins": 40}, rays=4000))
+    shapes = {"bed": bed(30.0), "buoy": point_target([15, 0, -29])}
+    return mitsonar.render(sidescan(shapes, film={"bins": 40}, rays=4000))
 
 
 def fan():
@@ -38,7 +38,7 @@ def beams():
 def small_array():
     sensor = {"receive": "line", "receive_elements": 4, "pulse": "hfm", "bandwidth_khz": -8.0,
               "pulse_window": "tukey 0.1", "beams": 5, "noise": True}
-    return array_scene({"bed": bed(20.0, size=40.0), "buoy": target([0, 5, -15])}, sensor=sensor,
+    return array_sonar({"bed": bed(20.0, size=40.0), "buoy": point_target([0, 5, -15])}, sensor=sensor,
                        film={"range": 14.0, "range_min": 8.0}, integrator={"cell": 0.5})
 
 

@@ -4,36 +4,28 @@ A flat square of two halves, clay to the west and sandy gravel to the east, unde
 border: each side's level is that of a square of its sediment alone. The rays are the same, so the levels agree to
 float32, 0.001 dB.
 """
+from mean_intensity import render
 import numpy as np
 import pytest
 
 import mitsuba as mi
-from array_scene import array_scene
-from mitsonar.scene.loading import prepare
-from sidescan_scene import render, sidescan
+from mitsonar.validation.scenes import array_sonar, bed, sidescan
 
 HALVES = np.array([[0.0, 1.0]], np.float32)
-
-
-def square(material, half=150.0):
-    """A flat bed at 40 m."""
-    prepare()
-    to_world = mi.ScalarTransform4f().translate([0, 0, -40]).scale([half, half, 1])
-    return {"type": "rectangle", "to_world": to_world, "bsdf": material}
 
 
 def sediment(name, **attributes):
     return {"type": "sediment", "sediment": name, **attributes}
 
 
-@pytest.mark.parametrize("scene, plan", [(sidescan, "survey"), (array_scene, "array_survey")])
+@pytest.mark.parametrize("scene, plan", [(sidescan, "survey"), (array_sonar, "array_survey")])
 @pytest.mark.parametrize("material, words", [
     (sediment("rough rock"), "rough rock at 100 kHz is too rough for the law of small slopes"),
     (sediment("medium sand", w2=0.05), "medium sand at 100 kHz is too rough"),
     ({"type": "sediment", "classes": "clay, rough rock", "sediment_class": {
         "type": "checkerboard", "color0": 0.0, "color1": 1.0}}, "rough rock at 100 kHz is too rough")])
 def test_what_the_law_does_not_hold_for_is_refused_before_a_run(scene, plan, material, words):
-    loaded = scene({"bed": square(material)})
+    loaded = scene({"bed": bed(40.0, material, size=300.0)})
     with pytest.raises(ValueError, match=words):
         getattr(loaded.integrator(), plan)(loaded, loaded.sensors()[0])
 
@@ -42,7 +34,7 @@ def test_a_map_of_sediments_under_a_sidescan(variant):
     bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(HALVES[..., None]), "raw": True, "filter_type": "nearest",
               "wrap_mode": "clamp"}
     painted = {"type": "sediment", "classes": "clay, sandy gravel", "sediment_class": bitmap}
-    level = {name: render(sidescan({"bed": square(material)}, rays=20_000))[1]
+    level = {name: render(sidescan({"bed": bed(40.0, material, size=300.0)}, rays=20_000))[1]
              for name, material in (("map", painted), ("clay", sediment("clay")),
                                     ("gravel", sediment("sandy gravel")))}
     port, starboard = 0, 1

@@ -6,13 +6,13 @@ their cells; 4 % for rays, 1 % rms by their number.
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, buried_bed
 
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.tessellation import FINEST_SAGITTA
 from mitsonar.scene.geometry import Geometry
+from mitsonar.validation.scenes import array_sonar, buried_bed
 
 MU_DB = -20.0
 
@@ -53,7 +53,7 @@ KINDS = ("sphere", "cylinder", "disk")
 
 
 def energy(kind, **integrator):
-    scene = array_scene({"bed": buried_bed(40.0), "thing": shapes()[kind]}, water={"absorption_db_per_km": 0.0},
+    scene = array_sonar({"bed": buried_bed(40.0), "thing": shapes()[kind]}, water={"absorption_db_per_km": 0.0},
                         integrator={"cell": 0.02, **integrator}, film={"range": 20.0, "range_min": 5.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     light = survey._run.light
@@ -86,7 +86,7 @@ def test_a_point_on_the_surface_is_in_its_facet(variant, kind):
     import mitsuba as mi
 
     prepare()
-    geometry = Geometry(array_scene({"bed": buried_bed(40.0), "thing": shapes()[kind]}))
+    geometry = Geometry(array_sonar({"bed": buried_bed(40.0), "thing": shapes()[kind]}))
     scatterers = Scatterers(geometry, 0.03)
     index = next(index for index, shape in geometry.others if shape.id() == "thing")
     first = int(scatterers.rows[index, 0])

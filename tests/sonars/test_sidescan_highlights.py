@@ -6,11 +6,11 @@ so that all bins together hold pulse / bin of it. TS from closed forms of the fa
 import mitsuba as mi
 import numpy as np
 import pytest
-from sidescan_scene import plane, sidescan
 
 import mitsonar
 from mitsonar.imaging.sidescan import realisation
 from mitsonar.scene.loading import prepare
+from mitsonar.validation.scenes import bed, buried_bed, sidescan
 
 RIGID, SILENT = {"type": "rigid"}, -190.0
 
@@ -34,7 +34,7 @@ def test_sphere(variant):
     a, offset = 0.4, np.array([40.0, 0.0, -10.0])
     away = offset / np.linalg.norm(offset)
     ball = {"type": "sphere", "center": list(offset + a * away + [0, 0, -20]), "radius": a, "bsdf": RIGID}
-    scene = sidescan({"bed": plane(60.0, mu_db=SILENT), "ball": ball})
+    scene = sidescan({"bed": buried_bed(60.0, size=800.0), "ball": ball})
     image = mitsonar.render(scene)
     near_db = 20 * np.log10(np.linalg.norm(offset) / (np.linalg.norm(offset) + a))
     assert total_db(image, 1) == pytest.approx(expected_db(scene, offset, 20 * np.log10(a / 2)) + near_db, abs=0.3)
@@ -54,7 +54,7 @@ def test_two_point_targets_add_as_pressures(variant, apart, gain_db):
     targets = {f"buoy{i}": {"type": "point_target", "position": [float(40.02 + i * apart * wavelength), 0.0, -20.0],
                             "target_strength_db": -10.0} for i in range(2)}
     one = {"buoy0": targets["buoy0"]}
-    level = [total_db(mitsonar.render(sidescan({"bed": plane(60.0, mu_db=SILENT), **some})), 1)
+    level = [total_db(mitsonar.render(sidescan({"bed": buried_bed(60.0, size=800.0), **some})), 1)
              for some in (one, targets)]
     if gain_db is None:
         assert level[1] - level[0] < -10
@@ -66,7 +66,7 @@ def test_dihedral_is_a_path_of_two_bounces(variant):
     prepare()
     a, b, at = 0.2, 0.3, np.array([40.0, 0.0, -20.0])
     side = np.sqrt(0.5) * np.array([[-1, 1, 0], [-1, -1, 0]])
-    shapes = {"bed": plane(60.0, mu_db=SILENT)}
+    shapes = {"bed": buried_bed(60.0, size=800.0)}
     for i in range(2):
         matrix = np.eye(4)
         matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = 0.5 * a * side[i], [0, 0, 0.5 * b], side[1 - i]
@@ -99,7 +99,7 @@ def test_a_record_is_the_same_for_any_number_of_threads(variant):
     try:
         for count in (2, 3):
             dr.set_thread_count(count)
-            scene = sidescan({"bed": plane(40.0), "ball": ball}, sensor={"speckle": True}, rays=4000)
+            scene = sidescan({"bed": bed(40.0), "ball": ball}, sensor={"speckle": True}, rays=4000)
             levels.append(mitsonar.render(scene, seed=3)["level"].values)
     finally:
         dr.set_thread_count(threads)

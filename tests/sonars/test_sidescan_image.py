@@ -3,12 +3,13 @@ import drjit as dr
 import numpy as np
 import pytest
 from scipy.stats import kstest
-from sidescan_scene import lambert, plane, sidescan
+from track_files import write_track
 
 import mitsuba as mi
 import mitsonar
 from mitsonar.imaging.sidescan import pulse_shares
 from mitsonar.io import exr
+from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALTITUDE, HEIGHT, RANGE = 20.0, 1.5, 40.0          # sonar above the bed, box, ground range of its front
 
@@ -23,7 +24,7 @@ def box(x, height, width=1.0, length=60.0):
 @pytest.fixture(scope="module")
 def boxed():
     mitsonar.scene.loading.prepare()
-    scene = sidescan({"bed": plane(40.0), "box": box(RANGE, HEIGHT)}, rays=400_000, film={"bins": 2000})
+    scene = sidescan({"bed": bed(40.0), "box": box(RANGE, HEIGHT)}, rays=400_000, film={"bins": 2000})
     return mitsonar.render(scene).sel(side="starboard")
 
 
@@ -66,10 +67,11 @@ def test_depth_channel_tells_where_the_echo_came_from(boxed):
 def test_adaptive_pass_feeds_the_bins_that_the_flat_bed_draw_starves():
     """Beyond the edge of a terrace 5 m below the sonar lies a floor 65 m below it. Its bins are reached through a few
     degrees, to which a flat bed 5 m below would give one ray in a hundred."""
-    shapes = {"terrace": plane(25.0, half=4.0), "floor": plane(85.0)}
+    shapes = {"terrace": bed(25.0, size=8.0), "floor": bed(85.0)}
     fewest = {}
     for first_pass in (0.0, 0.15):
-        dataset = mitsonar.render(sidescan(shapes, rays=40_000, first_pass=first_pass, film={"bins": 400}))
+        scene = sidescan(shapes, rays=40_000, integrator={"first_pass": first_pass}, film={"bins": 400})
+        dataset = mitsonar.render(scene)
         far = dataset.sel(side="starboard", range=slice(87, 100))
         fewest[first_pass] = np.percentile(far["rays"], 5)
     assert fewest[0.15] > 2 * fewest[0.0] > 0
@@ -78,7 +80,7 @@ def test_adaptive_pass_feeds_the_bins_that_the_flat_bed_draw_starves():
 def test_speckle_is_rayleigh_with_the_mean_level():
     """Bins as long as the pulse: I / <I> is exponential. KS on 4000 values at 1 %; the scale is known, so no
     Lilliefors."""
-    scene = sidescan({"bed": plane(40.0)}, sensor={"pings": 40, "speckle": True}, film={"range": 75.0, "bins": 1000})
+    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 40, "speckle": True}, film={"range": 75.0, "bins": 1000})
     dataset = mitsonar.render(scene, 3)
     part = dataset.isel(range=slice(500, 600), side=1)
     ratio = 10 ** ((part["level"].values - part["mean_level"].values) / 10)
@@ -87,7 +89,7 @@ def test_speckle_is_rayleigh_with_the_mean_level():
 
 def test_bins_finer_than_the_pulse_are_correlated_over_it():
     """Four bins a pulse: intensities of neighbours j apart correlate as the squared overlap (1 - j/4)², j = 1, 2, 3."""
-    scene = sidescan({"bed": plane(40.0)}, sensor={"pings": 60, "speckle": True}, film={"range": 75.0, "bins": 4000},
+    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 60, "speckle": True}, film={"range": 75.0, "bins": 4000},
                      rays=300_000)
     part = mitsonar.render(scene, 4).isel(range=slice(1600, 3600), side=1)
     ratio = 10 ** ((part["level"].values - part["mean_level"].values).astype(float) / 10) - 1
@@ -99,7 +101,7 @@ def test_bins_finer_than_the_pulse_are_correlated_over_it():
 
 def test_noise_has_the_band_of_the_pulse():
     """Bins a quarter of the pulse long, water column only: intensities j bins apart correlate as (1 - j/4)²."""
-    scene = sidescan({"bed": plane(400.0)}, sensor={"pings": 60, "speckle": True, "noise": True},
+    scene = sidescan({"bed": bed(400.0)}, sensor={"pings": 60, "speckle": True, "noise": True},
                      film={"range": 75.0, "bins": 4000})
     intensity = 10 ** (mitsonar.render(scene, 6)["level"].values[:, 1].astype(float) / 10)
     ratio = intensity / intensity.mean() - 1
@@ -111,7 +113,7 @@ def test_noise_has_the_band_of_the_pulse():
 def test_absorbed_echoes_keep_their_label_and_depth():
     """300 dB/km over 100 m: echoes 60 dB below those without absorption still say where they came from."""
     shapes = {"a_buoy": {"type": "sphere", "center": [0.0, 300.0, -5.0], "radius": 1.0, "bsdf": lambert()},
-              "bed": plane(40.0)}
+              "bed": bed(40.0)}
     scene = sidescan(shapes, sensor={"preset": "auv_900khz"}, water={"absorption_db_per_km": 300.0}, film={"bins": 200})
     far = mitsonar.render(scene).isel(range=slice(150, 199))
     names = far.attrs["labels"]
@@ -122,13 +124,13 @@ def test_absorbed_echoes_keep_their_label_and_depth():
 def test_water_below_a_target_in_mid_water_is_no_shadow():
     """The flag begins with the first bottom return; a fish ball beside the track casts none on water."""
     ball = {"type": "sphere", "center": [8.0, 0.0, -28.0], "radius": 1.5, "bsdf": lambert(-10.0)}
-    dataset = mitsonar.render(sidescan({"bed": plane(40.0), "ball": ball}, film={"bins": 400}))
+    dataset = mitsonar.render(sidescan({"bed": bed(40.0), "ball": ball}, film={"bins": 400}))
     assert not dataset["shadow"].sel(range=slice(0, 19.5)).values.any()
 
 
 def test_noise_fills_the_water_column_at_the_level_of_band_and_beam():
     """NL + 10 log BW - DI; the mean of 40,000 exponential values is known to 0.5 %."""
-    scene = sidescan({"bed": plane(40.0)}, sensor={"pings": 40, "speckle": True, "noise": True, "noise_level_db": 40.0})
+    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 40, "speckle": True, "noise": True, "noise_level_db": 40.0})
     dataset = mitsonar.render(scene, 5)
     sonar = scene.sensors()[0].sonar(20.0)
     expected = 40 + 10 * np.log10(1 / sonar.pulse_length) - sonar.directivity_index_db()
@@ -138,10 +140,8 @@ def test_noise_fills_the_water_column_at_the_level_of_band_and_beam():
 
 
 def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch):
-    import mitsonar.survey as survey
-
     def written(name, seed=7):
-        scene = sidescan({"bed": plane(40.0), "box": box(RANGE, HEIGHT)}, rays=20_000,
+        scene = sidescan({"bed": bed(40.0), "box": box(RANGE, HEIGHT)}, rays=20_000,
                          sensor={"pings": 9, "speckle": True, "noise": True})
         exr.write(mitsonar.render(scene, seed), tmp_path / name)
         return (tmp_path / name).read_bytes()
@@ -151,7 +151,7 @@ def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch)
         first = written("a.exr")
         dr.set_thread_count(5)
         assert written("b.exr") == first
-        monkeypatch.setattr(survey, "RAYS_PER_BLOCK", 40_000)
+        monkeypatch.setattr("mitsonar.survey.energy.RAYS_PER_BLOCK", 40_000)
         assert written("c.exr") == first
         assert written("d.exr", seed=8) != first
     finally:
@@ -161,7 +161,7 @@ def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch)
 def test_kernels_compile_once_whatever_the_numbers():
     """A second scene with other depth, profile, range, beam and bins reuses every kernel of the first."""
     def run(depth, speed, bins, rays, frequency):
-        scene = sidescan({"bed": plane(depth)}, water={"profile": f"0:{speed + 10}, 12:{speed}"}, film={"bins": bins},
+        scene = sidescan({"bed": bed(depth)}, water={"profile": f"0:{speed + 10}, 12:{speed}"}, film={"bins": bins},
                          rays=rays, sensor={"frequency_khz": frequency})
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             mitsonar.render(scene)
@@ -173,7 +173,7 @@ def test_kernels_compile_once_whatever_the_numbers():
 
 
 def test_mi_render_gives_the_waterfall():
-    scene = sidescan({"bed": plane(40.0)}, film={"bins": 200})
+    scene = sidescan({"bed": bed(40.0)}, film={"bins": 200})
     image = mi.render(scene, seed=2).numpy()
     level = mitsonar.render(scene, 2)["level"].values
     assert image.shape == (4, 400, 1)
@@ -184,13 +184,12 @@ def test_mi_render_gives_the_waterfall():
 def test_roll_turns_the_beams(tmp_path):
     """Rolled 20 degrees to starboard (starboard side down): the starboard face looks steeper and hears more from
     near, the port face flatter and hears more from afar. Unrolled, both sides hear the same."""
-    track = tmp_path / "track.csv"
-    sensor = {"depression_deg": 30.0, "vertical_beam_width_deg": 20.0, "track": str(track)}
+    sensor = {"depression_deg": 30.0, "vertical_beam_width_deg": 20.0}
     near, far = slice(25, 35), slice(60, 90)
 
     def levels(roll):
-        track.write_text(f"time,x,y,z,roll,pitch,heading\n0,0,0,-20,{roll},0,0\n", encoding="utf-8")
-        scene = sidescan({"bed": plane(40.0)}, sensor=sensor, film={"bins": 100})
+        track = write_track(tmp_path / "track.csv", [[0, 0, 0, -20, roll, 0, 0]])
+        scene = sidescan({"bed": bed(40.0)}, sensor={**sensor, "track": track}, film={"bins": 100})
         return mitsonar.render(scene)["mean_level"]
 
     level = levels(0)

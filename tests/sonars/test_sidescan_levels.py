@@ -9,12 +9,14 @@ Here the integral over the gate and over azimuth is done numerically, so that no
 the pattern taken at sin ψ = cos θ sin φ. Levels are compared as mean intensities over pings; the tolerances are the
 Monte-Carlo errors, estimated from the pings themselves, and 0.02 dB where rays are plenty.
 """
+from mean_intensity import render
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
 import mitsuba as mi
-from sidescan_scene import lambert, plane, render, sidescan
+
+from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030
 OMNI = {"vertical_beam_width_deg": 180.0}
@@ -42,7 +44,7 @@ def db(ratio):
 
 def test_flat_bed_closes_within_hundredths_of_a_decibel_per_bin():
     """With plenty of rays every bin is within 0.02 dB; standard errors are 0.004 dB, so this is five of them."""
-    scene = sidescan({"seabed": plane(40.0)}, sensor={**OMNI, "pings": 10}, rays=3_000_000)
+    scene = sidescan({"seabed": bed(40.0)}, sensor={**OMNI, "pings": 10}, rays=3_000_000)
     dataset, intensity, _ = render(scene)
     bins = np.arange(215, 1000, 20)
     expected = flat_level(scene, dataset, 20.0, bins)
@@ -52,7 +54,7 @@ def test_flat_bed_closes_within_hundredths_of_a_decibel_per_bin():
 @pytest.mark.parametrize("first_pass", [0.0, 0.15])
 def test_few_rays_are_noisy_but_unbiased(first_pass):
     """Three rays a bin: the mean over 400 pings and 40 bins must agree within 3 standard errors, about 0.05 dB."""
-    scene = sidescan({"seabed": plane(40.0)}, sensor={**OMNI, "pings": 400}, rays=6000, first_pass=first_pass)
+    scene = sidescan({"seabed": bed(40.0)}, pings=400, rays=6000, sensor=OMNI, integrator={"first_pass": first_pass})
     dataset, intensity, error = render(scene)
     bins = np.arange(215, 1000, 20)
     expected = flat_level(scene, dataset, 20.0, bins)
@@ -69,7 +71,7 @@ def test_level_follows_refraction_by_the_ray_tube_in_a_constant_gradient():
     g, c0 = -1.0, 1500.0
     c1 = c0 + 20 * g
     water = {"profile": "0:1520, 60:1460"}
-    scene = sidescan({"seabed": plane(40.0)}, sensor={**OMNI, "pings": 10, "sound_speed": 1500.0},
+    scene = sidescan({"seabed": bed(40.0)}, sensor={**OMNI, "pings": 10, "sound_speed": 1500.0},
                      water=water, rays=3_000_000, film={"bins": 200})
     dataset, intensity, _ = render(scene)
     sonar = scene.sensors()[0].sonar(20.0)
@@ -172,7 +174,7 @@ def test_vertical_face_matches_a_brute_force_integral_within_a_tenth_of_a_decibe
     """A wall 20 m to starboard, 12 m high, 30 m long, alone in the water but for a patch below the sonar."""
     x, (y0, y1), (z0, z1) = 20.0, (-15.0, 15.0), (-34.0, -22.0)
     corner = np.array([[x, y0, z0], [x, y1, z0], [x, y1, z1], [x, y0, z1]])
-    scene = sidescan({"wall": mesh(corner[[[0, 1, 2], [0, 2, 3]]]), "floor": plane(80.0, half=2.0)},
+    scene = sidescan({"wall": mesh(corner[[[0, 1, 2], [0, 2, 3]]]), "floor": bed(80.0, size=4.0)},
                      sensor={"pings": 8}, rays=1_000_000, film={"range": 40.0, "bins": 160})
     dataset, intensity, _ = render(scene)
     v, w = np.arange(y0, y1 + 1e-9, 0.02), np.linspace(z0, z1, 1201)
@@ -189,7 +191,7 @@ def test_absorption_of_hundreds_of_decibels_only_shifts_the_level():
     """The same rays with 100 dB/km and with none, to 1000 m: they differ by 2 α R, within the 0.01 dB by which a bin
     of 5 m is no point and the 0.02 dB of float32 arc lengths times α."""
     def level(absorption):
-        scene = sidescan({"seabed": plane(40.0, half=2000.0)}, water={"absorption_db_per_km": absorption},
+        scene = sidescan({"seabed": bed(40.0, size=4000.0)}, water={"absorption_db_per_km": absorption},
                          sensor={"preset": "towed_400khz", "pings": 2}, film={"range": 1000.0, "bins": 200},
                          rays=200_000)
         dataset, _, _ = render(scene, 5)

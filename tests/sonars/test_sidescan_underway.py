@@ -9,16 +9,19 @@ and has the transmitting pattern towards I at t_0 and the receiving one towards 
 """
 from dataclasses import dataclass, replace
 
+from mean_intensity import render
 import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, trapezoid
-from sidescan_scene import plane, render, sidescan
+from track_files import write_track
 
 from mitsonar.propagation import eigenray, return_time
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import bed, buried_bed, sidescan
 
 pytestmark = pytest.mark.filterwarnings("ignore:the track is cut")     # poses go on after the last ping
-C, ALPHA, KNOT = 1500.0, 0.030, 1852 / 3600
+C, ALPHA = 1500.0, 0.030
 INTERVAL = 0.25                                                          # [s] between pings
 SUMMER = "0:1508, 5:1507.5, 12:1499, 25:1491, 40:1489.5, 60:1490.5"
 OMNI = {"vertical_beam_width_deg": 180.0}
@@ -62,9 +65,7 @@ class Way:
         t = np.arange(0, INTERVAL * pings + 0.5, 0.02)
         position, angles = self.pose(t)
         rows = np.column_stack([t, position, np.degrees(angles)])
-        path.write_text("time,x,y,z,roll,pitch,heading\n" + "".join(
-            ",".join(f"{v:.12f}" for v in row) + "\n" for row in rows))
-        return str(path)
+        return write_track(path, rows)
 
 
 def echoes_of(way, t0, points, signs=(1, 1)):
@@ -138,7 +139,7 @@ def scene_of(way, tmp_path, shapes, *, pings=4, sensor=None, **more):
 def test_levels_of_a_bed_are_those_of_the_beams_at_transmission_and_reception(name, tmp_path):
     """Gates of 2 m from 28 m on; Monte-Carlo noise is 0.02 dB, 0.05 where the lobes are apart."""
     way = WAYS[name]
-    scene = scene_of(way, tmp_path, {"seabed": plane(40.0)}, film={"bins": 50}, rays=400_000)
+    scene = scene_of(way, tmp_path, {"seabed": bed(40.0)}, film={"bins": 50}, rays=400_000)
     dataset, _, _ = render(scene)
     sonar = scene.sensors()[0].sonar(20.0)
     edges = np.arange(51) * 4.0 / C
@@ -155,7 +156,7 @@ def test_eight_knots_cost_a_beam_of_a_degree_and_a_half_what_its_lobes_overlap_l
 
     By way of a mirroring surface one leg is that to the image, and the loss that of a sum over the bed.
     """
-    shapes = {"seabed": plane(40.0), "sea": {"type": "sea_surface", "wind_speed": 0.0, "size": 800.0}}
+    shapes = {"seabed": bed(40.0), "sea": {"type": "sea_surface", "wind_speed": 0.0, "size": 800.0}}
     edges = np.array([40.0, 70.0, 100.0]) * 2 / C
     means, mirrored = [], []
     for speed in (0.0, 8.0):
@@ -194,7 +195,7 @@ def test_delays_and_energies_of_point_targets(name, tmp_path):
     way = RIDES[name]
     shapes = {f"ball {i}": {"type": "point_target", "position": list(target), "target_strength_db": 0.0}
               for i, target in enumerate(TARGETS)}
-    scene = scene_of(way, tmp_path, {"bed": plane(45.0, mu_db=-190.0), **shapes}, film={"bins": 4000}, rays=2000,
+    scene = scene_of(way, tmp_path, {"bed": buried_bed(45.0, size=800.0), **shapes}, film={"bins": 4000}, rays=2000,
                      sensor={"beam_width_deg": 3.0})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
     echoes, heard = survey.echoes(), 0
@@ -220,7 +221,7 @@ def test_delays_in_layered_water_are_those_of_exact_rays_to_where_the_sonar_is_t
         f"{now},0,{velocity[1] * now},{velocity[2] * now - 20},0\n" for now in t))
     shapes = {f"ball {i}": {"type": "point_target", "position": list(target), "target_strength_db": 0.0}
               for i, target in enumerate(TARGETS)}
-    scene = sidescan({"bed": plane(45.0, mu_db=-190.0), **shapes}, water={"profile": SUMMER}, film={"bins": 4000},
+    scene = sidescan({"bed": buried_bed(45.0, size=800.0), **shapes}, water={"profile": SUMMER}, film={"bins": 4000},
                      rays=2000, sensor={"track": str(tmp_path / "track.csv"), "pings": 2, "ping_rate_hz": 4.0, **OMNI})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
     z = survey.echoes().coherent.pressure[..., 0]
@@ -248,8 +249,8 @@ def test_a_smooth_plate_shines_towards_where_the_sonar_is_then(degrees, tmp_path
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = 0.75 * across, 0.25 * up, normal, centre
     plate = {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix), "bsdf": {"type": "rigid"}}
-    scene = scene_of(way, tmp_path, {"bed": plane(45.0, mu_db=-190.0), "plate": plate}, film={"bins": 4000}, rays=2000,
-                     sensor={"beam_width_deg": 3.0, "pulse_ms": 1.0, **OMNI}, pings=2)
+    scene = scene_of(way, tmp_path, {"bed": buried_bed(45.0, size=800.0), "plate": plate}, film={"bins": 4000},
+                     rays=2000, sensor={"beam_width_deg": 3.0, "pulse_ms": 1.0, **OMNI}, pings=2)
     survey = scene.integrator().survey(scene, scene.sensors()[0])
     z = survey.echoes().coherent.pressure[..., 0]
     steps = np.stack(np.meshgrid((np.arange(300) + 0.5) / 300 - 0.5, (np.arange(100) + 0.5) / 100 - 0.5), -1)
@@ -270,7 +271,7 @@ def test_a_smooth_plate_shines_towards_where_the_sonar_is_then(degrees, tmp_path
 
 def test_the_place_of_a_bin_is_half_way_between_the_lobes(tmp_path):
     """At 8 knots the seabed that a bin shows lies v t / 2 ahead of where the ping was sent."""
-    scene = scene_of(WAYS["8 knots"], tmp_path, {"seabed": plane(40.0)}, film={"bins": 50}, rays=200_000)
+    scene = scene_of(WAYS["8 knots"], tmp_path, {"seabed": bed(40.0)}, film={"bins": 50}, rays=200_000)
     survey = scene.integrator().survey(scene, scene.sensors()[0])
     echoes = survey.echoes()
     time = (np.arange(50) + 0.5) * 4.0 / C
@@ -284,7 +285,7 @@ def test_a_sonar_that_turns_by_a_beam_during_a_ping_needs_no_more_rays(tmp_path)
     way = Way(turn=np.radians(15.0))
     spread = []
     for at in (way, Way()):
-        scene = scene_of(at, tmp_path, {"seabed": plane(40.0)}, film={"bins": 50}, rays=20_000, pings=40,
+        scene = scene_of(at, tmp_path, {"seabed": bed(40.0)}, film={"bins": 50}, rays=20_000, pings=40,
                          sensor=OMNI)
         intensity = scene.integrator().survey(scene, scene.sensors()[0]).echoes().intensity[..., 14:49]
         spread.append((intensity.std((0, 1)) / intensity.mean((0, 1))).mean())
@@ -293,6 +294,6 @@ def test_a_sonar_that_turns_by_a_beam_during_a_ping_needs_no_more_rays(tmp_path)
 
 def test_a_platform_at_rest_is_not_under_way():
     """There is no motion that the kernel would look up."""
-    scene = sidescan({"seabed": plane(40.0)}, sensor={"heading_deg": 33.0})
+    scene = sidescan({"seabed": bed(40.0)}, sensor={"heading_deg": 33.0})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
     assert not survey.underway and survey.underway.block(np.arange(2)) is None and survey.shifts[1] == [0]

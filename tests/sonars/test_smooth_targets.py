@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, buried_bed, target
 from scipy.special import j1
+from summer import SUMMER_TEXT
 
 from mitsonar.scattering import sphere_target_strength_db
+from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 
 WAVELENGTH, SPEED, FREQUENCY = 0.015, 1500.0, 100e3
 K = 2 * np.pi / WAVELENGTH
@@ -24,7 +25,7 @@ RIGID = {"type": "rigid"}
 def echo(shapes, distance, *, max_depth=1, water=None, **sensor):
     """Complex pressure of the echo at the carrier, and time of the response's peak [s]."""
     water = {"absorption_db_per_km": 0.0, **(water or {})}
-    scene = array_scene({"bed": buried_bed(900.0), **shapes}, water=water,
+    scene = array_sonar({"bed": buried_bed(900.0), **shapes}, water=water,
                         sensor={"pulse": "cw", "pulse_ms": 1.0, **sensor},
                         film={"range": distance + 8, "range_min": distance - 8}, integrator={"rays": 1000})
     survey = replace(scene.integrator().array_survey(scene, scene.sensors()[0]), max_depth=max_depth)
@@ -122,7 +123,7 @@ def test_sphere_by_way_of_a_plane(variant, frequency_khz):
     a, ball, mirror = 0.3, np.array([0.0, 20.0, -13.5]), -15.0
     plane = placed("rectangle", [6, 0, 0], [0, 6, 0], [0, 0, 1], [0, 15.4, mirror])
     shapes = {"plane": plane, "ball": {"type": "sphere", "center": list(ball), "radius": a, "bsdf": RIGID}}
-    scene = array_scene({"bed": buried_bed(900.0), **shapes}, water={"absorption_db_per_km": 0.0},
+    scene = array_sonar({"bed": buried_bed(900.0), **shapes}, water={"absorption_db_per_km": 0.0},
                         integrator={"rays": 1000}, film={"range": 26},
                         sensor={"pulse": "cw", "pulse_ms": 1.0, "frequency_khz": frequency_khz})
     survey = replace(scene.integrator().array_survey(scene, scene.sensors()[0]), max_depth=2)
@@ -168,7 +169,7 @@ def test_a_near_plate_at_elements_apart(variant, degrees):
     at = np.array([0.0, 20.0, -10.0])
     across = np.array([np.cos(tilt), np.sin(tilt), 0])
     plate = placed("rectangle", 0.5 * size[0] * across, [0, 0, 0.5 * size[1]], [np.sin(tilt), -np.cos(tilt), 0], at)
-    scene = array_scene({"bed": buried_bed(900.0), "plate": plate}, water={"absorption_db_per_km": 0.0},
+    scene = array_sonar({"bed": buried_bed(900.0), "plate": plate}, water={"absorption_db_per_km": 0.0},
                         sensor={"pulse": "cw", "pulse_ms": 1.0, "receive": "line", "receive_elements": 9,
                                 "receive_pitch": 0.125}, film={"range": 24, "range_min": 16})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
@@ -217,7 +218,7 @@ def test_sphere_in_a_thermocline_is_a_point_of_its_strength(variant):
     start, where = [0.0, 0.0, -6.0], np.array([0.0, 60.0, -24.0])
     towards = (where - start) / np.linalg.norm(where - start)
     ball = {"type": "sphere", "center": list(where + 0.3 * towards), "radius": 0.3, "bsdf": RIGID}
-    point = target(where, 20 * np.log10(0.15))
-    got = [abs(echo({"thing": thing}, 63.0, water={"profile": SUMMER}, start=start)[0])
+    point = point_target(where, 20 * np.log10(0.15))
+    got = [abs(echo({"thing": thing}, 63.0, water={"profile": SUMMER_TEXT}, start=start)[0])
            for thing in (ball, point)]
     assert 20 * np.log10(got[0] / got[1]) == pytest.approx(20 * np.log10(62.6 / 62.9), abs=0.3)

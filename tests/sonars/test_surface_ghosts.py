@@ -11,10 +11,12 @@ what a point there would. Tolerance: the kernel's -55 dB in band.
 """
 import numpy as np
 import pytest
-from array_scene import SUMMER, array_scene, bed, buried_bed, knots, target
+from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.propagation import eigenray
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
 WHERE = np.array([4.0, 18.0, -15.0])
@@ -27,9 +29,9 @@ def legs(profile, source_depth, where):
     return [(float(ray.travel_time), float(ray.spreading_area), float(ray.arc_length)) for ray in rays]
 
 
-@pytest.mark.parametrize("profile", ["0:1500", SUMMER])
+@pytest.mark.parametrize("profile", ["0:1500", SUMMER_TEXT])
 def test_a_target_under_a_mirror_is_heard_along_four_ways(variant, profile):
-    scene = array_scene({"bed": buried_bed(40.0), "sea": MIRROR, "ball": target(WHERE)}, film={"range": 45.0},
+    scene = array_sonar({"bed": buried_bed(40.0), "sea": MIRROR, "ball": point_target(WHERE)}, film={"range": 45.0},
                         water={"profile": profile}, integrator={"max_depth": 3, "cell": 2.0, "rays": 64})
     response = mitsonar.impulse_response(scene)
     water = scene.sensors()[0].water.profile
@@ -52,28 +54,28 @@ def test_a_target_under_a_mirror_is_heard_along_four_ways(variant, profile):
 
 def test_ghosts_reach_the_elements_of_a_moving_array_when_they_should(variant):
     """Vector approximation against an eigenray for every ghost and element, for the image of the array too."""
-    scene = array_scene({"bed": buried_bed(40.0), "sea": MIRROR, "ball": target(WHERE)}, film={"range": 45.0},
-                        water={"profile": SUMMER}, integrator={"max_depth": 3, "cell": 2.0, "rays": 64},
+    scene = array_sonar({"bed": buried_bed(40.0), "sea": MIRROR, "ball": point_target(WHERE)}, film={"range": 45.0},
+                        water={"profile": SUMMER_TEXT}, integrator={"max_depth": 3, "cell": 2.0, "rays": 64},
                         sensor={"receive": "line", "receive_elements": 7, "receive_pitch": 0.1,
                                 "receive_axis": "0.6, 0.5, 0.62", "transmit": "line", "transmit_elements": 2,
                                 "transmit_pitch": 0.3,
-                                "speed_knots": knots(3.0)})
+                                "speed_knots": 3.0 / KNOT})
     exact, vector = (mitsonar.impulse_response(scene, return_path=path).values for path in ("eigenray", "vector"))
     assert np.abs(vector - exact).max() < 10 ** (-75 / 20) * np.abs(exact).max()
 
 
 def test_without_depth_nothing_comes_by_way_of_the_surface(variant):
-    shapes = {"bed": buried_bed(40.0), "ball": target(WHERE)}
+    shapes = {"bed": buried_bed(40.0), "ball": point_target(WHERE)}
     still = {"film": {"range": 45.0}, "integrator": {"cell": 2.0}}
-    alone = mitsonar.impulse_response(array_scene(shapes, **still))
-    mirrored = mitsonar.impulse_response(array_scene({**shapes, "sea": MIRROR}, **still))
+    alone = mitsonar.impulse_response(array_sonar(shapes, **still))
+    mirrored = mitsonar.impulse_response(array_sonar({**shapes, "sea": MIRROR}, **still))
     late = alone["time"].values > 0.02
     np.testing.assert_allclose(mirrored.values[..., late], alone.values[..., late], atol=1e-7)
 
 
 def test_paths_can_be_heard_one_by_one(variant):
-    scene = array_scene({"bed": bed(20.0), "sea": MIRROR, "ball": target(WHERE)}, film={"range": 30.0},
-                        water={"profile": SUMMER, "volume_strength_db": -60.0},
+    scene = array_sonar({"bed": bed(20.0, size=200.0), "sea": MIRROR, "ball": point_target(WHERE)},
+                        water={"profile": SUMMER_TEXT, "volume_strength_db": -60.0},
                         integrator={"max_depth": 2, "cell": 1.0, "rays": 500})
     whole = mitsonar.impulse_response(scene).values
     parts = {path: mitsonar.impulse_response(scene, paths=[path]).values for path in ("b", "s", "v", "bb", "sb")}
@@ -94,7 +96,7 @@ def test_energy_of_two_bounces_between_bed_and_wall(variant):
     T = mi.ScalarTransform4f
     wall = {"type": "rectangle", "bsdf": {"type": "lambert", "mu_db": -8.0},
             "to_world": T().translate([12, 0, -15]).rotate([0, 1, 0], -90).scale([5, 40, 1])}
-    scene = array_scene({"bed": bed(20.0, mu_db=-10.0), "wall": wall}, film={"range": 40.0},
+    scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "wall": wall}, film={"range": 40.0},
                         integrator={"max_depth": 2, "cell": 3.0, "rays": 400_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     light = survey._run.light
@@ -121,7 +123,8 @@ def test_energy_of_two_bounces_between_bed_and_wall(variant):
 def test_transmit_elements_share_what_is_drawn_by_chance(variant, fans):
     """Paths of more bounces and the water add over transmit elements as they do where all have one fan: exactly."""
     def signals(fans, path):
-        scene = array_scene({"bed": bed(20.0), "sea": {"type": "sea_surface", "wind_speed": 8.0, "size": 200.0}},
+        sea = {"type": "sea_surface", "wind_speed": 8.0, "size": 200.0}
+        scene = array_sonar({"bed": bed(20.0, size=200.0), "sea": sea},
                             film={"range": 25.0}, water={"volume_strength_db": -50.0},
                             sensor={"transmit": "line", "transmit_elements": 4, "transmit_pitch": 0.0075,
                                     "transmit_axis": "1, 0, 0"},

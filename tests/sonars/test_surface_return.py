@@ -5,12 +5,13 @@ is the sonar equation integrated over range and azimuth as in `test_sidescan_lev
 strength at sin θ = 28/R and once with the surface's at sin θ = 12/R; the two add. The surface is summed in steps of a
 bin's 1/80, as its strength near the vertical falls by 1 dB in 0.05 m. 0.05 dB is left for the noise of 2 million rays.
 """
+from mean_intensity import render
 import numpy as np
 from scipy.integrate import trapezoid
 
 import mitsonar
 from mitsonar.scattering import backscatter_strength_db
-from sidescan_scene import lambert, plane, render, sidescan
+from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030
 DEPTH, ALTITUDE, WIND = 12.0, 28.0, 6.0
@@ -50,7 +51,7 @@ def expected(scene, bins):
 
 
 def test_surface_and_bed_add_up_to_the_sonar_equation():
-    scene = sidescan({"seabed": plane(DEPTH + ALTITUDE), "surface": surface()}, sensor=START, film={"bins": 400},
+    scene = sidescan({"seabed": bed(DEPTH + ALTITUDE), "surface": surface()}, sensor=START, film={"bins": 400},
                      rays=2_000_000)
     dataset, intensity, _ = render(scene)
     above, below = expected(scene, 400)
@@ -82,7 +83,7 @@ def test_a_mirror_takes_no_rays_and_lights_no_shadow(variant):
     import mitsuba as mi
     box = {"type": "cube", "bsdf": {"type": "lambert"},
            "to_world": mi.ScalarTransform4f().translate([30, 0, -37]).scale([1, 8, 3])}
-    shapes = {"seabed": plane(40.0), "wreck": box}
+    shapes = {"seabed": bed(40.0), "wreck": box}
     alone = mitsonar.render(sidescan(shapes, rays=20_000))
     under = mitsonar.render(sidescan({**shapes, "surface": {"type": "sea_surface", "wind_speed": 0.0}}, rays=20_000))
     assert alone["shadow"].values.any()

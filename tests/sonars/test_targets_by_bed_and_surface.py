@@ -15,10 +15,9 @@ points and 0.5 dB of a sphere (physical optics, and near field).
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, bed, buried_bed, target
-from sidescan_scene import plane, sidescan
 
 import mitsonar
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target, sidescan
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
 
@@ -40,8 +39,8 @@ def by_bed(sonar, where, depth, edges, *, mu, alpha, beam=lambda towards: 1.0, o
 def test_elements_hear_point_targets_by_way_of_the_bed(variant, targets):
     where, edges = np.array([0.0, 12.0, -14.0]), np.array([15.0, 17.0, 20.0, 25.0])
     # of three targets each brings a share: they stand in one place
-    balls = {f"ball{i}": target(where, -10 * np.log10(targets)) for i in range(targets)}
-    scene = array_scene({"bed": bed(20.0, mu_db=-10.0), **balls}, film={"range": 40.0},
+    balls = {f"ball{i}": point_target(where, -10 * np.log10(targets)) for i in range(targets)}
+    scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), **balls}, film={"range": 40.0},
                         integrator={"max_depth": 2, "cell": 3.0, "rays": 100_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     found, keys = 0, 4
@@ -57,7 +56,7 @@ def test_elements_hear_point_targets_by_way_of_the_bed(variant, targets):
 @pytest.mark.parametrize("height", [0.5, 10.0])
 def test_a_sidescan_hears_point_targets_by_way_of_the_bed(variant, height):
     where = np.array([30.0, 0.0, -40.0 + height])
-    scene = sidescan({"bed": plane(40.0, mu_db=-10.0),
+    scene = sidescan({"bed": bed(40.0, lambert(-10.0)),
                       "ball": {"type": "point_target", "position": list(where), "target_strength_db": -5.0}},
                      sensor={"vertical_beam_width_deg": 180.0, "beam_width_deg": 20.0, "pings": 6}, rays=100_000,
                      film={"bins": 100, "range": 80.0})
@@ -96,8 +95,8 @@ def test_a_sidescan_hears_targets_by_way_of_the_mirror(variant, monkeypatch):
     monkeypatch.setattr("mitsonar.echoes.multipath.Bounces.__call__", nothing)             # of rays: the bed is silent
     centre, radius, sonar = np.array([36.0, 0.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     strength_db = 20 * np.log10(radius / 2)
-    scene = sidescan({"bed": plane(200.0, mu_db=-190.0), "sea": MIRROR,
-                      "point": target(centre * [-1, 1, 1], strength_db),
+    scene = sidescan({"bed": buried_bed(200.0, size=800.0), "sea": MIRROR,
+                      "point": point_target(centre * [-1, 1, 1], strength_db),
                       "ball": {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": {"type": "rigid"}}},
                      sensor={"vertical_beam_width_deg": 180.0, "pings": 1, "frequency_khz": 50.0}, rays=400)
     scene.integrator().max_depth = 3
@@ -116,7 +115,7 @@ def test_a_sidescan_hears_targets_by_way_of_the_mirror(variant, monkeypatch):
 
 @pytest.mark.parametrize("roll", [0.0, 10.0])
 def test_a_flat_surface_straight_above_is_heard_half_from_either_side(variant, roll):
-    scene = sidescan({"bed": plane(200.0, mu_db=-190.0), "sea": MIRROR}, rays=400,
+    scene = sidescan({"bed": buried_bed(200.0, size=800.0), "sea": MIRROR}, rays=400,
                      sensor={"vertical_beam_width_deg": 180.0, "pings": 1, **({"roll_deg": roll} if roll else {})})
     image = mitsonar.render(scene)
     share = image.attrs["pulse_length"] / (2 * image.attrs["bin_width"] / 1500.0)
@@ -138,7 +137,7 @@ def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
     centre, radius, sonar = np.array([0.0, 36.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     ball = {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": {"type": "rigid"}}
     line = {"receive": "line", "receive_elements": 3, "receive_pitch": 0.2, "start": list(sonar)}
-    scene = array_scene({"bed": buried_bed(200.0), "sea": MIRROR, "ball": ball}, sensor={**line, "frequency_khz": 50.0},
+    scene = array_sonar({"bed": buried_bed(200.0), "sea": MIRROR, "ball": ball}, sensor={**line, "frequency_khz": 50.0},
                         water={"absorption_db_per_km": 0.0}, film={"range": 60.0},
                         integrator={"max_depth": 3, "rays": 16, "cell": 20.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
@@ -184,7 +183,7 @@ def test_a_corner_by_way_of_the_mirror_is_as_from_the_image(variant):
             matrix[:3, 3] = middle + 0.3 * side[i]
             shapes[f"plate{i}"] = {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix),
                                    "bsdf": {"type": "impedance", "density": 1500.0, "sound_speed": 1700.0}}
-        return pressures(array_scene(shapes, film={"range": 45.0}, integrator={"max_depth": 4, "cell": 20.0},
+        return pressures(array_sonar(shapes, film={"range": 45.0}, integrator={"max_depth": 4, "cell": 20.0},
                                      sensor={"start": start, "frequency_khz": 20.0}))
 
     mirrored = corner(np.array([0, 30, -3]), [0, 0, -10.0], sea=MIRROR)

@@ -9,11 +9,12 @@ The sonar is H above the bed, the box h high from x0 to x1 abeam. At slant range
 
 Edges fall within a bin of w = 5 cm; they may be off by one bin, for a bin that is cut counts as a whole.
 """
+from mean_intensity import render
 import numpy as np
 import pytest
-from sidescan_scene import lambert, plane, render, sidescan
 
 import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
+from mitsonar.validation.scenes import bed, lambert, sidescan
 import mitsuba as mi
 
 H, HEIGHT, NEAR, FAR, WIDTH = 10.0, 1.0, 28.0, 30.0, 0.05
@@ -28,7 +29,7 @@ def _box(mu_db=-20.0):
 @pytest.fixture(scope="module")
 def image():
     mitsonar.scene.loading.prepare()
-    scene = sidescan({"seabed": plane(20), "box": _box()}, rays=200_000, film={"range": 60.0, "bins": 1200},
+    scene = sidescan({"seabed": bed(20), "box": _box()}, rays=200_000, film={"range": 60.0, "bins": 1200},
                      sensor={"start": [0, 0, -H], "beam_width_deg": 0.5, "pulse_ms": 0.05})
     return render(scene)[0]
 
@@ -67,7 +68,7 @@ def test_the_seabed_of_a_bin_is_where_its_slant_range_meets_it(image):
 
 def test_the_place_of_a_faint_seabed_far_off_is_known():
     """Mud at a grazing angle of 1.2 degrees in bins of 5 cm, a hundredth of a millionth of a full echo."""
-    scene = sidescan({"seabed": plane(20, mu_db=-35, half=1000)}, sensor={"start": [0, 0, -14]},
+    scene = sidescan({"seabed": bed(20, lambert(-35), size=2000.0)}, sensor={"start": [0, 0, -14]},
                      film={"range": 300.0, "bins": 6000})
     image = render(scene)[0].isel(side=1)
     seen = image["label"].values > 0
@@ -92,7 +93,7 @@ def test_an_instance_of_a_group_is_heard_as_the_shape_itself():
     place = T().translate([20, 0, -20]).scale([1, 2, 1])
     group = {"group": {"type": "shapegroup", "inner": crate},
              "crate": {"type": "instance", "of": {"type": "ref", "id": "group"}, "to_world": place}}
-    made = [render(sidescan({"seabed": plane(20), **shapes}, sensor={"start": [0, 0, -H]}, rays=20_000))[0]
+    made = [render(sidescan({"seabed": bed(20), **shapes}, sensor={"start": [0, 0, -H]}, rays=20_000))[0]
             for shapes in ({"crate": {**crate, "to_world": place}}, group)]
     assert (made[0]["label"] == 1).any()
     for name in ("label", "object_shadow", "layover"):
@@ -102,7 +103,7 @@ def test_an_instance_of_a_group_is_heard_as_the_shape_itself():
 
 def test_a_seabed_of_one_rectangle_is_known_by_its_tilt():
     """Two planes whose boxes are the same."""
-    tilts = [render(sidescan({"seabed": plane(20, tilt=tilt, half=100)}, rays=1000, film={"bins": 50},
+    tilts = [render(sidescan({"seabed": bed(20, size=200.0, tilt=tilt)}, rays=1000, film={"bins": 50},
                              sensor={"start": [0, 0, -H]}))[0] for tilt in (0.05, -0.05, 0.05)]
     assert tilts[0].attrs["seabed"] == tilts[2].attrs["seabed"] != tilts[1].attrs["seabed"]
 
@@ -117,7 +118,7 @@ def test_a_point_target_that_lasts_into_the_next_bin_has_its_share_there():
     """A pulse of 7.5 cm whose middle is a tenth of the way into a bin of 10 cm."""
     slant = 16.41
     point = {"type": "point_target", "position": [np.sqrt(slant**2 - 6**2), 0, -16], "target_strength_db": -5.0}
-    scene = sidescan({"seabed": plane(20, mu_db=-35), "point": point}, sensor={"start": [0, 0, -10]},
+    scene = sidescan({"seabed": bed(20, lambert(-35)), "point": point}, sensor={"start": [0, 0, -10]},
                      film={"range": 40.0, "bins": 400})
     abeam = render(scene)[0].isel(ping=0, side=1)
     level = abeam["mean_level"].values
@@ -128,7 +129,7 @@ def test_a_point_target_that_lasts_into_the_next_bin_has_its_share_there():
 def test_a_record_that_begins_within_an_echo_says_whose_it_is():
     """The middle of a pulse of 22 cm lies 1.5 cm before the first bin."""
     point = {"type": "point_target", "position": [18, 0, -19], "target_strength_db": 0.0}
-    scene = sidescan({"seabed": plane(20), "point": point}, sensor={"start": [0, 0, -10], "pulse_ms": 0.3},
+    scene = sidescan({"seabed": bed(20), "point": point}, sensor={"start": [0, 0, -10], "pulse_ms": 0.3},
                      film={"range_min": 20.14, "range": 60.0, "bins": 400})
     abeam = render(scene)[0].isel(ping=0, side=1)
     assert abeam["mean_level"].values[0] > abeam["mean_level"].values[3] + 30
@@ -140,7 +141,7 @@ def test_shares_of_smooth_bodies_and_points_add_to_one():
     T = mi.ScalarTransform4f
     ball = {"type": "sphere", "radius": 0.5, "to_world": T().translate([15, 0, -16]), "bsdf": {"type": "rigid"}}
     point = {"type": "point_target", "position": [-12.0, 0, -16], "target_strength_db": -5.0}
-    scene = sidescan({"seabed": plane(20, mu_db=-35), "ball": ball, "point": point}, rays=40_000,
+    scene = sidescan({"seabed": bed(20, lambert(-35)), "ball": ball, "point": point}, rays=40_000,
                      sensor={"start": [0, 0, -H]}, film={"range": 40.0, "bins": 400})
     image = render(scene)[0]
     total = image["share"].sum("shape").values

@@ -12,11 +12,12 @@ died away, and across the box names bins as far as its beams are not 12 dB down:
 """
 import numpy as np
 import pytest
-from array_scene import array_scene, bed, target
+from track_files import write_track
 
 import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.imaging.fan import fan_directions
+from mitsonar.validation.scenes import array_sonar, bed, lambert, point_target
 
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
 BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
@@ -31,7 +32,7 @@ def image():
     to_world = mi.ScalarTransform4f().translate([0, 0.5 * (NEAR + FAR), -20 + HEIGHT / 2])
     box = {"type": "cube", "id": "box.1", "bsdf": {"type": "lambert", "mu_db": -15.0},
            "to_world": to_world.scale([HALF, 0.5 * (FAR - NEAR), HEIGHT / 2])}
-    made = array_scene({"seabed": bed(20, size=120), "box": box}, sensor=SONAR, film={"range": 28.0},
+    made = array_sonar({"seabed": bed(20, size=120), "box": box}, sensor=SONAR, film={"range": 28.0},
                        integrator={"cell": 0.15})
     return mitsonar.render(made)
 
@@ -97,7 +98,7 @@ def test_shares_add_to_one(image):
 
 def test_a_point_target_has_the_share_of_its_bin():
     """-5 dB re 1 m² over a bed of a few hundredths of a square metre a bin at -27 dB and less."""
-    made = array_scene({"seabed": bed(20), "point": target([0.0, 12.0, -17.0], -5.0)}, sensor=SONAR,
+    made = array_sonar({"seabed": bed(20, size=200.0), "point": point_target([0.0, 12.0, -17.0], -5.0)}, sensor=SONAR,
                        film={"range": 20.0}, integrator={"cell": 0.3})
     image = mitsonar.render(made)
     bin = int(np.argmin(np.abs(image["range"].values - np.hypot(12.0, 3.0))))
@@ -110,7 +111,7 @@ def test_a_single_beam_hears_what_it_looks_at():
     """One beam of 48 elements straight ahead, a box 30 degrees off it."""
     to_world = mi.ScalarTransform4f().translate([9, 15.6, -19.4]).scale([1, 1, 0.6])
     box = {"type": "cube", "id": "box.1", "bsdf": {"type": "lambert", "mu_db": -15.0}, "to_world": to_world}
-    image = mitsonar.render(array_scene({"seabed": bed(20, size=120), "box": box}, sensor={**SONAR, "beams": 1},
+    image = mitsonar.render(array_sonar({"seabed": bed(20, size=120), "box": box}, sensor={**SONAR, "beams": 1},
                                         film={"range": 24.0}, integrator={"cell": 0.3}))
     assert image["share"].sel(shape="box.1").values.max() < 0.02
     assert not (image["label"] == 1).any()
@@ -120,7 +121,7 @@ def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
     """Rays go out in passes of what fits into memory, as many as the bins need."""
     monkeypatch.setattr("mitsonar.survey.fan_truth.MOST_RAYS", 100_000)
     monkeypatch.setattr("mitsonar.survey.fan_truth.FEWEST_RAYS", 100_000)
-    image = mitsonar.render(array_scene({"seabed": bed(20, size=120)}, sensor=SONAR, film={"range": 28.0},
+    image = mitsonar.render(array_sonar({"seabed": bed(20, size=120)}, sensor=SONAR, film={"range": 28.0},
                                         integrator={"cell": 0.5}))
     lit = image["range"].values > H + 1
     assert not image["shadow"].values.any()
@@ -130,7 +131,7 @@ def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
 def test_pictures_that_do_not_fit_into_memory_are_refused_before_any_signal(monkeypatch):
     import mitsonar.plugins.integrators.sonar_path as path
 
-    made = array_scene({"seabed": bed(20)}, sensor={**SONAR, "pings": 1000}, film={"range": 20.0})
+    made = array_sonar({"seabed": bed(20, size=200.0)}, sensor={**SONAR, "pings": 1000}, film={"range": 20.0})
     monkeypatch.setattr(path, "_memory", lambda: 4e9)
     monkeypatch.setattr(path, "received_signals", lambda *_, **__: pytest.fail("signals were made"))
     with pytest.raises(ValueError, match="1000 pings .* take fewer pings"):
@@ -143,8 +144,8 @@ def test_points_are_told_apart():
     wall = {"type": "rectangle", "bsdf": {"type": "lambert", "mu_db": -60.0},
             "to_world": T().translate([5.0, 8.0, -16]).rotate([1, 0, 0], 90).scale([1.5, 6, 1])}
     points = {"a": [0.0, 12.0, -17.0], "hidden": [7.0, 11.5, -17.0], "z": [0.0, 13.0, -17.0]}
-    made = array_scene({"seabed": bed(20, mu_db=-60), "wall": wall,
-                        **{name: target(place, -5.0) for name, place in points.items()}},
+    made = array_sonar({"seabed": bed(20, lambert(-60), size=200.0), "wall": wall,
+                        **{name: point_target(place, -5.0) for name, place in points.items()}},
                        sensor=SONAR, film={"range": 20.0}, integrator={"cell": 0.3})
     image = mitsonar.render(made)
     for name in ("a", "z"):
@@ -155,8 +156,8 @@ def test_points_are_told_apart():
 
 def test_what_has_a_phase_adds_as_pressure_whatever_its_blocks(monkeypatch):
     """A smooth body may come in several blocks. The same echo twice is twice the pressure: four times the power."""
-    made = array_scene({"seabed": bed(20), "point": target([0.0, 12.0, -17.0])}, sensor=SONAR, film={"range": 20.0},
-                       integrator={"cell": 0.3})
+    made = array_sonar({"seabed": bed(20, size=200.0), "point": point_target([0.0, 12.0, -17.0])}, sensor=SONAR,
+                       film={"range": 20.0}, integrator={"cell": 0.3})
     survey = made.integrator().array_survey(made, made.sensors()[0])
     truth = survey.fan_truth(*fan_directions(survey.receive, 91, np.pi / 2))
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
@@ -177,11 +178,10 @@ def test_truth_lies_where_a_fast_and_turning_array_hears_the_echo(tmp_path):
     heading = rate * time
     track = np.column_stack([time, speed / rate * (1 - np.cos(heading)), speed / rate * np.sin(heading), 0 * time - 14,
                              0 * time, 0 * time, np.rad2deg(heading)])
-    np.savetxt(tmp_path / "turn.csv", track, delimiter=",", header="time,x,y,z,roll,pitch,heading", comments="")
     moving = {key: value for key, value in SONAR.items() if key != "start"}
-    moving |= {"track": str(tmp_path / "turn.csv"), "pulse_ms": 0.25}
-    scene = array_scene({"seabed": bed(20, size=120, mu_db=-60.0), "buoy": target([1.0, 27.5, -15.0])}, sensor=moving,
-                        film={"range": 32.0}, integrator={"cell": 0.6})
+    moving |= {"track": write_track(tmp_path / "turn.csv", track), "pulse_ms": 0.25}
+    shapes = {"seabed": bed(20, lambert(-60.0), size=120), "buoy": point_target([1.0, 27.5, -15.0])}
+    scene = array_sonar(shapes, sensor=moving, film={"range": 32.0}, integrator={"cell": 0.6})
     image = mitsonar.render(scene).isel(ping=0)
     beam, bin = np.unravel_index(np.nanargmax(image["level"].values), image["level"].shape)
     known = np.argwhere(image["share"].sel(shape="buoy").values > 0.5).mean(0)        # its main lobe, alike both sides

@@ -8,18 +8,17 @@ layer: s_v by direction, at depth z = z_0 + R sin(depression), integrated over t
 Means over pings; tolerance 0.05 dB for uniform water and 0.2 dB in gates of the layer, several standard errors either.
 """
 import numpy as np
-from array_scene import array_scene, buried_bed
 from scipy.integrate import trapezoid
-from sidescan_scene import plane, sidescan
 
 import mitsonar
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, sidescan
 from mitsonar.water.volume import volume_reverberation_db
 
 ALPHA = 0.030
 
 
 def rendered(water, pings=20, rays=40_000):
-    scene = sidescan({"seabed": plane(400.0, mu_db=-60.0, half=100.0)}, rays=rays, water=water,
+    scene = sidescan({"seabed": bed(400.0, lambert(-60.0), size=200.0)}, rays=rays, water=water,
                      sensor={"pings": pings, "start": [0.0, 0.0, -200.0]}, film={"bins": 400, "range": 100.0})
     dataset = mitsonar.render(scene)
     sonar = scene.sensors()[0].sonar(200.0)
@@ -61,7 +60,7 @@ def test_a_layer(variant):
 
 def test_an_array_hears_as_much(variant):
     """Energies of the echoes that an omnidirectional element hears: ψ = 4π less what lies above the surface."""
-    scene = array_scene({"bed": buried_bed(60.0)}, sensor={"start": [0.0, 0.0, -30.0]},
+    scene = array_sonar({"bed": buried_bed(60.0)}, sensor={"start": [0.0, 0.0, -30.0]},
                         water={"volume_strength_db": -60.0}, film={"range": 28.0},
                         integrator={"cell": 5.0, "rays": 100_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])

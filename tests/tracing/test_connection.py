@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from summer import SUMMER_TABLE
 
 from mitsonar.tracing.connection import LIFT, LIFT_PER_RANGE, Connector
 from mitsonar.propagation import eigenray
@@ -22,8 +23,7 @@ POINTS = 6000
 PROFILES = {
     "constant": ([0.0], [1500.0]),
     "gradient": ([0.0, 200.0], [1450.0, 1650.0]),
-    "summer": ([0, 4, 8, 11, 14, 17, 20, 25, 32, 40], [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6, 1494.2, 1492.9,
-                                                       1492.3, 1492.2]),
+    "summer": SUMMER_TABLE,
     "duct": ([0.0, 25.0, 60.0], [1500.0, 1475.0, 1510.0]),
     "zigzag": (np.arange(0.0, 61.0, 1.0), 1490 + 2.5 * (-1.0) ** np.arange(61)),
 }

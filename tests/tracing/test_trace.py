@@ -10,6 +10,7 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 import pytest
+from summer import SUMMER_TABLE
 
 import mitsuba as mi
 from mitsonar.propagation import eigenrays
@@ -22,8 +23,7 @@ REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays
 PROFILES = {
     "constant": ([0.0], [1500.0]),
     "warming down": ([0.0, 60.0], [1470.0, 1500.0]),
-    "summer": ([0, 4, 8, 11, 14, 17, 20, 25, 32, 40], [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6, 1494.2, 1492.9,
-                                                       1492.3, 1492.2]),
+    "summer": SUMMER_TABLE,
     "duct": ([0.0, 25.0, 60.0], [1500.0, 1475.0, 1510.0]),
     "one thick layer": ([0.0, 200.0], [1500.0, 1520.0]),          # source and hit in the same layer, weak gradient
     "coarse": ([0.0, 30.0, 120.0], [1495.0, 1490.0, 1497.0]),
