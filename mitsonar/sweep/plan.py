@@ -137,7 +137,7 @@ def load_plan(path):
     Parameters
     ----------
     path : str or path
-        TOML, as README.md describes it, or the name of a plan that comes with mitsonar, such as ``minefield``.
+        TOML, as scenes/README.md describes it, or the name of a plan that comes with mitsonar, such as ``minefield``.
 
     Returns
     -------

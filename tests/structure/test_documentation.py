@@ -1,26 +1,26 @@
-"""What the project says of itself holds: public names are documented, and every example in docstrings and README runs.
+"""What the project says of itself holds: public names are documented, examples and pages run, links lead somewhere.
 
-README.md tells one story from top to bottom, and is run as one, in a folder of its own that has the scenes in it.
-Blocks marked ``python`` are executed; of those marked ``bash``, ``sh`` or ``console``, the lines that call mitsonar. A
-block after a line ``<!-- not run: REASON -->`` is left out, and so is the command that runs these tests.
+Every page of the manual tells one story from top to bottom, and is run as one, in a folder of its own that has the
+scenes in it; `manual` says how.
 """
 import ast
 import doctest
 import importlib
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import manual
 import pytest
+from manual import DRAWINGS, PAGES, anchors, blocks, commands, links
+from test_import_direction import RANK
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS_WITH_EXAMPLES = ("units", "spelling", "seabed", "water", "scattering", "propagation", "sonar", "signal",
                        "imaging", "io")
 SOURCES = sorted([*(ROOT / "mitsonar").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])
-BLOCK = re.compile(r"(?P<mark><!-- not run: .+? -->\n+)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
 
 
 def module_name(path):
@@ -47,29 +47,53 @@ def test_examples_in_docstrings_run(name):
     assert doctest.testmod(importlib.import_module(name), optionflags=flags).failed == 0
 
 
-def readme_steps():
-    """The parts of README.md that run, in order, as (line number, arguments for the interpreter)."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    for block in BLOCK.finditer(text):
-        line = text.count("\n", 0, block.start("text")) + 1
-        if block["mark"]:
+PAGE = pytest.mark.parametrize("page", [pytest.param(page, id=page.relative_to(ROOT).as_posix()) for page in PAGES])
+
+
+@PAGE
+def test_every_block_of_a_page_is_run_or_says_why_not(page):
+    for block in blocks(page.read_text(encoding="utf-8")):
+        where = f"line {block.line}"
+        assert block.language in ("python", "bash", "xml", *DRAWINGS) or block.file or block.not_run, where
+        if block.language == "bash" and not block.not_run:
+            assert commands(block.text), where
+
+
+@PAGE
+def test_links_of_a_page_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for link in links(text):
+        if re.match(r"https?://|mailto:", link):
             continue
-        if block["language"] == "python":
-            yield line, ["-c", block["text"]]
-        elif block["language"] in ("bash", "sh", "console"):
-            for command in block["text"].replace("\\\n", " ").splitlines():
-                words = shlex.split(command.removeprefix("$ "), comments=True)
-                words = words[2:] if words[:2] == ["python3", "-m"] else words
-                if words[:1] == ["mitsonar"] and words[1:2] != ["test"]:
-                    yield line, ["-m", *words]
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.is_relative_to(ROOT) and target.exists(), f"{link}: there is no such file"
+        if anchor:
+            assert anchor in anchors(target.read_text(encoding="utf-8")), f"{link}: there is no such heading"
+
+
+@PAGE
+def test_files_that_a_page_names_are_there(page):
+    """Whatever is written as code and begins with one of our folders; names in capitals stand for others."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    for name in re.findall(r"`((?:mitsonar|plugins|scenes|tests)/[a-z0-9_./]*)`", text):
+        assert (ROOT / name).exists(), f"there is no {name}"
+
+
+def test_the_rooms_are_those_of_the_house_in_the_order_of_its_floors():
+    text = (ROOT / "mitsonar" / "README.md").read_text(encoding="utf-8").partition("## The rooms")[2]
+    table = re.findall(r"^\| (`.+?`) \|", text.partition("\n## ")[0], re.M)
+    assert [room for cell in table for room in re.findall(r"`(\w+)`", cell)] == [room for room in RANK
+                                                                                if room != "__main__"]
 
 
 @pytest.mark.slow
-def test_readme_runs_from_top_to_bottom(tmp_path):
+@PAGE
+def test_a_page_runs_from_top_to_bottom(page, tmp_path):
+    if all(block.not_run or block.language in DRAWINGS for block in blocks(page.read_text(encoding="utf-8"))):
+        return
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
-    steps = list(readme_steps())
-    assert steps, "README.md shows nothing that runs"
-    for line, arguments in steps:
-        child = subprocess.run([sys.executable, *arguments], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
-                               capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=600, check=False)
-        assert child.returncode == 0, f"README.md, line {line}: {arguments}\n{child.stderr}"
+    child = subprocess.run([sys.executable, Path(manual.__file__), page], cwd=tmp_path,
+                           env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+                           stdin=subprocess.DEVNULL, timeout=600, check=False)
+    assert child.returncode == 0, child.stderr

@@ -78,7 +78,7 @@ def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_pi
     """Box, pipe and buoy of the scene lie within the ranges and angles that the command draws, and the cells suit."""
     from mitsonar.survey.signals import LEAD
 
-    text = README.read_text(encoding="utf-8")
+    text = (SCENES / "README.md").read_text(encoding="utf-8")
     command = re.search(r"render forward_looking(.*?) -o fan.exr --preview fan.png", text)[1]
     scene = mitsonar.load_file(SCENES / "forward_looking.xml", **dict(re.findall(r"-D (\w+)=(\S+)", command)))
     sensor = scene.sensors()[0]

@@ -155,12 +155,11 @@ def test_a_file_is_named_without_its_folder(plan, place):
     assert found[0].parameters == {"cast": "casts/deep.csv", "text": "a/b"}
 
 
-def test_plans_that_come_with_mitsonar_and_the_one_of_the_readme(tmp_path):
+def test_plans_that_come_with_mitsonar_and_the_one_of_the_manual(tmp_path):
     for path in ROOT.glob("scenes/*.toml"):
         assert len(load_plan(path)) > 1
-    text = re.search(r"^```toml\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
-    (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "minefield.xml").symlink_to(ROOT / "scenes" / "minefield.xml")
+    page = (ROOT / "scenes" / "README.md").read_text(encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(re.search(r"^```toml\n(.*?)^```$", page, re.M | re.S)[1], encoding="utf-8")
     assert len(load_plan(tmp_path / "plan.toml")) == 720
 
 

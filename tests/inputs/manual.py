@@ -1,0 +1,113 @@
+"""The pages of the manual as tests read them: their blocks, their links, and a run of one page from top to bottom.
+
+    python tests/inputs/manual.py PAGE          in an empty folder that has `scenes` in it
+
+runs a page's blocks in one process. Blocks marked ``python`` are executed, each in a namespace of its own; of those
+marked ``bash`` every line is a command of mitsonar. A block after the line ``<!-- file: NAME -->`` becomes that file,
+and one after ``<!-- not run: REASON -->`` is left out.
+"""
+import re
+import shlex
+import sys
+import xml.etree.ElementTree as xml
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("mitsonar", "plugins", "scenes", "tests")
+                                      for page in (ROOT / folder).rglob("*.md"))])
+BLOCK = re.compile(r"^(?:<!-- (?P<mark>not run|file): (?P<said>.+?) -->\n+)?"
+                   r"^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S)
+DRAWINGS = ("", "text")            # what no program reads
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A fenced block of a page.
+
+    Attributes
+    ----------
+    line : int
+        Of its first line in the page.
+    language : str
+    text : str
+    file : str or None
+        The name that it is saved under.
+    not_run : str or None
+        The reason why not.
+    """
+
+    line: int
+    language: str
+    text: str
+    file: str | None
+    not_run: str | None
+
+
+def blocks(text: str) -> list[Block]:
+    """Give the blocks of a page in order."""
+    found = []
+    for block in BLOCK.finditer(text):
+        said = {block["mark"]: block["said"]}
+        found.append(Block(line=text.count("\n", 0, block.start("text")) + 1, language=block["language"],
+                           text=block["text"], file=said.get("file"), not_run=said.get("not run")))
+    return found
+
+
+def commands(text: str) -> list[list[str]]:
+    """Give what a block of commands has mitsonar do: the words after its name.
+
+    Raises
+    ------
+    ValueError
+        If a line is no command of mitsonar: nobody would run it.
+    """
+    found = []
+    for line in text.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        words = words[2:] if words[:2] == ["python3", "-m"] else words
+        if words and words[0] != "mitsonar":
+            raise ValueError(f"no command of mitsonar: {line}")
+        found += [words[1:]] if words else []
+    return found
+
+
+def anchors(text: str) -> set[str]:
+    """Give the names that links within a page may use, as GitHub makes them of its headings."""
+    headings = re.findall(r"^#+ +(.+?) *$", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S), re.M)
+    return {re.sub(r"[^\w\- ]", "", re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading)).strip().lower().replace(" ", "-")
+            for heading in headings}
+
+
+def links(text: str) -> list[str]:
+    """Give the targets of a page's links and pictures."""
+    prose = re.sub(r"`[^`\n]*`", "`", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S))
+    return re.findall(r"\]\(([^)\s]+)\)", prose)
+
+
+def run(page: Path) -> None:
+    """Run a page's blocks in order, in the folder where one is; say each one's line first."""
+    from mitsonar.__main__ import main
+
+    for block in blocks(page.read_text(encoding="utf-8")):
+        if block.not_run:
+            continue
+        print(f"{page.name}, line {block.line}", file=sys.stderr, flush=True)
+        if block.file:
+            Path(block.file).write_text(block.text, encoding="utf-8")
+        elif block.language == "python":
+            # the blank lines give tracebacks the page's own line numbers
+            exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), {"__name__": "__main__"})
+        elif block.language == "bash":
+            for words in commands(block.text):
+                code = main(words)
+                if code:
+                    raise SystemExit(f"mitsonar {shlex.join(words)} ended with exit code {code}")
+        elif block.language == "xml":
+            xml.fromstring(f"<part>{block.text}</part>")
+        elif block.language not in DRAWINGS:
+            raise SystemExit(f"nothing is known that runs a block of {block.language}")
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]))
