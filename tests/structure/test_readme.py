@@ -94,8 +94,10 @@ def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_pi
     assert survey.cell_size < survey.sound_speed(0) / (2 * survey.pulse.bandwidth)                 # its resolution
 
 
-def test_its_scene_renders(tmp_path):
+def test_its_scene_renders_and_shows_what_is_in_it(tmp_path):
     text = re.search(r"^```xml\n(.*?)^```$", README.read_text(encoding="utf-8"), re.M | re.S)[1]
     (tmp_path / "pipe.xml").write_text(text, encoding="utf-8")
     image = mitsonar.render(mitsonar.load_file(tmp_path / "pipe.xml", pings=2))
-    assert set(image.attrs["labels"].values()) == {"seabed", "pipe"}
+    number = {name: int(number) for number, name in image.attrs["labels"].items()}
+    assert set(number) == {"seabed", "pipe"}
+    assert (image["label"] == number["pipe"]).any() and (image["object_shadow"] == number["pipe"]).any()
