@@ -94,6 +94,14 @@ def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_pi
     assert survey.cell_size < survey.sound_speed(0) / (2 * survey.pulse.bandwidth)                 # its resolution
 
 
+def test_it_names_every_plugin_and_no_other():
+    from mitsonar.plugins import reference
+
+    table = README.read_text(encoding="utf-8").partition("| plugin |")[2].partition("\n\n")[0]
+    named = [name for cell in re.findall(r"^\| (`.+?) \|", table, re.M) for name in re.findall(r"`(\w+)`", cell)]
+    assert sorted(named) == sorted(reference.plugins())
+
+
 def test_its_scene_renders_and_shows_what_is_in_it(tmp_path):
     text = re.search(r"^```xml\n(.*?)^```$", README.read_text(encoding="utf-8"), re.M | re.S)[1]
     (tmp_path / "pipe.xml").write_text(text, encoding="utf-8")
