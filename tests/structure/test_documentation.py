@@ -74,10 +74,14 @@ def test_links_of_a_page_lead_somewhere(page):
 
 @PAGE
 def test_files_that_a_page_names_are_there(page):
-    """Whatever is written as code and begins with one of our folders; names in capitals stand for others."""
+    """Of what is written as code, all that begins with one of our folders or ends in .py; capitals stand for others."""
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     for name in re.findall(r"`((?:mitsonar|plugins|scenes|tests)/[a-z0-9_./]*)`", text):
         assert (ROOT / name).exists(), f"there is no {name}"
+    folders = ("mitsonar", "plugins", "scenes", "tests")
+    programs = {path.name for folder in folders for path in (ROOT / folder).rglob("*.py")}
+    for name in re.findall(r"`([a-z0-9_]+\.py)\b", text):
+        assert name in programs, f"there is no {name}"
 
 
 def test_the_rooms_are_those_of_the_house_in_the_order_of_its_floors():
