@@ -14,6 +14,7 @@ from .scene.errors import as_exception
 from .scene.loading import load_file, prepare
 from .signal.impulses import KERNELS, make_kernel
 from .spelling import meant
+from .survey.pressure import PressureRecord
 from .survey.signals import LEAD, pair_responses, received_signals
 
 __all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "impulse_response", "opened", "pings", "provenance",
@@ -114,9 +115,9 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     _known(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping)
-    paths = _known_paths(survey, paths)
-    array = pair_responses(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
-                           paths=paths, progress=progress, say=say)
+    record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
+                            paths=_known_paths(survey, paths))
+    array = pair_responses(record, chosen, progress=progress, say=say)
     return _told(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
                  **provenance(scene, sensor, survey))
 
@@ -157,9 +158,9 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     _known(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
-    paths = _known_paths(survey, paths)
-    array = received_signals(survey, chosen, kernel=kernel, return_path=return_path, seed=checked_seed(seed),
-                             paths=paths, progress=progress, say=say)
+    record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
+                            paths=_known_paths(survey, paths))
+    array = received_signals(record, chosen, progress=progress, say=say)
     return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor, survey))
 
 

@@ -17,10 +17,12 @@ from ..sonar.array import Array
 from ..sonar.beam_patterns import element_directivity_index_db
 from ..sonar.pulses import Pulse
 from . import limits
-from .pressure import ArraySurvey
+from .array_survey import ArraySurvey
+from .fan_truth import FanTruth
+from .pressure import PressureRecord
 from .sensor import RunSettings, Sensor, slowest_speed
 from .signals import LEAD, received_signals
-from .sources import Fans
+from .sources import RaySources
 from .voyage import Passage
 
 __all__ = ["ArraySensor", "picture", "plan", "plan_elements", "rows", "survey_of"]
@@ -119,8 +121,9 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
         geometry=geometry, profile=water.profile, absorption=water.absorption_column(pulse.frequency),
         volume=water.volume, passage=passage, rays=settings.rays, max_depth=settings.max_depth, pulse=pulse,
         source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
-        sampling_rate=rate, samples=samples + extra, lead=extra, lighting=settings.ensonification,
-        cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage), fans=_ray_sources(settings, transmit),
+        sampling_rate=rate, samples=samples + extra, lead=extra, ensonification=settings.ensonification,
+        cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage),
+        sources=_ray_sources(settings, transmit),
         noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db),
         absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1]))
 
@@ -131,9 +134,10 @@ def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Calla
     pings = range(survey.track.pings)
     beams = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
     limits.check_beams(survey, len(beams[0]))
-    truth = survey.fan_truth(*beams, seed)               # refuses what is too large before the hours of signals
-    signals = received_signals(survey, pings, kernel="band_limited", return_path="vector", seed=seed,
-                               progress=progress, say=say)
+    pressures = PressureRecord(survey, seed=seed)
+    # refuses what is too large before the hours of signals
+    truth = FanTruth(survey, pressures.ensonification, pressures.ensonification.pattern, *beams, seed)
+    signals = received_signals(pressures, pings, progress=progress, say=say)
     record = gathered((truth(ping) for ping in pings), pings=len(pings), rows=len(beams[0]))
     classes, class_of = classes_of(survey.labels)
     image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
@@ -152,13 +156,13 @@ def _cell_size(sound_speed: float, pulse: Pulse, passage: Passage) -> float:
     return min(sound_speed / (4 * pulse.bandwidth), altitude * CELL_SHARE)
 
 
-def _ray_sources(settings: RunSettings, transmit: Array) -> Fans:
+def _ray_sources(settings: RunSettings, transmit: Array) -> RaySources:
     """Where rays start, and which share of each element they stand for."""
     if settings.ray_sources == "elements":
-        return Fans.from_elements(transmit)
+        return RaySources.from_elements(transmit)
     if settings.ray_sources == "interpolated":
-        return Fans.interpolated(transmit, settings.ray_source_count)
-    return Fans.from_centre(transmit)
+        return RaySources.interpolated(transmit, settings.ray_source_count)
+    return RaySources.from_centre(transmit)
 
 
 def _element_noise(sensor: Sensor, receive: Array, wavelength: float, sampling_rate: float,

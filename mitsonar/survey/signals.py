@@ -3,10 +3,13 @@
     h[tx, rx](t)    pressure at rx per unit pressure that tx makes at 1 m [-], complex baseband
     s[rx](t) = 10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise                                     [µPa]
 
-SL source level, w_tx and τ_tx weight and delay of the transmit elements, Σ |w_tx| made 1, s_b the pulse's envelope:
-the level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
+SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, Σ |w_tx| made 1, s_b -> the pulse's
+envelope. The level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
 """
+from __future__ import annotations
+
 import warnings
+from collections.abc import Callable, Sequence
 
 import drjit as dr
 import numpy as np
@@ -14,100 +17,142 @@ import xarray as xr
 
 from ..signal.doppler import doppler_classes, pieces_of
 from ..signal.reception import absorbed, check_record, delayed, received
+from ..sonar.pulses import Pulse
 from ..units import amplitude_from_db
+from .array_survey import ArraySurvey
 from .cost import sentence
+from .elements.arrivals import ArrivalCounts
+from .pressure import PressureRecord
 
 __all__ = ["LEAD", "pair_responses", "received_signals"]
 
 LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
+NEAREST = 1.0                      # [m]: nearer echoes do not decide into how many pieces a pulse is cut
+
+Progress = Callable[[float, int], None]
+Say = Callable[[str], None]
 
 
-def pair_responses(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None, say=None):
-    """Responses of every pair of elements: DataArray (ping, tx, rx, sample), complex64.
+def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
+                   say: Say | None = None) -> xr.DataArray:
+    """Make the responses of every pair of elements.
 
     Parameters
     ----------
-    survey : ArraySurvey
+    record : PressureRecord
     pings : sequence of int
-    kernel, return_path, seed, paths, progress, say
+    progress, say
         As of `mitsonar.impulse_response`.
-    """
-    _say(say, survey, pings, return_path, all_transmit=True)
-    blocks, total = [], len(pings) * survey.transmit.elements
-    for number, one in enumerate(pings):
-        def told(done, of, before=number):
-            if progress is not None:
-                progress(before * of + done, total)
 
-        blocks.append(survey.responses(one, kernel=kernel, return_path=return_path, seed=seed, paths=paths,
-                                       progress=told))
+    Returns
+    -------
+    DataArray (ping, tx, rx, sample)
+        complex64 [-].
+    """
+    survey = record.survey
+    _say_cost(say, record, pings, all_transmit=True)
+    blocks, total = [], len(pings) * survey.transmit.elements
+    for number, ping in enumerate(pings):
+        def within(done: float, elements: int, before: int = number) -> None:
+            if progress is not None:
+                progress(before * elements + done, total)
+
+        blocks.append(record.responses(ping, progress=within))
     values = np.stack(blocks)
     values[:, ~survey.transmit.working] = 0
     values[:, :, ~survey.receive.working] = 0
-    return _labelled(values, survey, pings, "impulse response", "1", transmitters=True)
+    _warn_of_lost(record.counts)
+    return _labelled(values, survey, pings, name="impulse response", unit="1", lost=record.counts.lost,
+                     transmitters=True)
 
 
-def received_signals(survey, pings, *, kernel, return_path, seed=0, paths=None, progress=None, say=None):
-    """Signals of every receive element: DataArray (ping, tx, rx, sample), complex64 [µPa], tx of size 1.
+def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
+                     say: Say | None = None) -> xr.DataArray:
+    """Make the signals of every receive element. The survey's record must lead by a pulse.
 
-    The survey's record must lead by a pulse; arguments as of `mitsonar.element_signals`.
+    Parameters
+    ----------
+    record : PressureRecord
+    pings : sequence of int
+    progress, say
+        As of `mitsonar.element_signals`.
+
+    Returns
+    -------
+    DataArray (ping, tx, rx, sample)
+        complex64 [µPa], tx of size 1.
 
     Raises
     ------
     ValueError
         If the sampling rate is below the pulse's bandwidth, or the pulse longer than the record.
     """
-    pulse, kept, noise = survey.pulse, survey.samples - survey.lead, survey.noise
+    survey, kept = record.survey, record.survey.samples - record.survey.lead
     try:
-        check_record(pulse, survey.sampling_rate, kept)
+        check_record(survey.pulse, survey.sampling_rate, kept)
     except ValueError as error:
         raise ValueError(f"{error} In a scene the film's sample_rate_khz or bins set the rate, and its range the "
                          "record.") from None
-    _say(say, survey, pings, return_path)
+    _say_cost(say, record, pings)
     blocks = []
-    for number, one in enumerate(pings):
-        signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
-        (fastest, faster), speed = _fastest(survey, one), survey.sound_speed(one)
-        pieces = pulse.pieces(pieces_of(pulse, fastest, speed, _nearest(survey, one), faster))
-        for done, (begin, piece) in enumerate(pieces):
-            def told(share, before=number, done=done):
-                progress(before + (done + share) / len(pieces), len(pings))
+    for number, ping in enumerate(pings):
+        def within(share: float, before: int = number) -> None:
+            if progress is not None:
+                progress(before + share, len(pings))
 
-            for factor, response in survey.transmissions(one, _doppler(piece, fastest, speed), piece=(begin, piece),
-                                                         kernel=kernel, return_path=return_path, seed=seed,
-                                                         paths=paths, told=progress and told):
-                if survey.absorption_db is not None:
-                    # as long as the way, not from the beginning of the pulse on
-                    response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
-                                        survey.start - begin)
-                signals = signals + received(response, piece, survey.sampling_rate, factor)
-        signals = amplitude_from_db(survey.source_level_db) * signals
-        if noise is not None:
-            signals = signals + noise.drawn(survey.samples, seed, int(one))
+        signals = amplitude_from_db(survey.source_level_db) * _echoes_of_the_pulse(record, ping, within)
+        if survey.noise is not None:
+            signals = signals + survey.noise.drawn(survey.samples, record.seed, int(ping))
         if survey.receive.delay.any():
             signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
         signals[~survey.receive.working] = 0
         blocks.append(signals[:, -kept:].astype(np.complex64))
         if progress is not None:
             progress(number + 1, len(pings))
-    array = _labelled(np.stack(blocks)[:, None], survey, pings, "element signals", "µPa", transmitters=False)
-    return array.assign_attrs(seed=seed, source_level_db=survey.source_level_db)
+    _warn_of_lost(record.counts)
+    array = _labelled(np.stack(blocks)[:, None], survey, pings, name="element signals", unit="µPa",
+                      lost=record.counts.lost, transmitters=False)
+    return array.assign_attrs(seed=record.seed, source_level_db=survey.source_level_db)
 
 
-def _say(say, survey, pings, return_path, **how):
-    """Tell how much there is to do, where that is worth a sentence."""
+def _echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[float], None]) -> np.ndarray:
+    """Sum the echoes of the pulse, for a source level of 0 dB: complex64 (rx, sample)."""
+    survey, speed = record.survey, record.survey.sound_speed(ping)
+    signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
+    fastest, acceleration = _fastest(survey, ping)
+    pieces = survey.pulse.pieces(pieces_of(survey.pulse, fastest, speed, _nearest(survey, ping), acceleration))
+    for done, (begin, piece) in enumerate(pieces):
+        def within(share: float, before: int = done) -> None:
+            progress((before + share) / len(pieces))
+
+        for factor, response in record.transmissions(ping, _doppler_factors(piece, fastest, speed),
+                                                     piece=(begin, piece), progress=within):
+            if survey.absorption_db is not None:
+                # as long as the way, not from the beginning of the pulse on
+                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
+                                    survey.start - begin)
+            signals = signals + received(response, piece, survey.sampling_rate, factor)
+    return signals
+
+
+def _say_cost(say: Say | None, record: PressureRecord, pings: Sequence[int], *, all_transmit: bool = False) -> None:
+    """Say how much there is to do, where that is worth a sentence."""
     if say is not None:
-        words = sentence(survey, pings, return_path=return_path, threads=dr.thread_count(), **how)
+        words = sentence(record, pings, threads=dr.thread_count(), all_transmit=all_transmit)
         if words:
             say(words)
 
 
-def _labelled(values, survey, pings, name, unit, *, transmitters):
-    """Responses or signals with their coordinates; tells of arrivals that were lost."""
-    lost, arrivals = survey.lost
-    if lost:
-        warnings.warn(f"{lost:,} of {arrivals:,} arrivals at elements are missing: the echoes meet the array's centre, "
-                      "but no direct or once-turned ray leads to those elements", stacklevel=4)
+def _warn_of_lost(counts: ArrivalCounts) -> None:
+    """Warn of arrivals that no ray brings, in the name of whoever called `mitsonar.element_signals` or its like."""
+    if counts.lost:
+        warnings.warn(f"{counts.lost:,} of {counts.arrivals:,} arrivals at elements are missing: the echoes meet the "
+                      "array's centre, but no direct or once-turned ray leads to those elements", stacklevel=4)
+
+
+def _labelled(values: np.ndarray, survey: ArraySurvey, pings: Sequence[int], *, name: str, unit: str,
+              lost: int, transmitters: bool) -> xr.DataArray:
+    """Put coordinates beside responses or signals (ping, tx, rx, sample)."""
     samples, track = values.shape[-1], survey.track
     coords = {"ping": pings, "time": ("sample", survey.time[-samples:], {"units": "s"})}
     for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
@@ -127,23 +172,23 @@ def _labelled(values, survey, pings, name, unit, *, transmitters):
                                "pulse": survey.pulse.numbers})
 
 
-def _fastest(survey, ping):
+def _fastest(survey: ArraySurvey, ping: int) -> tuple[float, float]:
     """Speed of the fastest element [m/s], and its largest acceleration [m/s²], while echoes come in."""
-    travel, radius = survey.travel(ping, np.zeros(3)), max(survey.transmit.radius, survey.receive.radius)
-    # what stands off the track's point is carried round it as the platform turns
+    travel = survey.travel(ping, np.zeros(3))
     moved, turned = ([float(travel.peak(powers, order)[0]) for order in (1, 2)]
                      for powers in (travel.displacement, travel.turn))
-    return moved[0] + turned[0] * radius, moved[1] + (turned[1] + turned[0] ** 2) * radius
+    # An element off the track's point is carried round it as the platform turns.
+    return moved[0] + turned[0] * survey.radius, moved[1] + (turned[1] + turned[0] ** 2) * survey.radius
 
 
-def _nearest(survey, ping):
+def _nearest(survey: ArraySurvey, ping: int) -> float:
     """Range from which on echoes matter [m]: of the record's beginning, or half of that of bed and surface."""
     beginning = 0.5 * survey.sound_speed(ping) * survey.time[survey.lead]
-    return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), 1.0)
+    return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), NEAREST)
 
 
-def _doppler(pulse, fastest, speed):
-    """Factors that stand for all echoes of a ping."""
+def _doppler_factors(pulse: Pulse, fastest: float, speed: float) -> np.ndarray:
+    """Choose the factors that stand for all echoes of a ping, for elements as fast as `fastest` [m/s]."""
     if fastest == 0:
         return np.ones(1)
     highest = (speed + fastest) / (speed - fastest)

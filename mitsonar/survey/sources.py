@@ -1,39 +1,43 @@
 """Sources that rays are traced from, and how they stand for transmit elements."""
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Fans"]
+from ..sonar.array import Array
+
+__all__ = ["RaySources"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fans:
+class RaySources:
     """Sources that rays are traced from, and how they stand for the transmit elements.
 
     Attributes
     ----------
     position : (S, 3) [m]
         Body frame.
-    share : (S, T)
-        Of every transmit element's echoes that each source's rays bring; columns add to one.
+    share : (S, T) [-]
+        Share of a transmit element's echoes that the rays of each source bring. Every column adds to one.
     """
 
     position: np.ndarray
     share: np.ndarray
 
     @classmethod
-    def from_centre(cls, transmit):
-        """One fan from the array's centre: all elements light the same scatterers."""
+    def from_centre(cls, transmit: Array) -> RaySources:
+        """Put one source at the array's centre: all elements ensonify the same scatterers."""
         return cls(position=np.zeros((1, 3)), share=np.ones((1, transmit.elements)))
 
     @classmethod
-    def from_elements(cls, transmit):
-        """A fan from every transmit element."""
+    def from_elements(cls, transmit: Array) -> RaySources:
+        """Put a source at every transmit element."""
         return cls(position=transmit.position, share=np.eye(transmit.elements))
 
     @classmethod
-    def interpolated(cls, transmit, count):
-        """A few fans along the array; elements between take both neighbours' rays, the nearer one's more.
+    def interpolated(cls, transmit: Array, count: int) -> RaySources:
+        """Put a few sources along the array; an element between two takes the rays of both, more of the nearer one's.
 
         Parameters
         ----------
@@ -44,7 +48,7 @@ class Fans:
         Raises
         ------
         ValueError
-            If elements stand so unevenly that a fan would stand for none.
+            If elements stand so unevenly that a source would stand for none.
         """
         centred = transmit.position - transmit.position.mean(0)
         along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
@@ -54,6 +58,7 @@ class Fans:
         share = np.maximum(1 - np.abs(place[None] - np.arange(count)[:, None]), 0)
         total = share.sum(1, keepdims=True)
         if not total.all():
-            raise ValueError(f"{count} fans were asked for, but some would stand for no element; take fewer")
-        # a fan starts amid the elements it stands for: of a planar array, amid those equally far along
+            raise ValueError(f"fan_count is {count}, but some of these sources of rays would stand for no transmit "
+                             "element; take fewer")
+        # A source stands amid the elements it stands for: in a planar array, amid those equally far along.
         return cls(position=share @ transmit.position / total, share=share)

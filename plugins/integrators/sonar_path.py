@@ -29,8 +29,8 @@ import xarray as xr
 
 from mitsonar.echoes.ensonification import LIGHTING
 from mitsonar.plugins.attributes import Attributes
+from mitsonar.survey.array_survey import ArraySurvey
 from mitsonar.survey.kinds import kind_of
-from mitsonar.survey.pressure import ArraySurvey
 from mitsonar.survey.sensor import RunSettings
 from mitsonar.survey.survey import Survey
 

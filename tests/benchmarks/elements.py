@@ -1,7 +1,7 @@
 """What a ping of an array costs, from scene to element signals.
 
-    python tests/benchmarks/elements.py                 by the number of elements: light once, then carry to all
-    python tests/benchmarks/elements.py --lighting      the two ways to light scatterers: time, and error of the level
+    python tests/benchmarks/elements.py                 by the number of elements: ensonify once, then carry to all
+    python tests/benchmarks/elements.py --lighting      the two ways to find scatterers: time, and error of the level
 
 A line of receivers looks ahead from 5 m above a rough bed, 300 kHz, 20 kHz of bandwidth, through a summer cast; the
 cells' size sets the number of echoes. The second compares, in gates of 0.5 m, the energy Σ|e|² that reaches the array
@@ -29,10 +29,11 @@ def main(argv=None):
     (lighting if arguments.lighting else by_elements)(arguments)
 
 
-def survey(arguments, elements=1, **integrator):
+def record_of(arguments, elements=1, **integrator):
     """Plan a ping."""
     import mitsuba as mi
     from mitsonar.scene.loading import prepare
+    from mitsonar.survey.pressure import PressureRecord
 
     prepare()
     scene = mi.load_dict({
@@ -44,75 +45,75 @@ def survey(arguments, elements=1, **integrator):
                   "start": [0.0, 0.0, -15.0], "heading_deg": 0.0,
                   "medium": {"type": "seawater", "cast": str(arguments.cast)},
                   "film": {"type": "sonar_film", "range": arguments.range}}}, optimize=False)
-    return scene.integrator().array_survey(scene, scene.sensors()[0])
+    return PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0]))
 
 
-def lit(plan, seed=0):
-    """All echoes of the ping, lit anew."""
-    run = plan._run.seeded(seed)
-    return list(run.light(plan.track.position[0], run.rotation[0], float(plan.depth_below[0]), seed))
+def ensonified(record):
+    """All echoes of the ping, made anew."""
+    plan = record.survey
+    return list(record.ensonification(plan.track.position[0], plan.track.rotation()[0], float(plan.depth_below[0]), 0))
 
 
 def by_elements(arguments):
-    """Print ms of lighting, of carrying and of reading, by the number of elements."""
+    """Print ms of ensonifying, of carrying and of reading, by the number of elements."""
     import drjit as dr
     import mitsuba as mi
 
-    from mitsonar.survey.element_delays import Station
-
     rows = []
     for elements in arguments.elements:
-        plan = survey(arguments, elements)
-        run, echoes = plan._run, lit(plan)
-        station, buffer = Station(run, 0, np.zeros(3)), run.buffer("band_limited")
-        late = dr.opaque(mi.Float64, 0.0)
+        record = record_of(arguments, elements)
+        echoes, sums = ensonified(record), record.sums()
+        delays, late = record.delays(record.ensonified(0).source(0)), dr.opaque(mi.Float64, 0.0)
 
-        def carry(station=station, buffer=buffer, echoes=echoes, late=late):
+        def carry(delays=delays, sums=sums, echoes=echoes, late=late):
             for block in echoes:
-                station.add(buffer, block, 0, "vector", weight=1.0, late=late)
-            dr.eval(buffer.sums)
+                delays.add(sums, block, 0, weight=1.0, late=late)
+            dr.eval(sums.sums)
             dr.sync_thread()
 
-        def anew(plan=plan):
-            plan._run._lit.clear()
-            plan.responses(0)
+        def anew(record=record):
+            # a record without echoes that are kept, over the same tables
+            fresh = type(record)(record.survey)
+            fresh.ensonification = record.ensonification
+            fresh.responses(0)
 
-        cost = measuring.rounds({"light": lambda plan=plan: lit(plan), "carry": carry,
-                                 "read": buffer.read, "all": anew}, arguments.rounds)
+        cost = measuring.rounds({"ensonify": lambda record=record: ensonified(record), "carry": carry,
+                                 "read": sums.read, "all": anew}, arguments.rounds)
         count = sum(block.count for block in echoes)
         wall = {name: 1e3 * np.median(seconds.wall) for name, seconds in cost.items()}
-        rows.append([elements, f"{count:,}", *(f"{wall[name]:.1f}" for name in ("light", "carry", "read", "all")),
+        rows.append([elements, f"{count:,}", *(f"{wall[name]:.1f}" for name in ("ensonify", "carry", "read", "all")),
                      f"{1e3 * np.median(cost['all'].cpu):.1f}", f"{count * elements / wall['carry'] / 1e3:.0f}"])
     print(measuring.machine() + "\n")
-    measuring.table(["elements", "echoes", "light [ms]", "carry, return path included [ms]", "read [ms]",
+    measuring.table(["elements", "echoes", "ensonify [ms]", "carry, return path included [ms]", "read [ms]",
                      "whole ping [ms]", "the same, CPU over threads", "million echoes x elements a second"], rows)
 
 
 def lighting(arguments):
-    """Print time and level error of both ways to light scatterers."""
+    """Print time and level error of both ways to find scatterers."""
 
-    def energies(plan):
+    def energies(record):
         gates = np.arange(0, 2 * arguments.range / 1500, 1.0 / 1500)
         total = np.zeros(len(gates) - 1)
-        for block in lit(plan):
-            # without the cells' chance: |e|² over |g|² is what was lit
+        for block in ensonified(record):
+            # without the cells' chance: |e|² over |g|² is what was ensonified
             total += np.histogram(2 * block.out.travel_time.numpy(), gates, weights=block.energy.numpy())[0]
         return total
 
-    plans = {f"scatterers, cells of {arguments.cell} m": survey(arguments)}
-    plans.update({f"{rays:,} rays": survey(arguments, lighting="rays", rays=rays) for rays in arguments.rays})
+    records = {f"scatterers, cells of {arguments.cell} m": record_of(arguments)}
+    records.update({f"{rays:,} rays": record_of(arguments, lighting="rays", rays=rays) for rays in arguments.rays})
     arguments.cell /= 2
-    truth = energies(survey(arguments))
+    truth = energies(record_of(arguments))
     heard = truth > 1e-6 * truth.max()
-    cost = measuring.rounds({name: lambda plan=plan: lit(plan) for name, plan in plans.items()}, arguments.rounds)
+    cost = measuring.rounds({name: lambda record=record: ensonified(record) for name, record in records.items()},
+                            arguments.rounds)
     rows = []
-    for name, plan in plans.items():
-        error = 10 * np.log10(energies(plan)[heard] / truth[heard])
+    for name, record in records.items():
+        error = 10 * np.log10(energies(record)[heard] / truth[heard])
         rows.append([name, f"{1e3 * np.median(cost[name].wall):.0f}", f"{1e3 * np.median(cost[name].cpu):.0f}",
-                     f"{sum(block.count for block in lit(plan)):,}",
+                     f"{sum(block.count for block in ensonified(record)):,}",
                      f"{np.sqrt(np.mean(error ** 2)):.3f}", f"{np.abs(error).max():.3f}"])
     print(measuring.machine() + "\n")
-    measuring.table(["lit by", "wall [ms]", "CPU over threads [ms]", "echoes", "level, rms error [dB]",
+    measuring.table(["found by", "wall [ms]", "CPU over threads [ms]", "echoes", "level, rms error [dB]",
                      "largest [dB]"], rows)
 
 

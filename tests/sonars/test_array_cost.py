@@ -8,6 +8,7 @@ import pytest
 import mitsonar
 from mitsonar.survey import cost as array_cost
 from mitsonar.echoes import ensonification
+from mitsonar.survey.pressure import PressureRecord
 from mitsonar.survey.signals import LEAD
 from mitsonar.validation.scenes import array_sonar, bed
 
@@ -20,30 +21,29 @@ def scene(*, lighting="scatterers", pings=1, size=200.0, film=300.0, **sensor):
                        integrator={"cell": 2.0, "lighting": lighting, "rays": 5000})
 
 
-def survey_of(scene):
-    return scene.integrator().array_survey(scene, scene.sensors()[0], LEAD)
+def record_of(scene, **how):
+    return PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0], LEAD), **how)
 
 
 def test_cells_within_reach_are_counted(variant):
-    whole = survey_of(scene())
-    assert whole.cells_within_reach(0) == 2 * CUTS ** 2
-    near = survey_of(scene(film=40.0))
-    assert 0 < near.cells_within_reach(0) < 0.3 * 2 * CUTS ** 2            # π 35² of 200²
+    assert array_cost.cells_within_reach(record_of(scene()), 0) == 2 * CUTS ** 2
+    near = array_cost.cells_within_reach(record_of(scene(film=40.0)), 0)
+    assert 0 < near < 0.3 * 2 * CUTS ** 2                                  # π 35² of 200²
 
 
 @pytest.mark.parametrize("changes, factor", [({"pings": 3}, 3), ({"threads": 2}, 0.5), ({"transmit": 4}, None)])
 def test_time_grows_with_what_there_is_to_do(variant, changes, factor):
     threads = changes.pop("threads", 1)
     many = {"transmit": "line", "transmit_elements": 4} if changes.pop("transmit", None) else changes
-    once = array_cost.cost(survey_of(scene()), [0], threads=1)
-    made = survey_of(scene(**many))
-    more = array_cost.cost(made, range(made.track.pings), threads=threads)
-    assert once.cells == more.cells == 2 * CUTS ** 2 and (once.elements, once.pairs, once.lightings) == (3, 1, 1)
-    if factor is None:                                                     # lit once, carried four times
-        assert (more.pairs, more.lightings) == (4, 1) and once.seconds < more.seconds < 4 * once.seconds
+    once = array_cost.cost(record_of(scene()), [0], threads=1)
+    made = record_of(scene(**many))
+    more = array_cost.cost(made, range(made.survey.track.pings), threads=threads)
+    assert once.cells == more.cells == 2 * CUTS ** 2 and (once.elements, once.pairs, once.ensonifications) == (3, 1, 1)
+    if factor is None:                                                     # ensonified once, carried four times
+        assert (more.pairs, more.ensonifications) == (4, 1) and once.seconds < more.seconds < 4 * once.seconds
     else:
         assert more.seconds == pytest.approx(factor * once.seconds)
-    exact = array_cost.cost(made, [0], threads=1, return_path="eigenray")
+    exact = array_cost.cost(record_of(scene(**many), return_path="eigenray"), [0], threads=1)
     assert exact.seconds > array_cost.cost(made, [0], threads=1).seconds
 
 
@@ -51,7 +51,7 @@ def test_time_grows_with_what_there_is_to_do(variant, changes, factor):
     (0.4, "under 1 s"), (5.9, "about 6 s"), (119, "about 119 s"), (120, "about 2 min"), (7000, "about 117 min"),
     (36000, "about 10 h"), (4e6, "about 1111 h")])
 def test_durations_are_said_in_words(seconds, words):
-    assert array_cost._lasting(seconds) == words
+    assert array_cost._duration(seconds) == words
 
 
 def test_it_is_said_before_the_work_with_what_would_be_faster(variant, monkeypatch):
@@ -70,7 +70,7 @@ def test_it_is_said_before_the_work_with_what_would_be_faster(variant, monkeypat
     assert not said                                                        # a moment
     monkeypatch.setattr(array_cost, "RETURNED", 1e-3)
     mitsonar.element_signals(scene(lighting="rays", film=40.0), say=said.append)
-    assert said[0].startswith("1 ping to 3 elements, cells lit by 5e+03 rays: about ")
+    assert said[0].startswith("1 ping to 3 elements, cells found by 5e+03 rays: about ")
 
 
 @pytest.mark.parametrize("verb, total", [(mitsonar.element_signals, 2), (mitsonar.impulse_response, 4)])
@@ -82,7 +82,7 @@ def test_progress_goes_on_within_a_ping(variant, verb, total, monkeypatch):
     verb(some, range(2), progress=lambda done, of: told.append((done, of)))
     done = np.array([done for done, _ in told])
     assert {of for _, of in told} == {total} and done[-1] == total and (np.diff(done) >= 0).all()
-    # what an element has lit is kept for the next one of the ping, which is then done at once
+    # what a source has ensonified is kept for the next one of the ping, which is then done at once
     for first in (0, total // 2):
         assert np.sum((done > first) & (done < first + 1)) >= 4
     assert all(number in done for number in range(1, total + 1))

@@ -16,11 +16,12 @@ from summer import SUMMER_TEXT
 from track_files import write_track
 
 import mitsonar
-from mitsonar.survey.pressure import _DopplerClass, _Sorter
 from mitsonar.signal import doppler_classes
 from mitsonar.sonar import Track, cw
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
+from mitsonar.survey.elements import echo_classes
+from mitsonar.survey.pressure import PressureRecord
 
 C, F0, RANGE, PULSE = 1500.0, 100e3, 20.0, 4e-3
 LONG = {"pulse": "cw", "pulse_ms": 1000 * PULSE, "pulse_window": "hann"}
@@ -116,18 +117,18 @@ def test_doppler_of_a_target_ahead(variant, heading):
     assert 20 * np.log10(np.abs(signals.values).max()) > 210 - 41 * np.log10(RANGE) - 1
 
 
-def test_every_echo_is_in_one_doppler_class(variant):
+def test_every_echo_is_in_one_doppler_class(variant, monkeypatch):
     """On the boundaries, at both ends, and a rounding error beyond them."""
     pulse = cw(F0, PULSE)
     factors = doppler_classes(pulse, 0.995, 1.005)
     half = 0.5 * (factors[1] - factors[0])
     doppler = mi.Float64(np.r_[factors, factors + half, factors - half, 0.995 - 1e-9, 1.005 + 1e-9])
     echoes = SimpleNamespace(chosen=lambda index: index.numpy())
-    station = SimpleNamespace(time_scale=lambda *_: (doppler, mi.Float64(0.5 * PULSE) / doppler))
-    sorter = _Sorter(factors, 0.0, pulse)
-    found = [_DopplerClass(sorter=sorter, number=number)(station, echoes, 0, None, 0.0)[0]
-             for number in range(len(factors))]
-    assert np.array_equal(np.sort(np.concatenate(found)), np.arange(dr.width(doppler)))
+    monkeypatch.setattr(echo_classes, "time_scale", lambda *_, **__: (doppler, mi.Float64(0.5 * PULSE) / doppler))
+    found = list(echo_classes.DopplerClasses(factors, 0.0, pulse).sort(
+        None, echoes, range(len(factors)), sender=np.zeros(3), receiver=np.zeros(3), delay=0.0))
+    assert [number for number, *_ in found] == list(range(len(factors)))
+    assert np.array_equal(np.sort(np.concatenate([index for _, index, _ in found])), np.arange(dr.width(doppler)))
 
 
 def test_a_source_off_the_centre_is_no_slower_than_the_centre(variant):
@@ -165,10 +166,10 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
     for choose in (True, False):
         scene = array_sonar({"bed": bed(20.0, size=150.0)}, water={"profile": SUMMER_TEXT}, integrator={"cell": 0.8},
                             film={"range": 70.0, "range_min": 40.0}, sensor={"frequency_khz": 300.0, **sensor})
-        survey = scene.integrator().array_survey(scene, scene.sensors()[0])
+        record = PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0]))
         if not choose:
-            survey._run.light.beams = None
-        heard.append(survey.responses(0))
+            record.ensonification.beams = None
+        heard.append(record.responses(0))
     assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
 
 

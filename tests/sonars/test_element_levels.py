@@ -55,7 +55,7 @@ def echoes(scene, key=7):
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     light = Ensonification(Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption,
                            frequency=survey.frequency, window=(survey.start, survey.time[-1]), margin=0.0,
-                           lighting=survey.lighting, rays=survey.rays, beams=None)
+                           lighting=survey.ensonification, rays=survey.rays, beams=None)
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
     found = [(block.out.travel_time.numpy(), sum(part.numpy().astype(float) ** 2 for part in block.amplitude),
               origin + block.out.offset.numpy().T)

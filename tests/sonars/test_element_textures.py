@@ -10,6 +10,7 @@ import pytest
 
 from mitsonar.scene.loading import prepare
 from mitsonar.validation.scenes import array_sonar
+from mitsonar.survey.pressure import PressureRecord
 
 BRIGHTNESS = np.array([[1.0, 0.5], [0.25, 0.125]])
 SIDE = 6.0
@@ -37,9 +38,9 @@ def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, lighting):
     prepare()
     scene = array_sonar({"bed": square(kind, tmp_path)}, integrator=lighting)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    light = survey._run.light
+    ensonification = PressureRecord(survey).ensonification
     energy = np.zeros((2, 2))
-    for block in light(survey.track.position[0], survey.track.rotation()[0], float(survey.depth_below[0]), 3):
+    for block in ensonification(survey.track.position[0], survey.track.rotation()[0], float(survey.depth_below[0]), 3):
         x, y, _ = block.out.offset.numpy()
         np.add.at(energy, ((x > 0).astype(int), (y > 0).astype(int)),
                   sum(part.numpy().astype(float) ** 2 for part in block.amplitude))

@@ -16,6 +16,8 @@ import numpy as np
 
 from mitsonar.validation.scenes import array_sonar
 
+from mitsonar.survey.pressure import PressureRecord
+
 EDGES = np.array([34.0, 38.0])
 SOURCE = np.array([[0.0], [0.0], [-10.0]])
 FACES = {"bed": (lambda u, v: (26 * u - 14, 120 * v - 60, 0 * u - 20), [0, 0, 1.0], 26 * 120, 0.1),
@@ -62,9 +64,10 @@ def test_a_wall_that_mirrors_first_last_and_between(variant):
     scene = array_sonar(shapes, film={"range": 40.0}, sensor={"frequency_khz": 10.0},
                         integrator={"max_depth": 3, "cell": 3.0, "rays": 200_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
+    ensonification = PressureRecord(survey).ensonification
     found, keys = {True: 0, "last": 0, False: 0}, 12
     for key in range(keys):
-        for echoes in survey._run.light.drawn(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
+        for echoes in ensonification.drawn(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
             if echoes.path == "bbb":
                 half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
                 energy = echoes.energy.numpy().astype(float) / keys

@@ -6,6 +6,7 @@ from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.geometry import Geometry
 from mitsonar.validation.scenes import array_sonar, bed
+from mitsonar.survey.pressure import PressureRecord
 
 
 def tilted(tmp_path):
@@ -55,8 +56,8 @@ def test_a_huge_bed_costs_what_is_in_reach(variant):
     """1 km at 5 cm is 1.6 x 10^9 cells; listing them all would take minutes."""
     scene = array_sonar({"bed": bed(20.0, size=1000.0)}, integrator={"cell": 0.05}, film={"range": 12.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    scatterers = survey._run.light.scatterers
+    scatterers = PressureRecord(survey).ensonification.scatterers
     origin = survey.track.position[0]
     listed = scatterers.stretches(scatterers.in_reach(origin, 0.0, 12.0), origin, 12.0)[2].sum()
     assert listed < 2 * np.pi * (12.0 ** 2 - 10.0 ** 2) / (0.5 * 0.05 ** 2 / 2)
-    assert np.abs(survey.responses(0)).max() > 0
+    assert np.abs(PressureRecord(survey).responses(0)).max() > 0

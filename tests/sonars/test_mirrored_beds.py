@@ -12,6 +12,8 @@ import pytest
 
 from mitsonar.validation.scenes import array_sonar, bed, lambert
 
+from mitsonar.survey.pressure import PressureRecord
+
 GATES = np.array([22.0, 26.0, 30.0, 34.0, 38.0])
 H_DIRECT, H_IMAGE, MU = 10.0, 30.0, 0.1
 
@@ -32,8 +34,8 @@ def test_a_bed_under_a_mirror_is_heard_once_along_each_way(variant, lighting, to
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "sea": sea}, film={"range": 42.0},
                         integrator={"max_depth": 3, "cell": 0.5, "rays": 50_000, "lighting": lighting})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    heard = {}
-    for echoes in survey._run.light(survey.track.position[0], survey.track.rotation()[0], 10.0, 0):
+    heard, ensonification = {}, PressureRecord(survey).ensonification
+    for echoes in ensonification(survey.track.position[0], survey.track.rotation()[0], 10.0, 0):
         half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
         found = np.histogram(half, GATES, weights=echoes.energy.numpy().astype(float))[0]
         heard[echoes.path] = heard.get(echoes.path, 0) + found

@@ -13,6 +13,7 @@ from mitsonar.scene.loading import prepare
 from mitsonar.scene.tessellation import FINEST_SAGITTA
 from mitsonar.scene.geometry import Geometry
 from mitsonar.validation.scenes import array_sonar, buried_bed
+from mitsonar.survey.pressure import PressureRecord
 
 MU_DB = -20.0
 
@@ -56,14 +57,14 @@ def energy(kind, **integrator):
     scene = array_sonar({"bed": buried_bed(40.0), "thing": shapes()[kind]}, water={"absorption_db_per_km": 0.0},
                         integrator={"cell": 0.02, **integrator}, film={"range": 20.0, "range_min": 5.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    light = survey._run.light
+    ensonification = PressureRecord(survey).ensonification
     start = survey.track.position[0]
     total, point = 0.0, []
-    for echoes in light(start, np.eye(3), 30.0, 1):
+    for echoes in ensonification(start, np.eye(3), 30.0, 1):
         offset = echoes.out.offset.numpy().T
         total += float(np.sum(echoes.energy.numpy().astype(float) * np.linalg.norm(offset, axis=1) ** 4))
         point.append(offset + start)
-    return total, np.concatenate(point), light.scatterers
+    return total, np.concatenate(point), ensonification.scatterers
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -17,6 +17,7 @@ import mitsonar
 from mitsonar.propagation import eigenray
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target
+from mitsonar.survey.pressure import PressureRecord
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
 WHERE = np.array([4.0, 18.0, -15.0])
@@ -99,11 +100,11 @@ def test_energy_of_two_bounces_between_bed_and_wall(variant):
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "wall": wall}, film={"range": 40.0},
                         integrator={"max_depth": 2, "cell": 3.0, "rays": 400_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    light = survey._run.light
+    ensonification = PressureRecord(survey).ensonification
     origin = survey.track.position[0]
     total = np.zeros(2)
     for key in range(4):
-        for echoes in light(origin, survey.track.rotation()[0], 10.0, key):
+        for echoes in ensonification(origin, survey.track.rotation()[0], 10.0, key):
             if echoes.path == "bb":
                 half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
                 total += np.histogram(half, [16, 20, 24], weights=echoes.energy.numpy())[0] / 4

@@ -18,6 +18,7 @@ import pytest
 
 import mitsonar
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target, sidescan
+from mitsonar.survey.pressure import PressureRecord
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
 
@@ -43,9 +44,10 @@ def test_elements_hear_point_targets_by_way_of_the_bed(variant, targets):
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), **balls}, film={"range": 40.0},
                         integrator={"max_depth": 2, "cell": 3.0, "rays": 100_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
+    ensonification = PressureRecord(survey).ensonification
     found, keys = 0, 4
     for key in range(keys):
-        for echoes in survey._run.light.drawn(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
+        for echoes in ensonification.drawn(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
             assert echoes.path == "bb"
             half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
             found = found + np.histogram(half, edges, weights=echoes.energy.numpy().astype(float))[0] / keys
@@ -145,7 +147,7 @@ def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
     elements = survey.receive.position @ survey.track.rotation()[0].T + sonar
     wave = 2 * np.pi * 50e3 / 1500
     for path, ways in (("bs", ((0, 1), (1, 0))), ("sbs", ((1, 1),))):
-        got = survey.responses(0, paths=(path,))[0].astype(complex).sum(-1)
+        got = PressureRecord(survey, paths=(path,)).responses(0)[0].astype(complex).sum(-1)
         wanted = 0
         for i, j in ways:
             normal = -(towards[i] + towards[j]) / np.linalg.norm(towards[i] + towards[j])
@@ -160,7 +162,7 @@ def pressures(scene):
     """Complex sums of what is lit, by path and by which of the ways out and back go by the mirror."""
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     out = {}
-    for echoes in survey._run.light.lit(survey.track.position[0], np.eye(3), 10.0, 0):
+    for echoes in PressureRecord(survey).ensonification.lit(survey.track.position[0], np.eye(3), 10.0, 0):
         cycles = survey.frequency * (echoes.arrival + echoes.back.travel_time).numpy()
         z = (echoes.amplitude[0].numpy() + 1j * echoes.amplitude[1].numpy()) * np.exp(-2j * np.pi * cycles)
         kind = echoes.path, echoes.out.folded, echoes.back.folded

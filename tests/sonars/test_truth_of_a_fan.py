@@ -18,6 +18,8 @@ import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.imaging.fan import fan_directions
 from mitsonar.validation.scenes import array_sonar, bed, lambert, point_target
+from mitsonar.survey.fan_truth import FanTruth
+from mitsonar.survey.pressure import PressureRecord
 
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
 BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
@@ -159,7 +161,8 @@ def test_what_has_a_phase_adds_as_pressure_whatever_its_blocks(monkeypatch):
     made = array_sonar({"seabed": bed(20, size=200.0), "point": point_target([0.0, 12.0, -17.0])}, sensor=SONAR,
                        film={"range": 20.0}, integrator={"cell": 0.3})
     survey = made.integrator().array_survey(made, made.sensors()[0])
-    truth = survey.fan_truth(*fan_directions(survey.receive, 91, np.pi / 2))
+    ensonification = PressureRecord(survey).ensonification
+    truth = FanTruth(survey, ensonification, ensonification.pattern, *fan_directions(survey.receive, 91, np.pi / 2), 0)
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
     where = truth.light.tracer.sources([-origin[2]]), truth.lib.Array3f64(*map(float, origin)), None, origin, rotation
     once, blocks = truth._coherent(*where), truth._with_phase

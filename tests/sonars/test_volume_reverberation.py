@@ -12,6 +12,7 @@ from scipy.integrate import trapezoid
 
 import mitsonar
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, sidescan
+from mitsonar.survey.pressure import PressureRecord
 from mitsonar.water.volume import volume_reverberation_db
 
 ALPHA = 0.030
@@ -64,10 +65,10 @@ def test_an_array_hears_as_much(variant):
                         water={"volume_strength_db": -60.0}, film={"range": 28.0},
                         integrator={"cell": 5.0, "rays": 100_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    light = survey._run.light
+    ensonification = PressureRecord(survey).ensonification
     edges = np.arange(4.0, 28.0, 4.0)
     found = np.zeros(len(edges) - 1)
-    for echoes in light(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):
+    for echoes in ensonification(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):
         if echoes.path == "v":
             energy = echoes.energy.numpy().astype(float)
             found += np.histogram(1500 * echoes.out.travel_time.numpy(), edges, weights=energy)[0]

@@ -1,0 +1,101 @@
+"""What a run of a sonar with arrays is: scene, water, pulse, arrays, and the record that is asked for. Data only."""
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..signal.noise import ElementNoise
+from ..sonar.array import Array
+from ..sonar.pulses import Pulse
+from ..sonar.trajectory import PingTravel
+from .elements.sampling import Sampling
+from .sources import RaySources
+from .survey import Survey
+
+__all__ = ["ArraySurvey"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArraySurvey(Survey):
+    """A run of a sonar with arrays.
+
+    Attributes
+    ----------
+    pulse : Pulse
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of all transmit elements together, where their waves add up.
+    transmit, receive : Array
+    start : float [s]
+        Time of sample 0, from the transmission on.
+    sampling_rate : float [Hz]
+    samples : int
+    lead : int
+        How many of the samples come before the record that was asked for.
+    cell_size : float [m]
+        Longest side of a cell, which holds one scatterer.
+    ensonification : str
+        How scatterers are found: one of `ensonification.LIGHTING`.
+    sources : RaySources
+        Where rays start.
+    noise : ElementNoise or None
+    absorption_db : callable or None
+        Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
+
+    Notes
+    -----
+    `rays` counts the rays of one source and ping. It matters only where rays find the scatterers, and for echoes that
+    are drawn by chance.
+    """
+
+    pulse: Pulse
+    source_level_db: float
+    transmit: Array
+    receive: Array
+    start: float
+    sampling_rate: float
+    samples: int
+    lead: int
+    cell_size: float
+    ensonification: str
+    sources: RaySources
+    noise: ElementNoise | None = None
+    absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """At the transmissions, (P, 3) [m/s], scene frame."""
+        return self.voyage.velocity
+
+    @property
+    def frequency(self) -> float:
+        """Of the carrier [Hz]."""
+        return self.pulse.frequency
+
+    @property
+    def wavelength(self) -> float:
+        """Of the carrier, at the array at the first ping [m]."""
+        return self.sound_speed(0) / self.frequency
+
+    @property
+    def radius(self) -> float:
+        """Distance of the farthest element, of either array, from the arrays' centre [m]."""
+        return max(self.transmit.radius, self.receive.radius)
+
+    @property
+    def sampling(self) -> Sampling:
+        """When the record's samples are taken, about which carrier."""
+        return Sampling(start=self.start, sampling_rate=self.sampling_rate, frequency=self.frequency)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the samples [s], (S,)."""
+        return self.start + np.arange(self.samples) / self.sampling_rate
+
+    def sound_speed(self, ping: int) -> float:
+        """At the array [m/s]."""
+        return float(self.profile.at(-self.track.position[ping, 2]))
+
+    def travel(self, ping: int, position: np.ndarray) -> PingTravel:
+        """Follow a point (3,) [m] of the body while the echoes of a ping come in: a `PingTravel` of one ping."""
+        return self.voyage.trajectory.carried(position).during(self.track.time[[ping]], self.time[-1]).trimmed()

@@ -1,0 +1,141 @@
+"""Echoes at the elements by the one ray to each scatterer, and a difference of delay for each element.
+
+    transmit    delay and pattern of a transmit element, by reciprocity                      `vector_approximation`
+    return      when each echo meets the source, where that is then                          `return_paths`
+    sum         every echo at every element, with its own delay                              `signal.accumulation`
+
+The pattern of an element is that towards where its own ray leaves or comes from. With n towards the echo at the source,
+1/R the curvature of its wavefront there and d the element's offset, that is (n - d/R) / |n - d/R|: at the transmission
+on the way out, and as the turned array sees it at the echo's own reception on the way back.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ...device.arrays import arrays_of
+from ...echoes.element_beams import omni
+from ...echoes.record import Echoes
+from ...propagation.return_paths import ReturnPaths
+from ...propagation.travel import rotated
+from ...propagation.vector_approximation import ELEMENT_FIELDS, difference_of, vector_difference, vector_element_fields
+from ...signal.accumulation import ImpulseResponses
+from ...sonar.element_patterns import element_pressure
+from .delays import ALL_ROWS, ElementDelays
+from .ping_source import View, opaque
+
+__all__ = ["GUARD", "VectorDelays"]
+
+GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
+CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VectorDelays(ElementDelays):
+    """Delays by the vector approximation, or by the published one.
+
+    Attributes
+    ----------
+    method : {"vector", "paper"}
+    """
+
+    method: str = "vector"
+
+    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: mi.Float64,
+            rows: slice = ALL_ROWS) -> None:
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
+        source, receive, lib = self.source, self.receive, arrays_of(mi.Float)
+        self.counts.count(echoes.count * receive.elements)
+        # ---- transmit: the still array, by reciprocity
+        view, off = source.view(echoes.back), self.stands_off(element)
+        way_out = source.way_out(echoes) if off else None
+        farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
+        # ---- return to the source, where it is then; from an element farther off the scatterer is met later
+        met = echoes.arrival if farther is None else echoes.arrival + farther
+        back = source.way_back(echoes, self.method, met)
+        total = met + back.return_time
+        phase, sample, fraction = self.sampling.place(total + late)
+        factor = self._transmitted(echoes, element, weight, way_out)
+        if farther is not None:
+            factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
+        # ---- each element by its own difference
+        offsets = view.offsets(receive)[rows]
+        element_fields = ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile)
+        difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
+        hit_fields = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))]
+        hits, fields = len(back.hit_fields), len(element_fields)
+        directional = not omni(receive)
+        if directional:
+            towards = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
+            face = opaque(lib.Float, (self.wavelength, receive.length, receive.height))
+            hit_fields += [*map(lib.Float, towards), *face]
+            element_fields = [*element_fields, *(receive.normal[rows] @ view.rotation.T).T,
+                              *(receive.along[rows] @ view.rotation.T).T]
+
+        def delay(hit: list, at: list) -> mi.Float:
+            return difference(hit[:hits], at[:fields])
+
+        def gain(hit: list, at: list) -> mi.Float:
+            # Spherical spreading to where the element is: 1 / (1 + x) for an element that is later by x of the way.
+            later = delay(hit, at) * hit[hits]
+            spread = 1 - later * (1 - later)
+            if not directional:
+                return spread
+            wavelength, length, height = hit[hits + 4:]
+            direction = _seen_from(hit[hits + 1:hits + 4], at[:3], hit[CURVATURE])
+            return spread * element_pressure(direction, wavelength, at[fields:fields + 3], at[fields + 3:],
+                                             length=length, height=height, pattern=receive.pattern,
+                                             baffle=receive.baffle)
+
+        responses.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
+                      fraction=fraction, hit_fields=hit_fields, element_fields=element_fields, difference=delay,
+                      gain=gain, rows=np.arange(receive.elements)[rows])
+
+    def doubtful(self, echoes: Echoes) -> mi.Bool:
+        """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,)."""
+        source = self.source
+        error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
+        if not echoes.single:
+            error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
+        # An error that is not a number is in doubt, too.
+        doubtful = ~(error <= dr.opaque(mi.Float, GUARD))
+        dr.eval(doubtful)
+        return doubtful
+
+    def _outermost(self, view: View) -> list:
+        """Fields of the elements farthest out, transmitting and receiving."""
+        offsets = np.concatenate([view.offsets(array) for array in (self.transmit, self.receive)])
+        outermost = np.unique([pick(column) for column in offsets.T for pick in (np.argmin, np.argmax)])
+        return vector_element_fields(offsets[outermost], view.depth, view.profile)
+
+    def _transmit_delay(self, echoes: Echoes, element: int, way_out: ReturnPaths) -> mi.Float64:
+        """How much later than from the source scatterers are reached from a transmit element [s]."""
+        view = self.source.view(echoes.out)
+        fields = vector_element_fields(view.offsets(self.transmit)[element][None], view.depth, view.profile)
+        fields = [dr.opaque(mi.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
+        return mi.Float64(vector_difference(way_out.hit_fields, fields))
+
+    def _transmitted(self, echoes: Echoes, element: int, weight: float, way_out: ReturnPaths | None) -> mi.Float:
+        """What a transmit element's weight and pattern make of echoes; `way_out` is None for one at the source."""
+        transmit, factor = self.transmit, dr.opaque(mi.Float, weight)
+        if omni(transmit):
+            return factor
+        view, towards = self.source.view(echoes.out), echoes.out.launch_direction
+        if way_out is not None:
+            offset = opaque(mi.Float, view.offsets(transmit)[element])
+            towards = _seen_from(towards, offset, way_out.hit_fields[CURVATURE])
+        return factor * view.pattern(transmit, element, towards, self.wavelength)
+
+
+def _seen_from(towards: Sequence, offset: Sequence, curvature: mi.Float) -> list:
+    """Turn unit vectors from the source towards echoes into those from an element: triples.
+
+    `offset` of the element [m], `curvature` of the echo's wavefront at the source [1/m].
+    """
+    seen = [part - d * curvature for part, d in zip(towards, offset)]
+    per_length = dr.rsqrt(seen[0] * seen[0] + seen[1] * seen[1] + seen[2] * seen[2])
+    return [part * per_length for part in seen]

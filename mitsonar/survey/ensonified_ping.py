@@ -1,0 +1,78 @@
+"""One ping of an array: its sources of rays, and the echoes of the scatterers that each of them ensonifies.
+
+The echoes of scatterers that are there are the same for every transmit element that a source stands for. Echoes that
+are drawn by chance, paths of more bounces and the water, are the same for all transmit elements only if they are drawn
+from one place: the array's centre.
+"""
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ..device.chance import ping_key
+from ..echoes.ensonification import Ensonification
+from ..echoes.record import Echoes
+from .array_survey import ArraySurvey
+from .elements.ping_source import PingSource
+
+__all__ = ["EnsonifiedPing", "KEPT_ECHOES"]
+
+KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are made again
+BY_CHANCE = -1                     # number of the source of what is drawn by chance
+
+
+class EnsonifiedPing:
+    """Make the echoes of a ping, and keep them for the next transmit element while they are not too many.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    ensonification : Ensonification
+    ping, seed : int
+    """
+
+    def __init__(self, survey: ArraySurvey, ensonification: Ensonification, ping: int, seed: int):
+        self.survey, self.ensonification, self.ping, self.seed = survey, ensonification, int(ping), int(seed)
+        self._rotation = survey.track.rotation()[ping]
+        self._kept: dict[int, list[Echoes]] = {}
+
+    def shares(self, element: int) -> list[tuple[int, float]]:
+        """Give the numbers of the sources that stand for a transmit element, each with its share."""
+        share = self.survey.sources.share[:, element]
+        return [*((int(number), float(share[number])) for number in np.flatnonzero(share)), (BY_CHANCE, 1.0)]
+
+    def source(self, number: int) -> PingSource:
+        """Give a source by its number."""
+        position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
+        return PingSource(position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
+                          travel=self.survey.travel(self.ping, position), water=self.ensonification.free_rays.table)
+
+    def echoes(self, number: int, source: PingSource,
+               progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
+        """Yield the echoes from a source in blocks.
+
+        Parameters
+        ----------
+        number : int
+        source : PingSource
+            Of that number.
+        progress : callable(share) or None
+            Called with the share of the cells that are done, block by block.
+        """
+        if number in self._kept:
+            yield from self._kept[number]
+            return
+        room = KEPT_ECHOES - sum(block.count for blocks in self._kept.values() for block in blocks)
+        kept = []
+        for block in self._made(number, source, progress):
+            room -= block.count
+            kept = kept + [block] if kept is not None and room >= 0 else None
+            yield block
+        if kept is not None:
+            self._kept[number] = kept
+
+    def _made(self, number, source, progress):
+        key = ping_key(self.seed, self.ping, max(number, 0))
+        below = float(self.survey.depth_below[self.ping])
+        if number == BY_CHANCE:
+            return self.ensonification.drawn(source.origin, source.rotation, below, key)
+        return self.ensonification.lit(source.origin, source.rotation, below, key, told=progress)
