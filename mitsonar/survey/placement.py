@@ -8,6 +8,7 @@ from mitsonar.sonar.track import Track
 
 SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
 SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
+ASIDE, ROUNDING = 1e-3, 1e-6       # [m], of the coordinate: how far beside an edge of facets a ray is sent again
 FAR = 10_000.0                     # [m] beyond which a track belongs to another place
 
 
@@ -17,11 +18,22 @@ def soundings(geometry, x, y):
     Looked for from below, so that a ship above does not count; nor does the sea surface.
     """
     x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    depth = _looked_up(geometry, x, y)
+    lost = np.isnan(depth)
+    if lost.any():
+        # a ray that runs along the common edge of two triangles may slip between them: it is sent again beside it
+        depth[lost] = _looked_up(geometry, *(v[lost] + share * (ASIDE + ROUNDING * np.abs(v[lost]))
+                                             for v, share in ((x, 1.0), (y, 0.6))))
+    return depth
+
+
+def _looked_up(geometry, x, y):
+    """Depth [m] of the surface that a vertical ray meets first from below; NaN where there is none."""
     below = geometry.depth_range[1] + 1.0
-    ray = mi.Ray3f(mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (x, y)), dr.opaque(mi.Float, -below)),
-                   mi.Vector3f(0, 0, 1))
+    point = (upload(mi.Float, np.ravel(v).astype(np.float32)) for v in (x, y))
+    ray = mi.Ray3f(mi.Point3f(*point, dr.opaque(mi.Float, -below)), mi.Vector3f(0, 0, 1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
-    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))  # noqa: E711  (all)
+    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))    # noqa: E711
     label = dr.gather(mi.UInt32, geometry.rows, 4 * row, pi.is_valid())
     seabed = pi.is_valid() & (label != geometry.surface_label)
     return np.where(seabed.numpy(), below - pi.t.numpy(), np.nan).reshape(x.shape)

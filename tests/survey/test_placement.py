@@ -1,0 +1,37 @@
+"""Where a sonar without a track goes: soundings of the bed, and the line over its middle."""
+import numpy as np
+
+import mitsonar
+from mitsonar.scene.geometry import Geometry
+from mitsonar.survey.placement import lines_up, soundings
+
+SCENE = """<scene version="3.0.0">
+    <integrator type="sonar_path"/>
+    <sensor type="sidescan"><medium type="seawater"/><film type="sonar_film"/></sensor>
+    <bsdf type="lambert" id="sand"/>
+    <shape type="seabed" id="bed">
+        <float name="depth" value="20"/> <float name="length" value="100"/> <float name="width" value="110"/>
+        <float name="spacing" value="0.25"/> <float name="fractal_rms" value="0.05"/> <ref id="sand"/>
+    </shape>
+</scene>"""
+
+
+def rough_bed(folder):
+    """A bed whose rows of nodes lie at multiples of 0.25 m, so that rays there run along the edges of its facets."""
+    (folder / "bed.xml").write_text(SCENE, encoding="utf-8")
+    return Geometry(mitsonar.load_file(folder / "bed.xml"))
+
+
+def test_rays_along_the_edges_of_facets_find_the_bed(tmp_path):
+    bed, places = rough_bed(tmp_path), np.arange(-49.0, 49.0, 0.05)
+    for row in (0.0, -1e-16, 0.25, 0.5, 7.25):
+        for x, y in ((places, row), (row, places), (places, places)):
+            assert np.isfinite(soundings(bed, x, y)).all()
+    assert np.isnan(soundings(bed, [60.0, 0.0], [0.0, 60.0])).all()
+
+
+def test_a_line_along_a_row_of_nodes_lies_over_the_middle_of_the_bed(tmp_path):
+    bed = rough_bed(tmp_path)
+    for heading in (None, 0.0):                    # along its longer axis, and across
+        track = lines_up(bed, heading=heading, altitude=8.0, pings=5, interval=1.0, speed=2.0)
+        assert np.abs(track.position[:, :2].mean(0)).max() < 0.1
