@@ -58,18 +58,24 @@ class EchoSums:
     labels : int
         Number of shapes.
     bins : int
+    depth_range : (float, float) [m]
+        Of the scene.
     paths : int
         Number of paths; one is not told apart.
     """
 
-    def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, paths: int = 1):
+    def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, depth_range: tuple[float, float],
+                 paths: int = 1):
+        top, bottom = self.depth_range = depth_range
+        self._top, self._per_depth = dr.opaque(lib.Float, top), dr.opaque(lib.Float, 1 / max(bottom - top, 1e-6))
         self.lib, self.rows, self.labels, self.bins, self.paths = lib, rows, labels, bins, paths
         self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
         self.depth = dr.zeros(lib.UInt64, sum_size(rows * bins))
         self.count = dr.zeros(lib.UInt64, sum_size(rows * bins))
         self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
 
-    def add(self, *, row, label, bin, units, height, in_beam, active, path=None, counted=True):
+    def add(self, *, row, label, bin, units, depth, in_beam, active, path=None,
+            counted: bool = True) -> None:
         """Scatter echoes into their bins.
 
         Parameters
@@ -78,8 +84,8 @@ class EchoSums:
             Row of the block; shape number from 1; time bin.
         units : Float64 (R,)
             Echo energy in units of the bin.
-        height : Float (R,)
-            Hit depth as a fraction [0, 1] of the scene's depth range.
+        depth : Float (R,) [m]
+            That the echoes come from.
         in_beam : Bool (R,)
             The ray lies in the main lobe.
         active : Bool (R,)
@@ -98,6 +104,7 @@ class EchoSums:
         if self.path_energy is not None:
             paths = dr.opaque(lib.UInt32, self.paths)
             dr.scatter_add(self.path_energy, whole, (row * paths + (path - 1)) * bins + bin, active)
+        height = dr.clip((depth - self._top) * self._per_depth, 0, 1)
         # a quarter: depths must not overflow before the energies they are divided by
         dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25 + 0.5), place, active)
         if counted:
@@ -107,14 +114,13 @@ class EchoSums:
         """Arrays to evaluate."""
         return [array for array in (self.energy, self.depth, self.count, self.path_energy) if array is not None]
 
-    def read(self, unit: np.ndarray, depth_range: tuple[float, float]) -> SummedEnergy:
+    def read(self, unit: np.ndarray) -> SummedEnergy:
         """Give the sums as physical arrays.
 
         Parameters
         ----------
         unit : (bins,) [µPa²]
             Worth of one unit in each bin.
-        depth_range : (float, float) [m]
         """
         shape = (self.rows, self.bins)
 
@@ -125,7 +131,7 @@ class EchoSums:
         total = energy.sum(1, dtype=np.uint64)
         height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
         count = values(self.count, *shape)
-        top, bottom = depth_range
+        top, bottom = self.depth_range
         path_intensity = None
         if self.path_energy is not None:
             path_intensity = values(self.path_energy, self.rows, self.paths, self.bins) * unit

@@ -2,7 +2,7 @@
 
 A row is what a beam of the sonar hears of one ping: a side of a sidescan, a beam of an array.
 """
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TypeVar
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from .truth import BinTruth
 
-__all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered"]
+__all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered", "joined"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +125,16 @@ def _kept(kind: np.dtype) -> np.dtype:
 
 
 _R = TypeVar("_R")
+
+
+def joined(records: Sequence[_R]) -> _R:
+    """Put the arrays of records of one kind one after another."""
+    first, values = records[0], {}
+    for field in fields(first):
+        parts = [getattr(record, field.name) for record in records]
+        if parts[0] is not None:
+            values[field.name] = joined(parts) if is_dataclass(parts[0]) else np.concatenate(parts)
+    return replace(first, **values)
 
 
 def _changed(record: _R, change: Callable[[np.ndarray], np.ndarray]) -> _R:

@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 
 from ..imaging import fan
-from ..imaging.energy_record import gathered
 from ..scene import materials, objects
 from ..scene.geometry import Geometry
 from ..scene.labels import classes_of
@@ -16,9 +15,9 @@ from ..signal.noise import ElementNoise
 from ..sonar.array import Array
 from ..sonar.beam_patterns import element_directivity_index_db
 from ..sonar.pulses import Pulse
-from . import limits
+from . import energy, limits
 from .array_survey import ArraySurvey
-from .fan_truth import FanTruth
+from .beams import Beams
 from .pressure import PressureRecord
 from .sensor import RunSettings, Sensor, slowest_speed
 from .signals import LEAD, received_signals
@@ -132,15 +131,13 @@ def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Calla
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the array's beams, with its truth; see `mitsonar.render`."""
     pings = range(survey.track.pings)
-    beams = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
-    limits.check_beams(survey, len(beams[0]))
-    pressures = PressureRecord(survey, seed=seed)
-    # refuses what is too large before the hours of signals
-    truth = FanTruth(survey, pressures.ensonification, pressures.ensonification.pattern, *beams, seed)
-    signals = received_signals(pressures, pings, progress=progress, say=say)
-    record = gathered((truth(ping) for ping in pings), pings=len(pings), rows=len(beams[0]))
+    directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
+    limits.check_beams(survey, len(directions[0]))
+    beams = Beams(survey, *directions)                   # refuses what is too large before the hours of signals
+    signals = received_signals(PressureRecord(survey, seed=seed), pings, progress=progress, say=say)
+    record = energy.record(survey, beams, seed)
     classes, class_of = classes_of(survey.labels)
-    image = fan.image(signals, survey.pulse, *beams, depth_below=survey.depth_below, labels=survey.labels,
+    image = fan.image(signals, survey.pulse, *directions, depth_below=survey.depth_below, labels=survey.labels,
                       class_of=class_of, record=record)
     return objects.annotated(image, classes, class_of, survey.geometry)
 

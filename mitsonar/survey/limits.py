@@ -3,8 +3,8 @@ import os
 
 import numpy as np
 
-from .energy import SidescanSurvey
-from .pressure import ArraySurvey
+from .array_survey import ArraySurvey
+from .sidescan_survey import SidescanSurvey
 
 __all__ = ["check_beams", "check_sidescan"]
 

@@ -15,10 +15,11 @@ from ..sonar.directivity import Aperture, length_for_beam_width
 from ..sonar.pulses import cw
 from ..sonar.sidescan import Sidescan
 from ..units import db_from_amplitude, db_from_power
-from . import array, limits
-from .energy import SidescanSurvey
-from .pressure import ArraySurvey
+from . import array, energy, limits
+from .array_survey import ArraySurvey
 from .sensor import RunSettings, Sensor, slowest_speed
+from .sides import Sides
+from .sidescan_survey import SidescanSurvey
 from .voyage import Passage
 
 __all__ = ["SidescanSensor", "picture", "plan", "plan_elements", "rows", "sonar_at"]
@@ -104,7 +105,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
             progress: Callable[[int, int], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the image, with its truth; see `mitsonar.render`."""
-    record, sonar, track = survey.echoes(seed, progress), survey.sonar, survey.track
+    record, sonar, track = energy.record(survey, Sides(survey), seed, progress), survey.sonar, survey.track
     noise_db = None
     if sensor.noise:
         noise_db = float(sensor.noise_level_db() + db_from_power(sonar.bandwidth) - sonar.directivity_index_db())

@@ -1,4 +1,6 @@
-"""Ground truth of bins, from rays: see `imaging.truth` and `echoes.origin_sums`."""
+"""Ground truth of bins, from the rays of an energy record: see `imaging.truth` and `echoes.origin_sums`."""
+from __future__ import annotations
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -9,7 +11,11 @@ from ..echoes.origin_sums import OriginSums, sector
 from ..imaging import truth
 from ..imaging.energy_record import CoherentSums
 from ..imaging.truth import BinTruth
+from ..scene.geometry import Geometry
 from ..scene.labels import SEABED
+from ..tracing.hits import Hits
+from .places import Place
+from .rows import Rays, RowResponse, Rows
 
 __all__ = ["TruthSums"]
 
@@ -19,52 +25,49 @@ class TruthSums:
 
     Parameters
     ----------
-    geometry : trace.Geometry
-    labels, bins : int
-        Numbers of instances and bins.
-    depth_below : (P,) [m]
-        Seabed below the sonar at every ping.
-    farthest : float [m]
-        Slant range where the record ends.
-    shown : callable
-        What the picture makes of intensities (rows, ..., bins).
+    geometry : Geometry
+    rows : Rows
+
+    Attributes
+    ----------
+    hides : bool
+        Whether there are objects that may hide a seabed.
     """
 
-    def __init__(self, geometry, *, labels, bins, depth_below, farthest, shown):
-        self.lib, self.hides = arrays_of(mi.Float), geometry.named.hides
-        self.labels, self.bins, self.shown = labels, bins, shown
+    def __init__(self, geometry: Geometry, rows: Rows):
+        self.hides, self._rows, self._lib = geometry.named.hides, rows, arrays_of(mi.Float)
         (x0, y0), (x1, y1) = geometry.horizontal_bounds
         top, bottom = geometry.depth_range
-        self.lower, self.upper = np.array([x0, y0, top]), np.array([x1, y1, max(bottom, top + 1e-6)])
-        self.corner = [dr.opaque(mi.Float64, v) for v in self.lower]
-        self.per_metre = [dr.opaque(mi.Float64, v) for v in 1 / (self.upper - self.lower)]
-        self.kinds = upload(mi.UInt32, geometry.named.label_kinds())
-        self.depth_below = np.asarray(depth_below, np.float32)
-        self.farthest = dr.opaque(mi.Float, farthest)
-        dr.eval(self.kinds)
+        self._lower, self._upper = np.array([x0, y0, top]), np.array([x1, y1, max(bottom, top + 1e-6)])
+        self._corner = [dr.opaque(mi.Float64, v) for v in self._lower]
+        self._per_metre = [dr.opaque(mi.Float64, v) for v in 1 / (self._upper - self._lower)]
+        self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
+        self._farthest = dr.opaque(mi.Float, rows.bins.farthest)
+        dr.eval(self._kinds)
 
-    def sums(self, ping, rows):
-        """Empty sums of so many rows for pings of these numbers."""
-        self._below = upload(mi.Float, self.depth_below[ping])
-        return OriginSums(self.lib, rows, self.labels, self.bins, self.hides)
+    def sums(self, rows: int) -> OriginSums:
+        """Give empty sums of so many rows."""
+        return OriginSums(self._lib, rows, self._rows.labels, self._rows.bins.count, self.hides)
 
-    def add(self, sums, ray, hits, *, bin, units, in_beam, active):
+    def add(self, sums: OriginSums, place: Place, rays: Rays, hits: Hits, *, response: RowResponse, bin: mi.UInt32,
+            units: mi.Float64, active: mi.Bool) -> None:
         """Add rays that arrive from where they hit."""
-        kind = dr.gather(mi.UInt32, self.kinds, hits.label, active)
-        place = [dr.clip(mi.Float((v - corner) * per_metre), 0, 1) for v, corner, per_metre in
-                 zip((hits.point.x, hits.point.y, -hits.point.z), self.corner, self.per_metre)]
-        below = dr.gather(mi.Float, self._below, ray.ping)
-        sums.add(row=ray.row, bin=bin, units=units, place=place, seabed=kind == SEABED, in_beam=in_beam, active=active,
-                 sector=sector(-ray.direction.z, below, self.farthest))
+        kind = dr.gather(mi.UInt32, self._kinds, hits.label, active)
+        point = [dr.clip(mi.Float((v - corner) * per_metre), 0, 1) for v, corner, per_metre in
+                 zip((hits.point.x, hits.point.y, -hits.point.z), self._corner, self._per_metre)]
+        sums.add(row=response.row, bin=bin, units=units, place=point, seabed=kind == SEABED, active=active,
+                 in_beam=response.in_beam,
+                 sector=sector(-rays.direction.z, place.depth_below(rays.ping), self._farthest))
 
     def read(self, sums: OriginSums, unit: np.ndarray, energy: SummedEnergy,
-             coherent: CoherentSums | None = None) -> BinTruth:
+             coherent: CoherentSums | None) -> BinTruth:
         """Give the block's truth.
 
         Parameters
         ----------
         sums : OriginSums
         unit : (bins,) [µPa²]
+            Worth of one unit in each bin.
         energy : SummedEnergy
         coherent : CoherentSums or None
             None where nothing has a phase of its own.
@@ -74,14 +77,14 @@ class TruthSums:
         BinTruth
             Arrays (rows, ..., bins).
         """
-        known = sums.read(unit, self.lower, self.upper)
+        known, shown = sums.read(unit, self._lower, self._upper), self._rows.shown
         with_phase = () if coherent is None else (coherent.label_power, coherent.record.intensity)
         arriving = truth.shares(energy.label_intensity, np.asarray, *with_phase)
         hidden, object_shadow = (np.zeros(energy.intensity.shape, kind) for kind in (np.float32, np.uint32))
         if known.hidden_intensity is not None:
-            hidden, object_shadow = truth.shadows(known.hidden_intensity, known.seabed_intensity, energy.intensity,
-                                                  self.shown, coherent.record.intensity if coherent else 0.0)
-        return BinTruth(
-            label=np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32),
-            share=truth.shares(energy.label_intensity, self.shown, *with_phase), hidden=hidden,
-            object_shadow=object_shadow, layover=known.layover, seabed_place=known.seabed_place)
+            hidden, object_shadow = truth.shadows(
+                known.hidden_intensity, known.seabed_intensity, energy.intensity, shown,
+                0.0 if coherent is None else coherent.record.intensity)
+        return BinTruth(label=np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32),
+                        share=truth.shares(energy.label_intensity, shown, *with_phase), hidden=hidden,
+                        object_shadow=object_shadow, layover=known.layover, seabed_place=known.seabed_place)

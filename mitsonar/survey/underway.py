@@ -1,4 +1,4 @@
-"""A sonar that moves and turns between transmission and reception: where its echoes come back to.
+"""A sonar that moves and turns between transmission and reception: when and from where its echoes come back.
 
 An echo sent at time 0 from the place O is back at the time t at which the way from the point it comes from, at O + D n,
 leads to where the sonar is then:
@@ -7,12 +7,14 @@ leads to where the sonar is then:
 
 τ -> ``delay``, the two-way time had the sonar stood still; n -> ``towards``, where the bent return leg would leave O
 for; D -> ``distance``; d_k and r_k -> ``displacement`` and ``turn`` of `sonar.trajectory`. The echo comes from w / |w|,
-which the body sees turned back by its rotation vector ρ(t).
+which in the body's frame is turned back by the body's rotation vector ρ(t).
 
-That is exact in water of one speed. Elsewhere it is to first order in d, and to second but for what bending does to the
-curvature of the wave front, some hundredths of |d|² / 2 D: 1.6 ns at 85 m and 8 knots in a summer's water. Strength and
-shadow of the return leg are those of the leg to O.
+In water of one sound speed this is exact. Elsewhere it is exact to first order in d. To second order it leaves out how
+bending changes the curvature of the wave front, some hundredths of |d|² / 2 D: 1.6 ns at 85 m and 8 knots in a summer's
+water. Strength and shadow of the return leg are taken to be those of the leg to O.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import drjit as dr
@@ -24,27 +26,27 @@ from ..sonar.trajectory import NEGLIGIBLE, PingTravel
 
 __all__ = ["Motion", "Reception", "Underway"]
 
-STEPS = 3                          # each is nearer by the speed over that of sound
+STEPS = 3                          # of iteration: each reduces the error by the sonar's speed over that of sound
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
-KIND, KINDS = 0.25, 32             # of the beam that shifts of a kind differ by, unless that makes more kinds than this
-SHIFTS = 9                         # that stand for a kind, and
-SAME = 0.05                        # of the beam that they lie apart at least
+GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # of the beam, by which mean shifts within a group differ; groups at most
+SHIFTS = 9                         # that stand for a group at most,
+APART = 0.05                       # of the beam that these lie apart at least
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reception:
-    """How echoes are heard.
+    """When and from where echoes come back.
 
     Attributes
     ----------
     delay : Float64 (R,) [s]
         From transmission to reception.
     towards : Vector3f (R,)
-        Unit: where they come from, in the frame that turns with the body and was the scene's at transmission.
+        Unit, towards where echoes come from, in a frame that turns with the body and is the scene's at transmission.
     """
 
-    delay: object
-    towards: object
+    delay: mi.Float64
+    towards: mi.Vector3f
 
 
 class Underway:
@@ -58,26 +60,32 @@ class Underway:
 
     def __init__(self, travel: PingTravel):
         travel = travel.trimmed()
-        self.lasting = travel.duration
-        # a course that is straight turns nothing: no look-ups for that
-        self.displacement, self.turn = (powers if (travel.reach(powers) > NEGLIGIBLE).any() else powers[:, :0]
+        self._duration = travel.duration
+        # where nothing turns, as on a straight course, the device has nothing to look up
+        self._displacement, self._turn = (powers if (travel.reach(powers) > NEGLIGIBLE).any() else powers[:, :0]
                                         for powers in (travel.displacement, travel.turn))
 
-    def __bool__(self):
-        return self.displacement.shape[1] + self.turn.shape[1] > 0
+    @property
+    def moves(self) -> bool:
+        """Whether the sonar moves or turns within any ping."""
+        return self._displacement.shape[1] + self._turn.shape[1] > 0
 
-    def block(self, ping):
-        """The motion of some pings (B,) on the device, as numbered in the block; None where there is none."""
-        return Motion(self.displacement[ping], self.turn[ping], self.lasting) if self else None
+    def motion(self, ping: np.ndarray) -> Motion | None:
+        """Give the motion of a block of pings (B,) on the device; None where there is none."""
+        return Motion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
 
-    def drift(self, sound_speed):
+    def drift(self, sound_speed: float) -> float:
         """How far the sonar moves while sound goes a metre out and back, at most [-]."""
-        time = self.lasting * np.linspace(0.05, 1, 20)
-        moved = np.linalg.norm(_evaluated(self.displacement, time), axis=-1)
+        time = self._duration * np.linspace(0.05, 1, 20)
+        moved = np.linalg.norm(_evaluated(self._displacement, time), axis=-1)
         return float((moved / time).max(initial=0)) * 2 / sound_speed
 
-    def shifts(self, rotation, sound_speed, width):
-        """By how much the cosine u along the body changes until reception, for rays to be drawn by.
+    def along_shifts(self, rotation: np.ndarray, sound_speed: float,
+                     width: float) -> tuple[np.ndarray, list[np.ndarray]]:
+        """By how much the cosine u of a direction along the body changes between transmission and reception.
+
+        Rays are drawn to suit both. Pings and sides whose shifts are about the same make a group, which shares a table
+        that rays are drawn through.
 
         Parameters
         ----------
@@ -89,46 +97,54 @@ class Underway:
 
         Returns
         -------
-        kind : (P, 2) uint32
-            Of every ping and side: those with about the same shift are of one kind.
+        group : (P, 2) uint32
+            Number of the group of every ping and side.
         shifts : list of (S,)
-            What occurs in each kind, at some times and depression angles; 0 alone where the platform stands still.
+            What occurs in each group, at some times and depression angles; 0 alone where the platform stands still.
         """
-        if not self:
+        if not self.moves:
             return np.zeros((len(rotation), 2), np.uint32), [np.zeros(1)]
-        time = self.lasting * np.array(TIMES)
+        time = self._duration * np.array(TIMES)
         # (ping, time, 3), along the body's axes
-        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self.displacement, self.turn))
+        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
         side, depression = np.array([-1.0, 1.0])[:, None], np.array(DEPRESSIONS)
         aside, down = side * np.cos(depression), np.sin(depression) + 0 * side
         # (ping, time, side, depression)
         shift = (turned[..., 2, None, None] * aside - turned[..., 1, None, None] * down
                  - (moved[..., 0] / (0.5 * sound_speed * time))[..., None, None])
         mean = shift.mean((1, 3))
-        step = max(KIND * width, np.ptp(mean) / (KINDS - 1))
-        _, kind = np.unique(np.round(mean / step), return_inverse=True)
-        kind = kind.reshape(mean.shape).astype(np.uint32)
+        step = max(GROUP_WIDTH * width, np.ptp(mean) / (MOST_GROUPS - 1))
+        _, group = np.unique(np.round(mean / step), return_inverse=True)
+        group = group.reshape(mean.shape).astype(np.uint32)
         found = []
-        for number in range(int(kind.max()) + 1):
-            some = np.quantile(np.moveaxis(shift, 2, 1)[kind == number], np.linspace(0, 1, SHIFTS))
-            found.append(some[np.r_[True, np.diff(np.round(some / (SAME * width))) > 0]])
-        return kind, found
+        for number in range(int(group.max()) + 1):
+            some = np.quantile(np.moveaxis(shift, 2, 1)[group == number], np.linspace(0, 1, SHIFTS))
+            found.append(some[np.r_[True, np.diff(np.round(some / (APART * width))) > 0]])
+        return group, found
 
 
 class Motion:
-    """The motion of a block's pings: look-ups by number."""
+    """The motion of a block's pings: look-ups by a ping's number within the block.
 
-    def __init__(self, displacement, turn, lasting):
-        self.lib = arrays_of(mi.Float)
-        self.lasting = dr.opaque(mi.Float, lasting)
-        self.powers = displacement.shape[1], turn.shape[1]
+    Parameters
+    ----------
+    displacement, turn : (B, K, 3) [m/s^k], [rad/s^k]
+        d_k and r_k; K may be 0.
+    duration : float [s]
+        The platform stops at its end.
+    """
+
+    def __init__(self, displacement: np.ndarray, turn: np.ndarray, duration: float):
+        self._lib, self._duration = arrays_of(mi.Float), dr.opaque(mi.Float, duration)
+        self._powers = displacement.shape[1], turn.shape[1]
         rows = np.concatenate([displacement, turn], 1)
         rows = np.concatenate([rows, np.zeros((*rows.shape[:2], 1))], 2)
-        self.table = upload(mi.Float, rows.astype(np.float32))
-        dr.eval(self.table)
+        self._table = upload(mi.Float, rows.astype(np.float32))
+        dr.eval(self._table)
 
-    def receive(self, ping, towards, distance, delay, sound_speed):
-        """Receive echoes.
+    def receive(self, ping: mi.UInt32, towards: mi.Vector3f, distance: mi.Float, delay: mi.Float64,
+                sound_speed: mi.Float) -> Reception:
+        """Give when and from where echoes come back.
 
         Parameters
         ----------
@@ -146,8 +162,8 @@ class Motion:
         -------
         Reception
         """
-        moves, turns = self.powers
-        rows = [dr.gather(self.lib.Array4f, self.table, ping * (moves + turns) + k) for k in range(moves + turns)]
+        moves, turns = self._powers
+        rows = [dr.gather(self._lib.Array4f, self._table, ping * (moves + turns) + k) for k in range(moves + turns)]
         rows = [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
         later, time = mi.Float(0), mi.Float(delay)
         if moves:
@@ -164,14 +180,15 @@ class Motion:
         return Reception(delay=delay, towards=towards)
 
     def _at(self, rows, time):
-        time = dr.clip(time, 0, self.lasting)
+        """Polynomials of the rows at times [s]."""
+        time = dr.clip(time, 0, self._duration)
         value = rows[-1] * time
         for row in rows[-2::-1]:
             value = (value + row) * time
         return value
 
 
-def _turned_back(v, rho):
+def _turned_back(v: mi.Vector3f, rho: mi.Vector3f) -> mi.Vector3f:
     """Vectors turned by -|ρ| about ρ."""
     angle = dr.maximum(dr.norm(rho), 1e-6)
     sine, cosine = dr.sincos(0.5 * angle)
@@ -180,6 +197,6 @@ def _turned_back(v, rho):
     return v + cosine * twice + dr.cross(axis, twice)
 
 
-def _evaluated(powers, time):
+def _evaluated(powers: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Polynomials (P, K, 3) at times (T,): (P, T, 3)."""
     return np.einsum("pkx,tk->ptx", powers, time[:, None] ** np.arange(1, powers.shape[1] + 1))

@@ -66,17 +66,20 @@ def phases(arguments):
 
     import mitsonar
     from mitsonar.io import exr
+    from mitsonar.survey.energy import record
+    from mitsonar.survey.sides import Sides
 
     integrator, sensor = scene.integrator(), scene.sensors()[0]
     survey = integrator.survey(scene, sensor)
+    one_pass = replace(survey, first_pass=0.0)
     image = mitsonar.render(scene)
     heard = image["rays"].values
     with tempfile.TemporaryDirectory() as folder:
         cost = measuring.rounds({
             "all: mitsonar.render": lambda: mitsonar.render(scene),
             "  track, seabed under it (once a survey)": lambda: integrator.survey(scene, sensor),
-            "  rays to echoes, two passes": lambda: survey.echoes(),
-            "  (the same in one pass, as for a flat bed)": lambda: replace(survey, first_pass=0.0).echoes(),
+            "  rays to echoes, two passes": lambda: record(survey, Sides(survey)),
+            "  (the same in one pass, as for a flat bed)": lambda: record(one_pass, Sides(one_pass)),
             "writing the EXR": lambda: exr.write(image, Path(folder) / "image.exr")}, arguments.rounds)
     print(measuring.machine())
     print(f"{measuring.triangles(scene):,} triangles, two sides, {rays:,} rays and {arguments.bins} bins a ping; "

@@ -17,6 +17,8 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from track_files import write_track
 
 from mitsonar.propagation import eigenray, return_time
+from mitsonar.survey.energy import record
+from mitsonar.survey.sides import Sides
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import bed, buried_bed, sidescan
 
@@ -163,7 +165,7 @@ def test_eight_knots_cost_a_beam_of_a_degree_and_a_half_what_its_lobes_overlap_l
         scene = sidescan(shapes, water={"volume_strength_db": -60.0}, rays=200_000, film={"bins": 200},
                          sensor={"speed_knots": speed, "beam_width_deg": 1.5, "pings": 4, **OMNI})
         survey = replace(scene.integrator().survey(scene, scene.sensors()[0]), max_depth=2)
-        power = survey.echoes(3).path_intensity[..., 80:].mean((0, 1), dtype=float)
+        power = record(survey, Sides(survey), 3).path_intensity[..., 80:].mean((0, 1), dtype=float)
         means.append(dict(zip(survey.paths.names, power.reshape(len(power), 2, -1).sum(-1))))
         # out straight, back to the image, and the other way round, in time and pattern
         way, total = Way(speed=speed * KNOT), 0.0
@@ -198,20 +200,20 @@ def test_delays_and_energies_of_point_targets(name, tmp_path):
     scene = scene_of(way, tmp_path, {"bed": buried_bed(45.0, size=800.0), **shapes}, film={"bins": 4000}, rays=2000,
                      sensor={"beam_width_deg": 3.0})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    echoes, heard = survey.echoes(), 0
+    echoes, seen = record(survey, Sides(survey)), 0
     for ping, target in ((ping, target) for ping in range(4) for target in TARGETS):
         delay, sent, received, out, back = echoes_of(way, INTERVAL * ping, target)
         beam = pattern(survey.sonar, sent, received)
         if beam < 0.01:
             continue
-        heard += 1
+        seen += 1
         bin, row = int((delay - survey.window[0]) / survey.bin_length), (ping, int(target[0] > 0))
         turned = echoes.coherent.pressure[row][bin, 0] * np.exp(2j * np.pi * 1e5 * delay)
         assert abs(np.angle(turned)) < 2 * np.pi * 1e5 * 1e-10
         energy = echoes.coherent.intensity[row][bin - 4:bin + 5].sum() * survey.bin_length
         expected = beam / (out * back) ** 2 * 10 ** ((survey.sonar.source_level_db - ALPHA * (out + back)) / 10)
         assert energy / (expected * survey.sonar.pulse_length) == pytest.approx(1, abs=2e-3 + 3 * abs(back / out - 1))
-    assert heard >= 4
+    assert seen >= 4
 
 
 def test_delays_in_layered_water_are_those_of_exact_rays_to_where_the_sonar_is_then(tmp_path):
@@ -224,7 +226,7 @@ def test_delays_in_layered_water_are_those_of_exact_rays_to_where_the_sonar_is_t
     scene = sidescan({"bed": buried_bed(45.0, size=800.0), **shapes}, water={"profile": SUMMER}, film={"bins": 4000},
                      rays=2000, sensor={"track": str(tmp_path / "track.csv"), "pings": 2, "ping_rate_hz": 4.0, **OMNI})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    z = survey.echoes().coherent.pressure[..., 0]
+    z = record(survey, Sides(survey)).coherent.pressure[..., 0]
     for ping, target in ((ping, target) for ping in range(2) for target in TARGETS):
         origin = survey.track.position[ping]
         out = eigenray(survey.profile, -origin[2], -target[2], np.hypot(*(target - origin)[:2])).travel_time
@@ -252,7 +254,7 @@ def test_a_smooth_plate_shines_towards_where_the_sonar_is_then(degrees, tmp_path
     scene = scene_of(way, tmp_path, {"bed": buried_bed(45.0, size=800.0), "plate": plate}, film={"bins": 4000},
                      rays=2000, sensor={"beam_width_deg": 3.0, "pulse_ms": 1.0, **OMNI}, pings=2)
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    z = survey.echoes().coherent.pressure[..., 0]
+    z = record(survey, Sides(survey)).coherent.pressure[..., 0]
     steps = np.stack(np.meshgrid((np.arange(300) + 0.5) / 300 - 0.5, (np.arange(100) + 0.5) / 100 - 0.5), -1)
     points = centre + 1.5 * steps[..., :1] * across + 0.5 * steps[..., 1:] * up
     off = []
@@ -273,7 +275,7 @@ def test_the_place_of_a_bin_is_half_way_between_the_lobes(tmp_path):
     """At 8 knots the seabed that a bin shows lies v t / 2 ahead of where the ping was sent."""
     scene = scene_of(WAYS["8 knots"], tmp_path, {"seabed": bed(40.0)}, film={"bins": 50}, rays=200_000)
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    echoes = survey.echoes()
+    echoes = record(survey, Sides(survey))
     time = (np.arange(50) + 0.5) * 4.0 / C
     ahead = echoes.truth.seabed_place[..., 1] - survey.track.position[:, 1][:, None, None]
     assert np.abs(ahead[..., 20:] - 4 * KNOT * time[20:]).max() < 0.02
@@ -287,7 +289,8 @@ def test_a_sonar_that_turns_by_a_beam_during_a_ping_needs_no_more_rays(tmp_path)
     for at in (way, Way()):
         scene = scene_of(at, tmp_path, {"seabed": bed(40.0)}, film={"bins": 50}, rays=20_000, pings=40,
                          sensor=OMNI)
-        intensity = scene.integrator().survey(scene, scene.sensors()[0]).echoes().intensity[..., 14:49]
+        survey = scene.integrator().survey(scene, scene.sensors()[0])
+        intensity = record(survey, Sides(survey)).intensity[..., 14:49]
         spread.append((intensity.std((0, 1)) / intensity.mean((0, 1))).mean())
     assert spread[0] < 1.5 * spread[1]
 
@@ -296,4 +299,6 @@ def test_a_platform_at_rest_is_not_under_way():
     """There is no motion that the kernel would look up."""
     scene = sidescan({"seabed": bed(40.0)}, sensor={"heading_deg": 33.0})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    assert not survey.underway and survey.underway.block(np.arange(2)) is None and survey.shifts[1] == [0]
+    underway = Sides(survey).underway
+    assert not underway.moves and underway.motion(np.arange(2)) is None and underway.drift(C) == 0
+    assert underway.along_shifts(survey.track.rotation(), C, 0.01)[1] == [0]

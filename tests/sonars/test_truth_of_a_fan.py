@@ -17,9 +17,10 @@ from track_files import write_track
 import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.imaging.fan import fan_directions
+from mitsonar.survey.beams import Beams
+from mitsonar.survey.places import Places
+from mitsonar.survey.sound_paths import SoundPaths
 from mitsonar.validation.scenes import array_sonar, bed, lambert, point_target
-from mitsonar.survey.fan_truth import FanTruth
-from mitsonar.survey.pressure import PressureRecord
 
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
 BEAM = np.deg2rad(0.886 * 2 / 48 * 180 / np.pi)            # width of 48 elements half a wavelength apart
@@ -121,8 +122,8 @@ def test_a_single_beam_hears_what_it_looks_at():
 
 def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
     """Rays go out in passes of what fits into memory, as many as the bins need."""
-    monkeypatch.setattr("mitsonar.survey.fan_truth.MOST_RAYS", 100_000)
-    monkeypatch.setattr("mitsonar.survey.fan_truth.FEWEST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.survey.beams.MOST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.survey.beams.FEWEST_RAYS", 100_000)
     image = mitsonar.render(array_sonar({"seabed": bed(20, size=120)}, sensor=SONAR, film={"range": 28.0},
                                         integrator={"cell": 0.5}))
     lit = image["range"].values > H + 1
@@ -161,14 +162,13 @@ def test_what_has_a_phase_adds_as_pressure_whatever_its_blocks(monkeypatch):
     made = array_sonar({"seabed": bed(20, size=200.0), "point": point_target([0.0, 12.0, -17.0])}, sensor=SONAR,
                        film={"range": 20.0}, integrator={"cell": 0.3})
     survey = made.integrator().array_survey(made, made.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
-    truth = FanTruth(survey, ensonification, ensonification.pattern, *fan_directions(survey.receive, 91, np.pi / 2), 0)
-    origin, rotation = survey.track.position[0], survey.track.rotation()[0]
-    where = truth.light.tracer.sources([-origin[2]]), truth.lib.Array3f64(*map(float, origin)), None, origin, rotation
-    once, blocks = truth._coherent(*where), truth._with_phase
-    monkeypatch.setattr(truth, "_with_phase", lambda *place: [*blocks(*place), *blocks(*place)])
+    beams, sound = Beams(survey, *fan_directions(survey.receive, 91, np.pi / 2)), SoundPaths.of(survey, 30.0)
+    place = Places(survey, sound.tracer, beams.underway, beams.per_ping).of(np.array([0]))
+    source = beams.coherent(sound)
+    once, blocks = source.sum(place).label_power, source._echoes
+    monkeypatch.setattr(source, "_echoes", lambda place: [*blocks(place), *blocks(place)])
     assert once.max() > 0
-    np.testing.assert_allclose(truth._coherent(*where), 4 * once, rtol=1e-6)
+    np.testing.assert_allclose(source.sum(place).label_power, 4 * once, rtol=1e-6)
 
 
 def test_truth_lies_where_a_fast_and_turning_array_hears_the_echo(tmp_path):

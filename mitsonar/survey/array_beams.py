@@ -1,0 +1,167 @@
+"""The beams of an array: which beam receives a direction, how strongly, and what a picture of them shows.
+
+A fan tells directions apart by the angle ψ = arcsin(d·a) about its axis a, and a line of elements by that alone: every
+direction d belongs to the beam whose ψ is the nearest. What beam b shows is what all beams receive,
+
+    shown_b = Σ_b' M_bb' E_b',    M_bb' = mean over beam b' of |Σ_e w_e e^(ik r_e·(û(ψ) - û_b))|²
+
+smeared over range by the compressed pulse, a sinc of the signal's bandwidth. Elements' patterns, the transmit array's,
+and of a receive array that is no line its pattern off the fan's plane weigh the echoes themselves.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import upload
+from ..device.lookups import held
+from ..echoes.element_beams import ElementBeams
+from ..sonar.array import Array
+from .places import Place
+from .array_survey import ArraySurvey
+
+__all__ = ["ArrayBeams"]
+
+PARTS = 8                          # directions in a beam that its pattern is averaged over
+FLAT = 0.1                         # wavelengths that elements of a line may stand off it
+REACH = 3                          # samples to either side that the compressed pulse is followed
+
+
+class ArrayBeams:
+    """A fan of beams.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    angle, direction : (B,) [rad], (B, 3)
+        Of the beams, body frame, as `imaging.fan.fan_directions` gives them.
+
+    Attributes
+    ----------
+    count : int
+    pattern : callable or None
+        Two-way intensity of the elements, of scene directions and a rotation; None where all directions are alike.
+    """
+
+    def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
+        self._receive, self._angle, self.count = survey.receive, np.asarray(angle, float), len(angle)
+        self._wavelength = survey.sound_speed(0) / survey.frequency
+        turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
+        elements = ElementBeams(survey.transmit, survey.receive, self._wavelength, turned)
+        self.pattern: Callable | None = elements.intensity if elements else None
+        self._axis, self._normal = _axes(self._angle, np.asarray(direction, float))
+        off = survey.receive.position - np.outer(survey.receive.position @ self._axis, self._axis)
+        flat = np.abs(off - off.mean(0)).max() <= FLAT * self._wavelength
+        self._off_plane = None if flat else _ArrayFactor(survey.receive, self._wavelength)
+        self._sent = None
+        if np.count_nonzero(survey.transmit.weight) > 1:
+            self._sent = _ArrayFactor(survey.transmit, self._wavelength, survey.frequency)
+        self._mixing = self._mixed()
+        share = survey.pulse.bandwidth / survey.sampling_rate
+        spread = np.sinc(share * np.arange(-REACH, REACH + 1)) ** 2
+        self._spread = spread / spread.sum()
+
+    def receive(self, place: Place, ping: mi.UInt32, sent: mi.Vector3f,
+                towards: mi.Vector3f) -> tuple[mi.UInt32, mi.Float]:
+        """Give the beam that receives echoes, and its two-way intensity.
+
+        Parameters
+        ----------
+        place : Place
+            Of one ping.
+        ping : UInt32 (R,)
+        sent, towards : Vector3f (R,)
+            Scene directions that sound leaves in and comes back from.
+
+        Returns
+        -------
+        beam : UInt32 (R,)
+        pattern : Float (R,)
+            0 outside the fan.
+        """
+        body, weight = place.body(ping, towards), mi.Float(1)
+        beam = dr.zeros(mi.UInt32, dr.width(body))
+        axis, normal = _opaque(self._axis), _opaque(self._normal)
+        u = dr.clip(dr.dot(body, axis), -1, 1)
+        if self.count > 1:
+            first, last = (dr.opaque(mi.Float, end) for end in (self._angle[0], self._angle[-1]))
+            number = dr.round((dr.asin(u) - first) * (self.count - 1) / (last - first))
+            inside = (number >= 0) & (number <= self.count - 1)
+            beam = mi.UInt32(held(number, 0, self.count - 1))
+            weight = dr.select(inside, weight, 0)
+        if self._off_plane is not None:
+            in_plane = dr.sqrt(1 - u * u) * normal + u * axis
+            weight *= self._off_plane.intensity(body - in_plane)
+        if self._sent is not None:
+            weight *= self._sent.intensity(place.body(ping, sent))
+        if self.pattern is not None:
+            weight *= self.pattern(sent, place.rotation[0])
+        return beam, weight
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give what the picture makes of intensities (B, ..., bins)."""
+        mixed = np.tensordot(self._mixing, intensity, 1)
+        padded = np.pad(mixed, [(0, 0)] * (mixed.ndim - 1) + [(REACH, REACH)])
+        return sum(w * padded[..., k:k + mixed.shape[-1]] for k, w in enumerate(self._spread))
+
+    def _mixed(self) -> np.ndarray:
+        """M, (B, B)."""
+        if self.count == 1:
+            return np.ones((1, 1))
+        angle, receive = self._angle, self._receive
+        half = 0.5 * (angle[-1] - angle[0]) / (self.count - 1)
+        fine = (angle[:, None] + half * ((np.arange(PARTS) + 0.5) / PARTS * 2 - 1)).ravel()
+        k = 2 * np.pi / self._wavelength
+        arriving, steered = (np.exp(1j * k * (np.cos(psi)[:, None] * self._normal + np.sin(psi)[:, None] * self._axis)
+                                    @ receive.position.T) for psi in (fine, angle))
+        weight = receive.weight / np.abs(receive.weight).sum()
+        response = np.abs((steered.conj() * weight) @ arriving.T) ** 2
+        return response.reshape(self.count, self.count, PARTS).mean(2)
+
+
+class _ArrayFactor:
+    """|Σ w e^(i(k r·d - 2π f τ))|² of an array, 1 at most; τ counts where a frequency [Hz] is given."""
+
+    def __init__(self, array: Array, wavelength: float, frequency: float = 0.0):
+        working = np.flatnonzero(array.weight)
+        weight = array.weight[working] / np.abs(array.weight).sum()
+        late = frequency * array.delay[working]
+        table = np.concatenate([array.position[working] / wavelength, late[:, None]], 1)
+        self._table, self._weight = (upload(mi.Float, part.astype(np.float32)) for part in (table, weight))
+        self._count = dr.opaque(mi.UInt32, len(working))
+        dr.eval(self._table, self._weight)
+
+    def intensity(self, body: mi.Vector3f) -> mi.Float:
+        """Give it for body directions."""
+        return _factor(self._table, self._weight, self._count, body)
+
+
+def _opaque(vector: np.ndarray) -> mi.Vector3f:
+    return mi.Vector3f(*(dr.opaque(mi.Float, float(component)) for component in vector))
+
+
+def _axes(angle: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axis and normal of a fan, unit vectors: û = n cos ψ + a sin ψ. A single beam needs no axis, which is 0."""
+    if len(angle) == 1:
+        return np.zeros(3), direction[0]
+    normal, axis = np.linalg.lstsq(np.stack([np.cos(angle), np.sin(angle)], 1), direction, rcond=None)[0]
+    return axis / np.linalg.norm(axis), normal / np.linalg.norm(normal)
+
+
+@dr.syntax
+def _factor(table, weight, count, direction):
+    """|Σ w e^(i2π(x·d - t))|² of `count` rows (x, t) of a table, in wavelengths and cycles."""
+    real, imaginary = mi.Float(0), mi.Float(0)
+    i = mi.UInt32(0)
+    while i < count:
+        x, y = dr.gather(mi.Float, table, 4 * i), dr.gather(mi.Float, table, 4 * i + 1)
+        z, t = dr.gather(mi.Float, table, 4 * i + 2), dr.gather(mi.Float, table, 4 * i + 3)
+        w = dr.gather(mi.Float, weight, i)
+        turns = x * direction.x + y * direction.y + z * direction.z - t
+        sine, cosine = dr.sincos((turns - dr.round(turns)) * float(2 * np.pi))
+        real, imaginary = real + w * cosine, imaginary + w * sine
+        i += 1
+    return real * real + imaginary * imaginary

@@ -1,0 +1,90 @@
+"""Echoes that have a phase, as the beams of an array receive them: point targets and smooth surfaces.
+
+Pressures of an instance in a bin add, and are then squared. The pulse and the beams' side lobes blur what is squared as
+they do all energies (`array_beams`): the picture itself takes its pressures from the elements' signals.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..echoes.record import Echoes
+from ..echoes.smooth.targets import SmoothTargets
+from ..imaging.energy_record import CoherentRecord, CoherentSums
+from .array_beams import ArrayBeams
+from .energy_bins import EnergyBins
+from .places import Place
+from .array_survey import ArraySurvey
+from .sound_paths import SoundPaths
+from .target_echoes import target_echoes
+
+__all__ = ["CoherentBeams"]
+
+FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band that are used, over c / 2 a sample
+
+
+class CoherentBeams:
+    """The coherent echoes that beams of an array receive.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    sound : SoundPaths
+    beams : ArrayBeams
+    bins : EnergyBins
+    drift : float [-]
+        How far the array moves while sound goes a metre out and back, at most.
+    """
+
+    def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: ArrayBeams, bins: EnergyBins, *, drift: float):
+        self._sights, self._beams, self._bins = sound.sights, beams, bins
+        self._labels, self._targets = len(survey.labels), survey.geometry.targets()
+        self._smooth = SmoothTargets(
+            sound.sights, sound.tracer, frequency=survey.frequency, reach=0.0, drift=drift,
+            resolution=FLAT_BAND * survey.sound_speed(0) / survey.sampling_rate, farthest=sound.tracer.max_range)
+        self._source_power = 10 ** (survey.source_level_db / 10)
+        self._frequency = dr.opaque(mi.Float64, survey.frequency)
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing in the scene has a phase of its own."""
+        return not (self._smooth or self._targets)
+
+    def sum(self, place: Place) -> CoherentSums:
+        """Sum the echoes of a ping; arrays (beams, ..., bins)."""
+        power = self._power(place)
+        return CoherentSums(label_power=power, record=CoherentRecord(
+            intensity=self._beams.shown(power.sum(1)), in_beam=power.any(1).astype(np.uint32)))
+
+    def _power(self, place: Place) -> np.ndarray:
+        """Squared pressures, (beams, labels, bins) [µPa²]."""
+        shape = self._beams.count, self._labels, self._bins.count
+        total = np.zeros(shape, complex)
+        for label, echoes in self._echoes(place):
+            ping, delay = mi.UInt32(0), echoes.out.travel_time + echoes.between + echoes.back.travel_time
+            received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, delay)
+            row, pattern = self._beams.receive(place, ping, echoes.out.sent_towards, received.towards)
+            bin, inside = self._bins.of(received.delay, pattern > 0)
+            cycles = received.delay * self._frequency
+            phase = mi.Float(cycles - dr.floor(cycles)) * (2 * np.pi)
+            columns = row, label, bin, inside, dr.sqrt(pattern), phase, *echoes.amplitude
+            dr.eval(columns)
+            row, label, bin, inside, root, phase, real, imaginary = (
+                np.broadcast_to(column.numpy(), dr.width(inside)) for column in columns)
+            where = ((row.astype(np.int64) * self._labels + label - 1) * self._bins.count + bin)[inside]
+            z = ((real + 1j * imaginary) * root * np.exp(-1j * phase))[inside]
+            # what comes in several blocks is one echo: it is squared when it is whole
+            total.real += np.bincount(where, z.real, total.size).reshape(shape)
+            total.imag += np.bincount(where, z.imag, total.size).reshape(shape)
+        return self._source_power * (total.real ** 2 + total.imag ** 2)
+
+    def _echoes(self, place: Place) -> Iterator[tuple[mi.UInt32, Echoes]]:
+        """Yield the labels and the echoes of all targets and smooth surfaces."""
+        if self._targets:
+            for _, label, echoes in target_echoes(self._sights, self._targets, place, 1, 0, mirrored=False):
+                yield label, echoes
+        for _, label, echoes in self._smooth(place.sources, place.position, place.source_of):
+            yield label, echoes

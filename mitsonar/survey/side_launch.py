@@ -1,0 +1,143 @@
+"""Rays of a sidescan's sides, drawn through quantile tables: see `tracing.launch`.
+
+A direction of a side is (u, φ), as `sonar.sidescan` has it. The tables of u follow the beam along the platform,
+wherever it turns while echoes are under way (`underway`); those of φ follow the time axis, or the beam across.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from ..device.chance import Salt, other_pair, pair, seeded, stratified, uniform
+from ..tracing.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles
+from .places import Place
+from .rows import Rays
+from .sidescan_survey import SidescanSurvey
+from .underway import Underway
+
+__all__ = ["SideLaunch", "SideRays"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideRays(Rays):
+    """Rays of sides.
+
+    Attributes
+    ----------
+    row : UInt32 (R,)
+        Side of a ping of the block.
+    side : Float (R,)
+        -1 port, 1 starboard.
+    cell : UInt32 (R,)
+        Of the table of φ that the ray was drawn through, (rows, CELLS).
+    u, v : Float (R,)
+        Of the direction, see `face_beams`.
+    strata : Strata
+        How the rays are numbered.
+    """
+
+    row: mi.UInt32
+    side: mi.Float
+    cell: mi.UInt32
+    u: mi.Float
+    v: mi.Float
+    strata: Strata
+
+
+class SideLaunch:
+    """Draw rays of sides.
+
+    Parameters
+    ----------
+    survey : SidescanSurvey
+    underway : Underway
+    depression : Float [rad]
+        Of the faces.
+    """
+
+    def __init__(self, survey: SidescanSurvey, underway: Underway, depression: mi.Float):
+        sonar = survey.sonar
+        self._survey, self._lib, self._depression = survey, arrays_of(mi.Float), depression
+        self._group, shifts = underway.along_shifts(survey.track.rotation(), sonar.sound_speed,
+                                                   sonar.wavelength / sonar.longest)
+        self.largest_shift = max(float(np.abs(some).max()) for some in shifts)
+        tables = np.stack([along_quantiles(sonar, some) for some in shifts])
+        self._along = upload(mi.Float, tables.astype(np.float32))
+        self._across = upload(mi.Float, across_quantiles(sonar).astype(np.float32))
+        dr.eval(self._along, self._across)
+
+    def grids(self) -> tuple[tuple[int, int] | None, tuple[int, int]]:
+        """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
+        survey = self._survey
+        first = int(round(survey.rays * survey.first_pass / 2))
+        return _grid(first) if first else None, _grid(max(1, survey.rays // 2 - first))
+
+    def first_quantiles(self, place: Place) -> np.ndarray:
+        """Give the tables of φ, (rows, CELLS + 1) [rad], that suit a level bed."""
+        survey = self._survey
+        phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
+        side = np.array([-1.0, 1.0])
+        body = np.stack(np.broadcast_arrays(0.0, side[:, None] * np.cos(phi), np.sin(phi)), -1)      # (side, phi, 3)
+        down = -np.einsum("pj,skj->psk", place.rotation[:, 2], body)                                 # (ping, side, phi)
+        depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
+        below = np.repeat(place.depth_below_of, 2)
+        mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
+        above = None
+        if survey.geometry.surface_label and not survey.geometry.surface_mirrors:
+            above = np.repeat(-place.position[:, 2], 2)
+        return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
+
+    def drawn(self, place: Place, quantiles: np.ndarray, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
+        """Draw the rays of a pass: `grid` strata in φ and u for each row, through tables of φ."""
+        lib, strata = self._lib, Strata(self._lib, place.rows, *grid)
+        row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
+        key = seeded(place.key(row), seed, salt)
+        a, b = pair(within, key)
+        # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
+        # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
+        scramble, _ = other_pair(i_phi, key)
+        slice_phi = i_u ^ (scramble & (strata.second - 1))
+        within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
+        xi_phi = stratified(lib, i_phi, within_phi, strata.first)
+        phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
+        xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
+        return self._rays(place, row, phi, phi_width, cell, xi_u, strata)
+
+    def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
+        """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
+        lib, strata = self._lib, Strata(self._lib, place.rows, *grid)
+        row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
+        key = seeded(place.key(row), seed, Salt.WATER)
+        a, b = pair(within, key)
+        c, _ = other_pair(a, key)
+        xi_phi = stratified(lib, i_phi, uniform(lib, a), strata.first)
+        phi, phi_width, cell = draw(self._across, mi.UInt32(0), xi_phi)
+        xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
+        return self._rays(place, row, phi, phi_width, cell, xi_u, strata), uniform(lib, c)
+
+    def _rays(self, place, row, phi, phi_width, cell, xi_u, strata):
+        """Rays at angles φ, their u drawn with numbers of [0, 1)."""
+        u, u_width, _ = draw(self._along, self._table_of(place, row), xi_u)
+        w = dr.sqrt(dr.maximum(1 - u * u, 0))
+        sin_phi, cos_phi = dr.sincos(phi)
+        side = mi.Float(row & 1) * 2 - 1
+        direction = place.scene(row >> 1, mi.Vector3f(u, side * w * cos_phi, w * sin_phi))
+        return SideRays(row=row, ping=row >> 1, cell=cell, direction=direction, side=side, strata=strata, u=u,
+                        v=w * dr.sin(phi - self._depression),
+                        solid_angle=phi_width * u_width / mi.Float(strata.per_row))
+
+    def _table_of(self, place, row):
+        """Number of the table of u that rays of a row are drawn through."""
+        if place.still:
+            return mi.UInt32(0)
+        return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
+
+
+def _grid(rays: int) -> tuple[int, int]:
+    """Strata (φ, u) for about this many rays, multiples of 4: u needs few, the beam is narrow."""
+    steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
+    return max(4, 4 * round(rays / (4 * steps_u))), steps_u

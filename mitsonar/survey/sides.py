@@ -1,0 +1,130 @@
+"""The sides of a sidescan as rows of an energy record.
+
+A row is what the face of one side receives of a ping: port is 0, starboard 1. Rays of a side are launched from its own
+face. A first, sparse pass finds out which directions lead into time bins that few rays reach; the second pass, which
+alone makes the record, sends more rays there.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.chance import Salt
+from ..echoes.energy_sums import sum_size
+from ..echoes.origin_sums import WORDS
+from ..imaging.sidescan import mean_intensity, pulse_shares
+from ..tracing.launch import CELLS, refine_quantiles
+from .coherent_sidescan import CoherentSidescan
+from .energy_bins import EnergyBins
+from .face_beams import BEAM_EDGE, FaceBeams
+from .places import Place
+from .rows import EchoSource, RowResponse
+from .side_echoes import SideMultipath, SideWater
+from .side_launch import SideLaunch, SideRays
+from .sidescan_survey import SidescanSurvey
+from .sound_paths import SoundPaths
+from .underway import Underway
+
+__all__ = ["Sides"]
+
+RAYS_PER_BLOCK = 1 << 21
+SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
+TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
+MOST_SUMS = 1 << 32                # what an index reaches
+
+
+class Sides:
+    """Both sides of a sidescan; see `rows.Rows`.
+
+    Parameters
+    ----------
+    survey : SidescanSurvey
+
+    Raises
+    ------
+    ValueError
+        If a ping has more bins and shapes than an index reaches.
+    """
+
+    per_ping = 2
+
+    def __init__(self, survey: SidescanSurvey):
+        sonar = survey.sonar
+        self._survey = survey
+        self.labels, self.paths = len(survey.labels), survey.paths
+        self.frequency, self.source_level_db = sonar.frequency, sonar.source_level_db
+        self.bins = EnergyBins(
+            start=survey.window[0], length=survey.bin_length, count=survey.bins, sound_speed=sonar.sound_speed,
+            beam=sonar.solid_angle(), absorption_db=float(np.min(survey.absorption.absorption_db)))
+        self.underway = Underway(
+            survey.voyage.trajectory.during(survey.track.time, survey.window[1] + sonar.pulse_length))
+        self._beams = FaceBeams(sonar)
+        self._launch = SideLaunch(survey, self.underway, self._beams.depression)
+        self._first_grid, self._second_grid = self._launch.grids()
+        self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
+        self.pings_per_block = self._pings_per_block()
+
+    def _pings_per_block(self) -> int:
+        """How many pings a block holds: bounded by rays and by the memory of sums and of tables of rays."""
+        survey, pings = self._survey, self._survey.track.pings
+        by_label = self.labels * (2 if survey.geometry.named.hides else 1)
+        sums = 2 * survey.bins * (by_label + len(self.paths) - 1 + WORDS)
+        if sums >= MOST_SUMS:
+            raise ValueError(f"{survey.bins} bins and {len(survey.geometry.labels)} shapes make {sums} sums a ping, "
+                             f"over {MOST_SUMS}; take fewer bins or let shapes share an id")
+        rays = RAYS_PER_BLOCK if survey.max_depth == 1 else RAYS_PER_BLOCK // 8
+        by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
+        level = len(np.unique(survey.track.position[:, 2])) == 1
+        return max(1, min(by_rays, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
+
+    def passes(self, place: Place, seed: int,
+               bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
+        """Yield the rays that make the record, in one pass."""
+        quantiles = self._launch.first_quantiles(place)
+        if self._first_grid is not None:
+            rays = self._launch.drawn(place, quantiles, self._first_grid, seed, Salt.FIRST_PASS)
+            quantiles = refine_quantiles(quantiles, self._need(place, rays, *bins_of(place, rays)))
+        yield self._launch.drawn(place, quantiles, self._second_grid, seed, Salt.SECOND_PASS)
+
+    def _need(self, place: Place, rays: SideRays, bin: mi.UInt32, inside: mi.Bool) -> np.ndarray:
+        """How far each cell of φ leads into bins that few rays reach, (rows, CELLS)."""
+        index, cell = rays.row * self.bins.opaque_count + bin, rays.cell
+        count = dr.zeros(mi.UInt32, sum_size(place.rows * self.bins.count))
+        dr.scatter_add(count, mi.UInt32(1), index, inside)
+        dr.eval(count, index, inside, cell)
+        share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, inside), 1)))
+        need = dr.zeros(mi.UInt64, sum_size(place.rows * CELLS))
+        dr.scatter_add(need, share, cell, inside)
+        return need.numpy()[:place.rows * CELLS].reshape(place.rows, CELLS) / 2.0 ** 32
+
+    def response(self, place: Place, rays: SideRays, towards: mi.Vector3f) -> RowResponse:
+        """Give how the side that sent a ray receives its echo: nothing comes from the other side of the body."""
+        u, v, same_side = rays.u, rays.v, mi.Bool(True)
+        if not place.still:
+            body = place.body(rays.ping, towards)
+            u, v, same_side = body.x, self._beams.across(body), body.y * rays.side > 0
+        along, across = self._beams.two_way(rays.u, rays.v, u, v)
+        lobe = along if place.still else self._beams.lobe(rays.u, u)
+        return RowResponse(row=rays.row, pattern=along * across, in_beam=lobe > BEAM_EDGE, active=same_side)
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        return mean_intensity(intensity, self._shares)
+
+    def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[SideRays]]:
+        """Give the sources of echoes of several bounces, and of the water."""
+        sources: list[EchoSource[SideRays]] = []
+        if self._survey.max_depth > 1:
+            sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, seed))
+        if self._survey.volume is not None:
+            sources.append(SideWater(self._survey, sound, self._beams, self.bins, self._launch, seed))
+        return sources
+
+    def coherent(self, sound: SoundPaths) -> CoherentSidescan | None:
+        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        source = CoherentSidescan(self._survey, sound, self._beams, drift=self.underway.drift(self.bins.sound_speed),
+                                  shift=self._launch.largest_shift)
+        return None if source.silent else source
