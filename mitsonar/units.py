@@ -7,58 +7,62 @@ Everything inside the library is linear SI and radians; a name with the suffix `
 
 All functions take scalars or arrays.
 """
+from typing import TypeVar, cast
+
 import numpy as np
+
+Values = TypeVar("Values", float, np.ndarray)    # a number gives a number, an array an array
 
 KNOT = 1852 / 3600  # [m/s], exact by definition of the nautical mile
 
 
-def db_from_power(power):
+def db_from_power(power: Values) -> Values:
     """Give the decibels of a power, intensity or area ratio; zero gives -inf."""
     with np.errstate(divide="ignore"):
-        return 10 * np.log10(power)
+        return cast(Values, 10 * np.log10(power))
 
 
-def power_from_db(level_db):
+def power_from_db(level_db: Values) -> Values:
     """Give the power, intensity or area ratio of a level in decibels."""
-    return 10 ** (np.asarray(level_db, float) / 10)[()]
+    return cast(Values, 10 ** (np.asarray(level_db, float) / 10)[()])
 
 
-def db_from_amplitude(amplitude):
+def db_from_amplitude(amplitude: Values) -> Values:
     """Give the decibels of an amplitude (pressure) ratio; zero gives -inf."""
     with np.errstate(divide="ignore"):
-        return 20 * np.log10(np.abs(amplitude))
+        return cast(Values, 20 * np.log10(np.abs(amplitude)))
 
 
-def amplitude_from_db(level_db):
+def amplitude_from_db(level_db: Values) -> Values:
     """Give the amplitude (pressure) ratio of a level in decibels."""
-    return 10 ** (np.asarray(level_db, float) / 20)[()]
+    return cast(Values, 10 ** (np.asarray(level_db, float) / 20)[()])
 
 
-def radians_from_deg(angle_deg):
+def radians_from_deg(angle_deg: Values) -> Values:
     """Give the angle [rad] of an angle in degrees."""
-    return np.deg2rad(angle_deg)
+    return cast(Values, np.deg2rad(angle_deg))
 
 
-def deg_from_radians(angle):
+def deg_from_radians(angle: Values) -> Values:
     """Give the degrees of an angle [rad]."""
-    return np.rad2deg(angle)
+    return cast(Values, np.rad2deg(angle))
 
 
-def hertz_from_khz(frequency_khz):
+def hertz_from_khz(frequency_khz: Values) -> Values:
     """Give the frequency [Hz] of a frequency in kilohertz."""
-    return np.multiply(frequency_khz, 1e3)[()]
+    return cast(Values, np.multiply(frequency_khz, 1e3)[()])
 
 
-def khz_from_hertz(frequency):
+def khz_from_hertz(frequency: Values) -> Values:
     """Give the kilohertz of a frequency [Hz]."""
-    return np.multiply(frequency, 1e-3)[()]
+    return cast(Values, np.multiply(frequency, 1e-3)[()])
 
 
-def metres_per_second_from_knots(speed_knots):
+def metres_per_second_from_knots(speed_knots: Values) -> Values:
     """Give the speed [m/s] of a speed in knots."""
-    return np.multiply(speed_knots, KNOT)[()]
+    return cast(Values, np.multiply(speed_knots, KNOT)[()])
 
 
-def knots_from_metres_per_second(speed):
+def knots_from_metres_per_second(speed: Values) -> Values:
     """Give the knots of a speed [m/s]."""
-    return np.divide(speed, KNOT)[()]
+    return cast(Values, np.divide(speed, KNOT)[()])

@@ -4,32 +4,45 @@ Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows
 used in place lies anywhere, so the same code would compile again and again, and now and then run without packets.
 """
 import importlib
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
 import drjit as dr
 import numpy as np
 
-__all__ = ["arrays_of", "picked", "upload"]
+from .types import ArrayTypes, Bool, DrJitArray, UInt32
 
+__all__ = ["arrays_of", "looped", "picked", "upload"]
+
+Kept = TypeVar("Kept")              # the type of array that goes in comes out
 ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once
 
 
-def arrays_of(array):
+def arrays_of(array: DrJitArray | type) -> ArrayTypes:
     """Return the Dr.Jit namespace (`drjit.llvm.ad`, `drjit.cuda.ad`, ...) that an array or its type belongs to."""
     kind = array if isinstance(array, type) else type(array)
     module = next(base.__module__ for base in kind.__mro__ if base.__module__.startswith("drjit."))
-    return importlib.import_module(module)
+    return cast(ArrayTypes, importlib.import_module(module))
 
 
-def picked(value, index):
+def looped(state: tuple, condition: Callable[..., Bool], body: Callable[..., tuple], label: str | None = None) -> tuple:
+    """Run a loop within one kernel: `body` gives the next state from the state, as long as `condition` holds of it.
+
+    As `drjit.while_loop`, whose declarations allow one state variable alone.
+    """
+    return cast(Any, dr.while_loop)(state, condition, body, mode="symbolic", label=label)
+
+
+def picked(value: Kept, index: UInt32) -> Kept:
     """Values with these numbers (UInt32), Dr.Jit arrays; one value for all is picked every time."""
     return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
 
 
-def upload(kind, values):
+def upload(kind: type[Kept], values: np.ndarray) -> Kept:
     """Copy values (any shape, flattened) to a device array of type `kind`, whose NumPy type they must have."""
     values = np.ravel(values)
     raw = np.empty(values.nbytes + ALIGNMENT, np.uint8)
     start = -raw.ctypes.data % ALIGNMENT
     place = raw[start:start + values.nbytes].view(values.dtype)
     place[:] = values
-    return kind(place)
+    return cast(Any, kind)(place)

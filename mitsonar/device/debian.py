@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable, Sequence
 
 # The C and C++ runtimes must be those the interpreter already runs on; every machine with apt has them.
 SYSTEM_ONLY = {"libc6", "libgcc-s1", "libstdc++6"}
@@ -31,7 +32,7 @@ class Packages:
         There is no apt, or the lists cannot be fetched.
     """
 
-    def __init__(self, say=print):
+    def __init__(self, say: Callable[[str], None] = print):
         missing = [tool for tool in ("apt-get", "apt-cache", "dpkg-deb") if not shutil.which(tool)]
         if missing:
             raise Unavailable(f"this machine has no {missing[0]}")
@@ -44,15 +45,16 @@ class Packages:
         say("fetching Debian's package lists")
         self._run("apt-get", "-qq", "--error-on=any", "update")
 
-    def names(self, prefix):
+    def names(self, prefix: str) -> list[str]:
         """Return the names of all packages that begin with `prefix`."""
         return self._run("apt-cache", "pkgnames", prefix).split()
 
-    def closure(self, names):
+    def closure(self, names: Sequence[str]) -> list[str]:
         """Return `names` and all they depend on, the C and C++ runtimes left out."""
         text = self._run("apt-cache", "depends", "--recurse", "--no-recommends", "--no-suggests", "--no-conflicts",
                          "--no-breaks", "--no-replaces", "--no-enhances", *names)
-        needs, package = {}, None
+        needs: dict[str, list[str]] = {}
+        package: list[str] = []
         for line in text.splitlines():
             if not line.startswith(" "):
                 package = needs.setdefault(line.strip(), [])
@@ -66,7 +68,7 @@ class Packages:
                 waiting += needs.get(name, [])
         return sorted(found)
 
-    def unpack(self, names, folder):
+    def unpack(self, names: Sequence[str], folder: str) -> None:
         """Download packages and leave their contents in `folder`, which they replace; all of it or nothing."""
         self._say(f"fetching {' '.join(names)}")
         self._run("apt-get", "-qq", "download", *names)
@@ -79,7 +81,7 @@ class Packages:
                 os.rename(folder, f"{part}/old")
             os.rename(f"{part}/new", folder)
 
-    def _run(self, tool, *arguments):
+    def _run(self, tool: str, *arguments: str) -> str:
         options = self._options if tool.startswith("apt") else []
         child = subprocess.run([tool, *options, *arguments], cwd=self._folder.name, stdin=subprocess.DEVNULL,
                                capture_output=True, encoding="utf-8", errors="replace", check=False)

@@ -12,6 +12,7 @@ import ctypes
 import os
 import sys
 import warnings
+from collections.abc import Callable, Iterator
 
 OLDEST, TESTED = 17, 19
 VARIABLE = "DRJIT_LIBLLVM_PATH"
@@ -22,13 +23,13 @@ class BackendError(RuntimeError):
     """The machine lacks what Dr.Jit needs to compile kernels; the message says how to get it."""
 
 
-def cache_folder():
+def cache_folder() -> str:
     """Return the folder for what mitsonar fetches for this user: ``$XDG_CACHE_HOME/mitsonar``."""
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return os.path.join(os.path.realpath(caches), "mitsonar")
 
 
-def private_folder():
+def private_folder() -> str:
     """Return the folder for an unpacked libLLVM: one per release and processor, as machines may share a home folder."""
     release = {}
     try:
@@ -40,7 +41,7 @@ def private_folder():
     return os.path.join(cache_folder(), f"llvm-{release.get('ID', sys.platform)}-{version}-{_processor()}")
 
 
-def remedy():
+def remedy() -> str:
     """Return what to do about a missing libLLVM, as text for an error message."""
     return f"""mitsonar needs the LLVM shared library to compile its kernels, version {OLDEST} or newer.
   Debian/Ubuntu:   sudo apt-get install libllvm{TESTED} libatomic1
@@ -48,7 +49,7 @@ def remedy():
   elsewhere:       install LLVM {TESTED}, or set {VARIABLE} to its libLLVM.so / libLLVM.dylib / LLVM-C.dll"""
 
 
-def locate():
+def locate() -> str | None:
     """Choose a libLLVM, tell Dr.Jit by ``DRJIT_LIBLLVM_PATH``, and load what it needs beside it.
 
     A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the installed ones and the one in
@@ -70,12 +71,12 @@ def locate():
     return path if _has_atomic() else None
 
 
-def is_ready():
+def is_ready() -> bool:
     """Tell whether Dr.Jit, still to be imported, will find a way to compile kernels; `locate` is part of it."""
     return bool(locate() or _has_atomic() and has_cuda())
 
 
-def check():
+def check() -> None:
     """Make sure that kernels can be compiled; call this before a variant is set.
 
     Raises
@@ -86,7 +87,7 @@ def check():
     """
     drjit = sys.modules.get("drjit")
     ask = getattr(getattr(drjit, "detail", None), "llvm_version", None)
-    if ask is None:  # not imported, or just about to be, perhaps by another thread
+    if drjit is None or ask is None:  # not imported, or just about to be, perhaps by another thread
         if not is_ready():
             raise BackendError(remedy())
         return
@@ -98,7 +99,7 @@ def check():
         raise BackendError(remedy())
 
 
-def provide(say=print):
+def provide(say: Callable[[str], None] = print) -> str:
     """Fetch libLLVM, libatomic and what they need from Debian's packages into the user's cache, without root.
 
     Parameters
@@ -134,19 +135,19 @@ def provide(say=print):
     return path
 
 
-def origin(path):
+def origin(path: str) -> str:
     """Say where the library at `path` was found: ``system``, ``mitsonar's cache`` or the variable that names it."""
     if path.startswith(private_folder() + os.sep):
         return "mitsonar's cache"
     return "system" if path in _installed() else VARIABLE
 
 
-def has_cuda():
+def has_cuda() -> bool:
     """Tell whether the NVIDIA driver is there: with it Dr.Jit can do without LLVM."""
     return _loads("libcuda.so.1") or _loads("nvcuda.dll")
 
 
-def major_version(path):
+def major_version(path: str) -> int:
     """Return the major version of the libLLVM at `path`, by its file name or else by asking it; -1 if unknown."""
     name = os.path.basename(os.path.realpath(path))
     for prefix in ("libLLVM-", "libLLVM.so."):  # libLLVM-15.so.1, libLLVM-14.0.6.so.1, libLLVM.so.19.1
@@ -162,7 +163,7 @@ def major_version(path):
     return int(child.stdout) if child.returncode == 0 else -1
 
 
-def _folders():
+def _folders() -> Iterator[str]:
     triple = f"{_processor()}-linux-gnu"
     yield from (f"/usr/lib/{triple}", "/usr/lib64", "/usr/lib", f"{sys.prefix}/lib")
     yield from ("/opt/homebrew/opt/llvm/lib", "/usr/local/opt/llvm/lib")
@@ -171,7 +172,7 @@ def _folders():
     yield f"{private_folder()}/usr/lib/{triple}"
 
 
-def _installed():
+def _installed() -> list[str]:
     """Return the real paths of all libraries that could be libLLVM, each once."""
     found = {}
     for folder in filter(os.path.isdir, _folders()):
@@ -183,33 +184,33 @@ def _installed():
     return list(found)
 
 
-def _closest(paths):
+def _closest(paths: list[str]) -> str | None:
     private = private_folder() + os.sep
     ranked = [(_distance(major), path.startswith(private), path)
               for path, major in ((path, major_version(path)) for path in paths) if major >= OLDEST]
     return min(ranked)[2] if ranked else None
 
 
-def _distance(major):
+def _distance(major: int) -> tuple[int, int]:
     return abs(major - TESTED), -major
 
 
-def _usable(path):
+def _usable(path: str) -> bool:
     return os.path.isfile(path) and major_version(path) >= OLDEST
 
 
-def _machine(path):
+def _machine(path: str) -> bytes:
     """Return the word size and processor an ELF file is for; b"" for other formats."""
     with open(path, "rb") as file:
         head = file.read(20)
     return head[4:5] + head[18:20] if head.startswith(b"\x7fELF") else b""
 
 
-def _processor():
+def _processor() -> str:
     return os.uname().machine if hasattr(os, "uname") else ""
 
 
-def _loads(name):
+def _loads(name: str) -> bool:
     try:
         ctypes.CDLL(name)
     except OSError:
@@ -217,13 +218,13 @@ def _loads(name):
     return True
 
 
-def _has_atomic():
+def _has_atomic() -> bool:
     if not sys.platform.startswith("linux") or _loads("libatomic.so.1"):
         return True
     return _loads(f"{private_folder()}/usr/lib/{_processor()}-linux-gnu/libatomic.so.1")
 
 
-def _load_neighbours(path):
+def _load_neighbours(path: str) -> None:
     """Load the unpacked libraries that the system lacks, so that the libLLVM at `path` finds them loaded by name."""
     folder = os.path.dirname(path)
     names = (name for name in os.listdir(folder) if name.rpartition(".so.")[2].isdigit())
