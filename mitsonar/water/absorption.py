@@ -6,13 +6,18 @@ f -> ``frequency`` [Hz], T -> ``temperature`` [deg C], S -> ``salinity`` [g/kg],
 Ainslie and McColm shortened the three terms; Thorp's law keeps f alone, for one kind of water. All hold along a path by
 integrating over its depths; over a few tens of metres the mean depth will do.
 """
-import numpy as np
+from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..device.types import Real
 from ..units import khz_from_hertz
 from .ranges import checked, chosen
 
 
-def francois_garrison_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0):
+def francois_garrison_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
+                         depth: ArrayLike = 0.0, ph: ArrayLike = 8.0) -> np.ndarray:
     """Give the absorption of seawater by Francois and Garrison.
 
     Parameters
@@ -56,7 +61,8 @@ def francois_garrison_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, 
     return 1e-3 * (a1 * _relaxation(f, f1) + a2 * p2 * _relaxation(f, f2) + a3 * p3 * f**2)
 
 
-def ainslie_mccolm_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0):
+def ainslie_mccolm_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
+                      depth: ArrayLike = 0.0, ph: ArrayLike = 8.0) -> np.ndarray:
     """Give the absorption of seawater by Ainslie and McColm; arguments and errors as `francois_garrison_db`.
 
     Returns
@@ -78,7 +84,8 @@ def ainslie_mccolm_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=
     return 1e-3 * (boric + magnesium + water)
 
 
-def thorp_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0):
+def thorp_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0, depth: ArrayLike = 0.0,
+             ph: ArrayLike = 8.0) -> np.ndarray:
     """Give the absorption of seawater by Thorp; arguments and errors as `francois_garrison_db`.
 
     Returns
@@ -97,10 +104,12 @@ def thorp_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0):
     return 1e-3 * (0.0033 + 0.11 * _relaxation(f, 1.0) + 44 * f**2 / (4100 + f**2) + 3e-4 * f**2)
 
 
-FORMULAS = {"francois-garrison": francois_garrison_db, "ainslie-mccolm": ainslie_mccolm_db, "thorp": thorp_db}
+FORMULAS: dict[str, Callable[..., np.ndarray]] = {
+    "francois-garrison": francois_garrison_db, "ainslie-mccolm": ainslie_mccolm_db, "thorp": thorp_db}
 
 
-def absorption_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0, formula="francois-garrison"):
+def absorption_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
+                  depth: ArrayLike = 0.0, ph: ArrayLike = 8.0, formula: str = "francois-garrison") -> np.ndarray:
     """Give the absorption of seawater by the formula of a name.
 
     Parameters
@@ -136,12 +145,13 @@ def absorption_db(frequency, temperature=10.0, salinity=35.0, depth=0.0, ph=8.0,
     return chosen("absorption", formula, FORMULAS)(frequency, temperature, salinity, depth, ph)
 
 
-def _relaxation(f, f_relax):
+def _relaxation(f: np.ndarray, f_relax: Real) -> np.ndarray:
     # f_relax = 0 (no salt) and f = 0 both mean no loss, also together.
     return f_relax * f**2 / np.maximum(f**2 + f_relax**2, np.finfo(float).tiny)
 
 
-def _checked(frequency, temperature, salinity, depth, ph):
-    frequency, *others = checked("absorption", frequency=frequency, temperature=temperature, salinity=salinity,
-                                 depth=depth, ph=ph)
-    return khz_from_hertz(frequency), *others
+def _checked(frequency: ArrayLike, temperature: ArrayLike, salinity: ArrayLike, depth: ArrayLike,
+             ph: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    f, t, s, d, ph = checked("absorption", frequency=frequency, temperature=temperature, salinity=salinity, depth=depth,
+                             ph=ph)
+    return khz_from_hertz(f), t, s, d, ph

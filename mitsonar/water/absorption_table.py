@@ -4,7 +4,9 @@ import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.lookups import held
-from .column import column_integrals
+from ..device.types import DrJitArray, Float
+from .column import AbsorptionColumn, column_integrals
+from .profile import SoundSpeedProfile
 
 __all__ = ["Absorption"]
 
@@ -25,7 +27,8 @@ class Absorption:
         Shallowest depth asked for.
     """
 
-    def __init__(self, column, profile, deepest, like, top=0.0):
+    def __init__(self, column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, like: DrJitArray | type,
+                 top: float = 0.0):
         self.lib = lib = arrays_of(like)
         deepest = max(float(deepest), 1.0)
         integrals, c_r = column_integrals(column, profile, deepest, ABSORPTION_STEPS, top)
@@ -35,7 +38,7 @@ class Absorption:
         self.c2 = dr.opaque(lib.Float, c_r ** 2)
         dr.eval(self.table)
 
-    def __call__(self, z0, z1, arc_length, ray_parameter):
+    def __call__(self, z0: Float, z1: Float, arc_length: Float, ray_parameter: Float) -> Float:
         """Loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
         a, b = self._at(z0), self._at(z1)
         apart = z1 - z0

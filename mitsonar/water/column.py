@@ -11,8 +11,12 @@ thermocline at 400 kHz (94 to 110 dB/km), from 2 to 40 m deep, κ takes the two-
 degrees of grazing (237 m), from 0.16 to 0.04 dB at 10 degrees (170 m); at 100 kHz it leaves 0.03 and 0.005 dB.
 """
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
+
+from ..units import Values
+from .profile import SoundSpeedProfile
 
 __all__ = ["AbsorptionColumn", "column_integrals"]
 
@@ -41,18 +45,19 @@ class AbsorptionColumn:
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "absorption_db", alpha)
 
-    def mirrored(self):
+    def mirrored(self) -> "AbsorptionColumn":
         """The column below the surface, and above it the same upside down."""
         below = self.depth > 0
         depth, alpha = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.absorption_db[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
 
-    def at(self, depth):
+    def at(self, depth: Values) -> Values:
         """Absorption [dB/m] at depths [m]."""
-        return np.interp(depth, self.depth, self.absorption_db)
+        return cast(Values, np.interp(depth, self.depth, self.absorption_db))
 
 
-def column_integrals(column, profile, deepest, steps, top=0.0):
+def column_integrals(column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, steps: int,
+                     top: float = 0.0) -> tuple[np.ndarray, float]:
     """Integrals down from `top`, at `steps` + 1 equal depths from there to `deepest` [m].
 
     Parameters

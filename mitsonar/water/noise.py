@@ -10,6 +10,7 @@ three are the fit to Wenz's curves by Coates, whose own thermal line, -15 + 20 l
 A band of width B received by a beam of directivity index DI carries level + 10 log B - DI.
 """
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..units import db_from_power, khz_from_hertz, power_from_db
 from .ranges import checked
@@ -18,7 +19,7 @@ BOLTZMANN = 1.380649e-23  # [J/K]
 MICROPASCAL = 1e-6  # [Pa]
 
 
-def ambient_noise_db(frequency, wind_speed=5.0, shipping=0.5):
+def ambient_noise_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0, shipping: ArrayLike = 0.5) -> np.ndarray:
     """Give the ambient noise level of the deep sea.
 
     Parameters
@@ -43,10 +44,12 @@ def ambient_noise_db(frequency, wind_speed=5.0, shipping=0.5):
     Coates (1990), *Underwater Acoustic Systems*, after Wenz (1962), J. Acoust. Soc. Am. 34, 1936. Above about
     100 kHz the thermal part rules.
     """
-    return db_from_power(sum(map(power_from_db, noise_components_db(frequency, wind_speed, shipping).values())))
+    levels = noise_components_db(frequency, wind_speed, shipping)
+    return db_from_power(np.sum([power_from_db(level) for level in levels.values()], axis=0))
 
 
-def noise_components_db(frequency, wind_speed=5.0, shipping=0.5):
+def noise_components_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0,
+                        shipping: ArrayLike = 0.5) -> dict[str, np.ndarray]:
     """Give the levels of what `ambient_noise_db` adds up.
 
     Parameters
@@ -77,7 +80,8 @@ def noise_components_db(frequency, wind_speed=5.0, shipping=0.5):
     }
 
 
-def thermal_noise_db(frequency, temperature=10.0, sound_speed=1500.0, density=1025.0):
+def thermal_noise_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sound_speed: ArrayLike = 1500.0,
+                     density: ArrayLike = 1025.0) -> np.ndarray:
     """Give the level of the molecular noise of water, the floor under every hydrophone.
 
     Parameters
@@ -105,11 +109,11 @@ def thermal_noise_db(frequency, temperature=10.0, sound_speed=1500.0, density=10
     """
     frequency, temperature = checked("thermal noise", frequency=frequency, temperature=temperature)
     kelvin = temperature + 273.15
-    pressure_squared = 4 * np.pi * BOLTZMANN * kelvin * density * _above_zero(frequency) ** 2 / sound_speed
-    return db_from_power(pressure_squared / MICROPASCAL**2)
+    pressure_squared = 4 * np.pi * BOLTZMANN * kelvin * np.asarray(density) * _above_zero(frequency) ** 2
+    return db_from_power(pressure_squared / np.asarray(sound_speed) / MICROPASCAL**2)
 
 
-def _above_zero(frequency):
+def _above_zero(frequency: np.ndarray) -> np.ndarray:
     if (frequency <= 0).any():
         raise ValueError("noise level: frequency is 0 Hz; it must be above zero.")
     return frequency

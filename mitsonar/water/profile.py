@@ -6,10 +6,15 @@
 d -> ``depth`` [m, positive down], c -> ``sound_speed`` [m/s], g -> ``gradient`` [1/s].
 """
 from dataclasses import dataclass
+from typing import Literal, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from ..units import Values
 
 DEEPEST = 1e6                      # [m], of which float32 still tells a sixteenth of a metre
+_SIDES: dict[str, Literal["left", "right"]] = {"below": "right", "above": "left"}    # of a node, as NumPy says it
 SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid a sonar swims in is faster
 
 
@@ -45,38 +50,38 @@ class SoundSpeedProfile:
         object.__setattr__(self, "sound_speed", sound_speed)
 
     @classmethod
-    def constant(cls, sound_speed):
+    def constant(cls, sound_speed: float) -> "SoundSpeedProfile":
         """Make the profile of water with one sound speed [m/s] everywhere."""
-        return cls([0.0], [sound_speed])
+        return cls(np.zeros(1), np.array([sound_speed]))
 
-    def mirrored(self):
+    def mirrored(self) -> "SoundSpeedProfile":
         """Make the profile of this water below the surface, and above it of the same water upside down."""
         below = self.depth > 0
         depth, speed = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.sound_speed[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[speed[:0:-1], speed])
 
-    def at(self, depth):
+    def at(self, depth: Values) -> Values:
         """Give the sound speed [m/s] at ``depth`` [m], any shape."""
-        return np.interp(depth, self.depth, self.sound_speed)
+        return cast(Values, np.interp(depth, self.depth, self.sound_speed))
 
-    def gradient(self, depth, side="below"):
+    def gradient(self, depth: Values, side: Literal["below", "above"] = "below") -> Values:
         """Give dc/d(depth) [1/s] at ``depth`` [m], any shape.
 
         Zero beyond the ends; at a node, the gradient of the layer on ``side`` of it, "below" or "above".
         """
         slopes = np.r_[0.0, np.diff(self.sound_speed) / np.diff(self.depth), 0.0]
-        return slopes[np.searchsorted(self.depth, depth, side={"below": "right", "above": "left"}[side])]
+        return cast(Values, slopes[np.searchsorted(self.depth, depth, side=_SIDES[side])])
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, SoundSpeedProfile):
             return NotImplemented
         return np.array_equal(self.depth, other.depth) and np.array_equal(self.sound_speed, other.sound_speed)
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash((self.depth.tobytes(), self.sound_speed.tobytes()))
 
 
-def _as_column(name, values):
+def _as_column(name: str, values: ArrayLike) -> np.ndarray:
     try:
         column = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -89,7 +94,7 @@ def _as_column(name, values):
     return column
 
 
-def _check(depth, sound_speed):
+def _check(depth: np.ndarray, sound_speed: np.ndarray) -> None:
     if depth.size != sound_speed.size:
         raise ValueError(f"sound-speed profile: {depth.size} depths but {sound_speed.size} sound speeds; "
                          "give one sound speed for each depth.")

@@ -1,5 +1,11 @@
 """What the formulas of this folder may be asked: wider than any sea, narrow enough to catch a swapped column."""
+from collections.abc import Mapping
+from typing import TypeVar
+
 import numpy as np
+from numpy.typing import ArrayLike
+
+Formula = TypeVar("Formula")
 
 # name -> (lowest, highest, unit). Depths begin above the still surface, where wave crests are.
 RANGES = {
@@ -27,7 +33,8 @@ SOUND_SPEED_RANGES = {
 }
 
 
-def checked(what, ranges=RANGES, **values):
+def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
+            **values: ArrayLike) -> list[np.ndarray]:
     """Give the values as float64 arrays, in order, or raise a ValueError naming the first outside ``ranges``."""
     arrays = []
     for name, value in values.items():
@@ -41,7 +48,7 @@ def checked(what, ranges=RANGES, **values):
     return arrays
 
 
-def chosen(what, formula, formulas):
+def chosen(what: str, formula: str, formulas: Mapping[str, Formula]) -> Formula:
     """Give the formula of that name, or raise a ValueError with the names of all."""
     if formula not in formulas:
         raise ValueError(f"{what}: formula {formula!r} is unknown; use one of {', '.join(formulas)}.")

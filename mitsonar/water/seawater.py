@@ -10,6 +10,7 @@ full Gibbs function is used, not its 75-term fit (rms 0.07 m/s).
 import gsw
 import numpy as np
 from numpy.polynomial.polynomial import polyval, polyval2d
+from numpy.typing import ArrayLike
 
 from .ranges import RANGES, SOUND_SPEED_RANGES, checked, chosen
 
@@ -26,29 +27,34 @@ _B = [[-1.922e-2, -4.42e-5], [7.3637e-5, 1.7950e-7]]
 _D = [1.727e-3, -7.9836e-6]
 
 
-def _teos_10(temperature, salinity, depth, latitude, longitude):
+def _teos_10(temperature: np.ndarray, salinity: np.ndarray, depth: np.ndarray, latitude: np.ndarray,
+             longitude: np.ndarray) -> np.ndarray:
     pressure = gsw.p_from_z(-depth, latitude)
     absolute_salinity = gsw.SA_from_SP(salinity, pressure, longitude, latitude)
     return gsw.sound_speed_t_exact(absolute_salinity, temperature, pressure)
 
 
-def _chen_millero(temperature, salinity, depth, latitude, longitude):
+def _chen_millero(temperature: np.ndarray, salinity: np.ndarray, depth: np.ndarray, latitude: np.ndarray,
+                  longitude: np.ndarray) -> np.ndarray:
     p, t, s, _ = np.broadcast_arrays(gsw.p_from_z(-depth, latitude) / 10, temperature, salinity, longitude)
     return polyval2d(p, t, _CW) + polyval2d(p, t, _A) * s + polyval2d(p, t, _B) * s**1.5 + polyval(p, _D) * s**2
 
 
-def _mackenzie(temperature, salinity, depth, latitude, longitude):
+def _mackenzie(temperature: np.ndarray, salinity: np.ndarray, depth: np.ndarray, latitude: np.ndarray,
+               longitude: np.ndarray) -> np.ndarray:
     t, s, z, *_ = np.broadcast_arrays(temperature, salinity - 35, depth, latitude, longitude)
     return (1448.96 + t * (4.591 + t * (-5.304e-2 + t * 2.374e-4)) + 1.340 * s
             + 1.630e-2 * z + 1.675e-7 * z**2 - 1.025e-2 * t * s - 7.139e-13 * t * z**3)
 
 
-def _medwin(temperature, salinity, depth, latitude, longitude):
+def _medwin(temperature: np.ndarray, salinity: np.ndarray, depth: np.ndarray, latitude: np.ndarray,
+            longitude: np.ndarray) -> np.ndarray:
     t, s, z, *_ = np.broadcast_arrays(temperature, salinity - 35, depth, latitude, longitude)
     return 1449.2 + t * (4.6 + t * (-0.055 + t * 0.00029)) + (1.34 - 0.010 * t) * s + 0.016 * z
 
 
-def _leroy_robinson_goldsmith(temperature, salinity, depth, latitude, longitude):
+def _leroy_robinson_goldsmith(temperature: np.ndarray, salinity: np.ndarray, depth: np.ndarray, latitude: np.ndarray,
+                              longitude: np.ndarray) -> np.ndarray:
     t, s, z, north, _ = np.broadcast_arrays(temperature, salinity, depth, np.abs(latitude), longitude)
     return (1402.5 + t * (5 + t * (-5.44e-2 + t * 2.1e-4)) + s * (1.33 + t * (-1.23e-2 + t * 8.7e-5))
             + z * (1.56e-2 + z * (2.55e-7 - z * 7.3e-12)) + 1.2e-6 * z * (north - 45)
@@ -59,7 +65,8 @@ FORMULAS = {"teos-10": _teos_10, "chen-millero": _chen_millero, "mackenzie": _ma
             "leroy-robinson-goldsmith": _leroy_robinson_goldsmith}
 
 
-def sound_speed(temperature, salinity, depth, latitude=45.0, longitude=-20.0, formula="teos-10"):
+def sound_speed(temperature: ArrayLike, salinity: ArrayLike, depth: ArrayLike, latitude: ArrayLike = 45.0,
+                longitude: ArrayLike = -20.0, formula: str = "teos-10") -> np.ndarray:
     """Give the sound speed of seawater from what a CTD measures.
 
     Parameters

@@ -8,10 +8,13 @@ S_v -> ``strength_db`` [dB re 1/m] at ``depth`` [m], linear in decibels between 
 second line is the reverberation of water of one S_v and one sound speed: SL -> ``source_level_db``,
 R -> ``slant_range``, α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ -> ``pulse_length``, c -> ``sound_speed``.
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..device.types import Real
 from ..units import db_from_power, power_from_db
 
 __all__ = ["LAYERS", "Layer", "VolumeScattering", "volume_reverberation_db"]
@@ -54,7 +57,7 @@ class Layer:
         _check_strength(f"layer {self.name}", self.strength_db)
 
     @classmethod
-    def read(cls, text):
+    def read(cls, text: str) -> "Layer":
         """Make a layer of "name top bottom dB"; of a name in `LAYERS` numbers may be left out, the last ones first."""
         name, *numbers = text.replace(",", " ").split() or [""]
         known = LAYERS.get(name, ())
@@ -95,7 +98,8 @@ class VolumeScattering:
         If depths do not increase, or a number is missing, not finite or out of range; it is named.
     """
 
-    def __init__(self, depth=None, strength_db=None, layers=()):
+    def __init__(self, depth: ArrayLike | None = None, strength_db: ArrayLike | None = None,
+                 layers: Sequence[Layer] = ()):
         if (depth is None) != (strength_db is None):
             raise ValueError("volume scattering: give both depth and strength_db, or neither.")
         self.depth, self.strength_db = (_column(values) for values in (depth, strength_db))
@@ -113,7 +117,7 @@ class VolumeScattering:
         self.edges = np.unique(np.concatenate([self.depth, bounds]))
         self.pieces = self._pieces()
 
-    def _pieces(self):
+    def _pieces(self) -> np.ndarray:
         log_s = np.log(10) / 10 * self.strength_db
         inside = np.concatenate([self.edges[:1] - 1, 0.5 * (self.edges[1:] + self.edges[:-1]), self.edges[-1:] + 1])
         pieces = np.zeros((len(inside), 3))
@@ -128,18 +132,19 @@ class VolumeScattering:
             pieces[(inside > layer.top) & (inside < layer.bottom), 2] += power_from_db(layer.strength_db)
         return pieces
 
-    def at(self, depth):
+    def at(self, depth: ArrayLike) -> np.ndarray:
         """Give s_v [1/m] at ``depth`` [m], any shape."""
         a, b, c = np.moveaxis(self.pieces[np.searchsorted(self.edges, depth, side="right")], -1, 0)
         return c + np.exp(a + b * np.asarray(depth, float))
 
-    def strength_db_at(self, depth):
+    def strength_db_at(self, depth: ArrayLike) -> np.ndarray:
         """Give S_v with all layers [dB re 1/m] at ``depth`` [m], any shape; -inf where nothing scatters."""
         return db_from_power(self.at(depth))
 
 
-def volume_reverberation_db(source_level_db, slant_range, volume_strength_db, beam_solid_angle, pulse_length,
-                            absorption_db=0.0, sound_speed=1500.0):
+def volume_reverberation_db(source_level_db: Real, slant_range: ArrayLike, volume_strength_db: Real,
+                            beam_solid_angle: ArrayLike, pulse_length: ArrayLike, absorption_db: Real = 0.0,
+                            sound_speed: Real = 1500.0) -> np.ndarray:
     """Give the level of the reverberation of water that is the same everywhere.
 
     Parameters
@@ -169,13 +174,13 @@ def volume_reverberation_db(source_level_db, slant_range, volume_strength_db, be
             + db_from_power(np.asarray(beam_solid_angle) * sound_speed * np.asarray(pulse_length) / 2))
 
 
-def _column(values):
+def _column(values: ArrayLike | None) -> np.ndarray:
     column = np.array([] if values is None else np.atleast_1d(values), float)
     column.flags.writeable = False
     return column
 
 
-def _check_strength(what, strength_db):
+def _check_strength(what: str, strength_db: float) -> None:
     if not WEAKEST_DB <= strength_db <= STRONGEST_DB:
         raise ValueError(f"{what}: strength is {strength_db:g} dB re 1/m; it must lie in {WEAKEST_DB:g}.."
                          f"{STRONGEST_DB:g} dB, and is -90 to -50 dB in the sea.")

@@ -9,6 +9,8 @@ import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.record import Record
+from ..device.types import ArrayTypes, Bool, DrJitArray, Float, UInt32
+from .volume import VolumeScattering
 
 __all__ = ["VolumeTable", "volume_table"]
 
@@ -18,12 +20,12 @@ NOTHING = -200.0                   # the exponent of a piece without a first ter
 class VolumeTable(Record):
     """Hold the pieces of a `VolumeScattering` as Dr.Jit arrays."""
 
-    lib: object           # Dr.Jit namespace the arrays live in
-    edges: object         # Float (E,): [m]
-    pieces: object        # Float (4 (E + 1),): a, b, c, z_0
-    count: object         # UInt32 (1,): E
+    lib: ArrayTypes       # Dr.Jit namespace the arrays live in
+    edges: Float          # Float (E,): [m]
+    pieces: Float         # Float (4 (E + 1),): a, b, c, z_0
+    count: UInt32         # UInt32 (1,): E
 
-    def __call__(self, depth, active=True):
+    def __call__(self, depth: Float, active: Bool | bool = True) -> Float:
         """Give s_v [1/m], Float (R,), at depths [m] Float (R,)."""
         piece = _pieces_above(self.lib, self.edges, self.count, depth, active)
         row = dr.gather(self.lib.Array4f, self.pieces, piece, active)
@@ -43,7 +45,7 @@ def _pieces_above(lib, edges, count, depth, active):
     return low
 
 
-def volume_table(volume, like):
+def volume_table(volume: VolumeScattering, like: DrJitArray | type) -> VolumeTable:
     """Put volume scattering on the device.
 
     Parameters
