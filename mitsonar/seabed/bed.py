@@ -7,6 +7,7 @@ those to the west, the south and the south-west.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 _EDGE = 1e-6                       # share of a triangle by which a point may lie outside: neighbours must not gape
 
@@ -40,7 +41,7 @@ class Bed:
         If no triangle can be seen from above.
     """
 
-    def __init__(self, vertices, faces):
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike):
         self._vertices = np.asarray(vertices)
         faces = np.asarray(faces)
         x, y = (self._vertices[:, axis][faces] for axis in (0, 1))
@@ -49,25 +50,24 @@ class Bed:
         flat = (extent > 0) & np.isfinite(extent)
         if not flat.any():
             raise ValueError("the seabed has no triangle that can be seen from above; give one of some width")
-        self.bounds = tuple(float(value) for value in (west[flat].min(), south[flat].min(), x[flat].max(),
-                                                       y[flat].max()))
+        self.bounds = float(west[flat].min()), float(south[flat].min()), float(x[flat].max()), float(y[flat].max())
         self.lowest = float(np.nanmin(self._vertices[:, 2]))
         size = np.where(flat, np.frexp(extent)[1], np.iinfo(np.int32).min)
         self._levels = [self._level(2.0**exponent, faces[mine], west[mine], south[mine])
                         for exponent in np.unique(size[flat]) for mine in (np.flatnonzero(size == exponent),)]
 
-    def _level(self, side, faces, west, south):
+    def _level(self, side: float, faces: np.ndarray, west: np.ndarray, south: np.ndarray) -> _Level:
         columns = int((self.bounds[2] - self.bounds[0]) // side) + 3
         keys = self._key(west, south, side, columns)
         order = np.argsort(keys, kind="stable")
         return _Level(side, columns, keys[order], faces[order])
 
-    def _key(self, x, y, side, columns):
+    def _key(self, x: np.ndarray, y: np.ndarray, side: float, columns: int) -> np.ndarray:
         column = np.floor((np.asarray(x, float) - self.bounds[0]) / side).astype(np.int64)
         row = np.floor((np.asarray(y, float) - self.bounds[1]) / side).astype(np.int64)
         return row * columns + column + 1
 
-    def heights(self, x, y):
+    def heights(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
         """Give the height (Q,) [m] of the highest triangle at each point (x, y) (Q,) [m]; NaN where there is none."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         west, south, east, north = self.bounds
@@ -83,7 +83,7 @@ class Bed:
                 np.maximum.at(best, point, self._height(level.faces[pair], x[point], y[point]))
         return np.where(np.isinf(best), np.nan, best)
 
-    def _height(self, faces, x, y):
+    def _height(self, faces: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Height of each triangle at its point; -inf where it is not over it."""
         a, b, c = (self._vertices[faces[:, corner]].astype(float) for corner in range(3))
         (u_x, u_y, u_z), (v_x, v_y, v_z) = (b - a).T, (c - a).T

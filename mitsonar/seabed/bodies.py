@@ -8,8 +8,13 @@ Robotics and Automation 15 (1999) 849-857. The centre of gravity is that of the 
 """
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 _EDGE = 1e-9                       # of the body's size: a foot this far over an edge still counts as on the face
 
@@ -56,24 +61,24 @@ class Body:
             raise ValueError(f"the mesh {self.name} lies in a plane; give a closed body that holds a volume") from None
 
     @cached_property
-    def size(self):
+    def size(self) -> float:
         """Longest side of the bounding box [m]."""
         return float(np.ptp(self.vertices, axis=0).max())
 
     @cached_property
-    def hull(self):
+    def hull(self) -> "ConvexHull":
         """The convex hull, a ``scipy.spatial.ConvexHull``."""
         from scipy.spatial import ConvexHull
 
         return ConvexHull(self.vertices)
 
     @cached_property
-    def outline(self):
+    def outline(self) -> np.ndarray:
         """Vertices of the hull, (N, 3) [m]: no other one reaches farther in any direction."""
         return self.hull.points[self.hull.vertices]
 
     @cached_property
-    def rest_poses(self):
+    def rest_poses(self) -> tuple[np.ndarray, np.ndarray]:
         """Poses of rest: rotations (P, 3, 3) that turn each down, and how often each comes about (P,)."""
         corners = self.hull.points[self.hull.simplices]                # (S, 3 corners, 3)
         outwards = self.hull.equations[:, :3]
@@ -95,7 +100,7 @@ class Body:
         return np.array([turn_onto(-outwards[face], (0, 0, 1)) for face in rests]), often[rests] / often[rests].sum()
 
 
-def turn_onto(start, end):
+def turn_onto(start: ArrayLike, end: ArrayLike) -> np.ndarray:
     """The least rotation (3, 3) that turns one unit vector into another."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     cosine = start @ end
@@ -109,7 +114,7 @@ def turn_onto(start, end):
     return np.eye(3) + cross + cross @ cross / (1 + cosine)
 
 
-def _solid_angle(corners):
+def _solid_angle(corners: np.ndarray) -> np.ndarray:
     """Solid angle [sr] of triangles (S, 3, 3) seen from the origin (Van Oosterom and Strackee 1983)."""
     a, b, c = (corners / np.linalg.norm(corners, axis=2, keepdims=True)).transpose(1, 0, 2)
     dots = [np.einsum("si,si->s", *pair) for pair in ((a, b), (b, c), (c, a))]

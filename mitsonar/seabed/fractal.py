@@ -45,9 +45,9 @@ class Fractal(Relief):
 
     spectrum: RoughnessSpectrum
     seed: int = 0
-    surveyed: tuple | None = None
+    surveyed: tuple[float, float] | None = None
 
-    def on_grid(self, x, y):
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Give the heights (Y, X) [m]; raise `ValueError` if the outer scale spans too many nodes."""
         steps = step("y", np.asarray(y)), step("x", np.asarray(x))
         reach = self.spectrum.outer_scale if self.surveyed is None else min(
@@ -70,12 +70,12 @@ class Fractal(Relief):
         return heights[margin[0]:margin[0] + len(y), margin[1]:margin[1] + len(x)].copy()
 
 
-def _spline_response(phase):
+def _spline_response(phase: np.ndarray) -> np.ndarray:
     """Give the factor by which interpolation by cubic splines multiplies waves of ``phase`` [rad] from node to node."""
     return np.sinc(phase / (2 * np.pi)) ** 4 / (2 / 3 + np.cos(phase) / 3)
 
 
-def _white_noise(seed, first, shape):
+def _white_noise(seed: int, first: list[int], shape: list[int]) -> np.ndarray:
     """Give the unit normal noise of the nodes from ``first`` (row, column) on."""
     noise = np.empty(shape)
     tiles = [range(start // _TILE, (start + count - 1) // _TILE + 1) for start, count in zip(first, shape)]
@@ -89,10 +89,10 @@ def _white_noise(seed, first, shape):
     return noise
 
 
-def _overlap(tile, start, count):
+def _overlap(tile: int, start: int, count: int) -> tuple[slice, slice]:
     low, high = max(tile * _TILE, start), min((tile + 1) * _TILE, start + count)
     return slice(low - start, high - start), slice(low - tile * _TILE, high - tile * _TILE)
 
 
-def _natural(integer):
+def _natural(integer: int) -> int:
     return integer + 2**40  # seeds must not be negative: an offset no grid reaches

@@ -8,6 +8,8 @@ the fourth mode of a patch, below which the plane takes part of the power, to 0.
 grid: above, averaging and interpolation by those who made the grid take power away, and waves too short for it add to
 it.
 """
+from collections.abc import Sequence
+
 import numpy as np
 
 from .roughness import RoughnessSpectrum
@@ -18,7 +20,8 @@ GAMMAS = 2.05, 3.95                 # between those that a spectrum may have
 _OUTER_SCALE = 1e6                  # [m]: no levelling off within any survey
 
 
-def radial_spectrum(patches, steps):
+def radial_spectrum(patches: Sequence[np.ndarray],
+                    steps: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measure the spectrum of a bed by the mean of its patches, in rings of wavenumber.
 
     Parameters
@@ -55,7 +58,8 @@ def radial_spectrum(patches, steps):
     return wavenumber, power, modes[kept]
 
 
-def fit_power_law(patches, steps, gamma=None):
+def fit_power_law(patches: Sequence[np.ndarray], steps: tuple[float, float],
+                  gamma: float | None = None) -> RoughnessSpectrum:
     """Fit a power law, and white noise beside it, to the spectrum of patches of a bed.
 
     Parameters

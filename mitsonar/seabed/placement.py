@@ -4,17 +4,21 @@ Target number k has random streams of its own (seed, k): one for what it is, one
 first of its stream that is free of the targets before it, so that it does not depend on how many follow, and what it is
 does not depend on where it lies.
 """
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from .bodies import turn_onto
+from .bed import Bed
+from .bodies import Body, turn_onto
 
 TRIES = 1000                       # places tried for a target before there is said to be no room
 SMALLEST, LARGEST = 1e-3, 100.0    # [m] that a target may measure; beyond, its file is not in metres
 _SAMPLES = 9                       # points along either side of a footprint at which the bed's height is taken
 
 POSES = ("upright", "rest", "any")
+Box: TypeAlias = tuple[float, float, float, float]    # [m] west, south, east, north
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +48,14 @@ class Rules:
         How often each body is drawn; by default all alike.
     """
 
-    area: tuple | None = None
+    area: tuple[float, float, float, float] | None = None
     exclude: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     spacing: float = 0.0
-    scale: tuple = (1.0, 1.0)
-    burial: tuple = (0.0, 0.0)
-    heading: tuple = (0.0, 2 * np.pi)
-    tilt: tuple = (0.0, 0.0)
-    pose: str = "upright"
+    scale: tuple[float, float] = (1.0, 1.0)
+    burial: tuple[float, float] = (0.0, 0.0)
+    heading: tuple[float, float] = (0.0, 2 * np.pi)
+    tilt: tuple[float, float] = (0.0, 0.0)
+    pose: Literal["upright", "rest", "any"] = "upright"
     along_slope: bool = False
     weights: np.ndarray | None = None
 
@@ -78,7 +82,7 @@ class Placed:
     """
 
     number: int
-    body: object
+    body: Body
     position: np.ndarray
     radius: float
     heading: float
@@ -89,12 +93,13 @@ class Placed:
     vertices: np.ndarray
 
 
-def draw_count(low, high, seed):
+def draw_count(low: int, high: int, seed: int | Sequence[int]) -> int:
     """Draw a whole number from `low` to `high`, both included; `seed` as of `place`."""
     return int(np.random.default_rng([*np.atleast_1d(seed), 0]).integers(low, high, endpoint=True))
 
 
-def place(bodies, bed, rules, *, count, seed, taken=()):
+def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: int | Sequence[int],
+          taken: Sequence | np.ndarray = ()) -> list[Placed]:
     """Place targets on a bed.
 
     Parameters
@@ -129,7 +134,8 @@ def place(bodies, bed, rules, *, count, seed, taken=()):
                 raise ValueError(f"the mesh {body.name} is {body.size * scale:.4g} m long at a scale of {scale:g}; "
                                  f"targets measure {SMALLEST:g} to {LARGEST:g} m: is the file in metres? If not, set "
                                  "scale")
-    area = bed.bounds if rules.area is None else tuple(rules.area)
+    west, south, east, north = bed.bounds if rules.area is None else rules.area
+    area = west, south, east, north
     if not all(area[k] < bed.bounds[k + 2] and area[k + 2] > bed.bounds[k] for k in (0, 1)):
         # such as eastings and northings of a survey's file
         asked, there = (", ".join(f"{edge:.0f}" for edge in edges) for edges in (area, bed.bounds))
@@ -152,7 +158,8 @@ def place(bodies, bed, rules, *, count, seed, taken=()):
     return done
 
 
-def _draw(bodies, bed, rules, area, others, number, seed):
+def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.ndarray, number: int,
+          seed: int | Sequence[int]) -> Placed | None:
     """The target of a number, or None where no room is found."""
     what = np.random.default_rng([*np.atleast_1d(seed), number])
     share = what.random(7)                                             # all, used or not: one rule moves no other
@@ -173,14 +180,15 @@ def _draw(bodies, bed, rules, area, others, number, seed):
     grid = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
     footprint = np.stack(np.meshgrid(*(grid * side for side in (high - low)[:2])), -1).reshape(-1, 2) @ turned[:2, :2].T
     for spot in _places(area, _radius(corners), number, seed):
-        if not _free(*spot, _radius(corners), area, rules, others):
+        x, y = spot
+        if not _free(x, y, _radius(corners), area, rules, others):
             continue
         ground = bed.heights(*(spot + footprint).T)
         if np.isnan(ground).any():
             continue                                                   # over a hole, or the edge of the bed
         slope = _upright(footprint, ground) if rules.along_slope else np.eye(3)
         radius = _radius(corners @ slope.T)
-        if rules.along_slope and not _free(*spot, radius, area, rules, others):
+        if rules.along_slope and not _free(x, y, radius, area, rules, others):
             continue                                                   # a leaning body is wider
         position = np.array([*spot, ground.mean()])
         vertices = (scale * body.vertices @ lean.T - middle) @ turned.T
@@ -190,7 +198,7 @@ def _draw(bodies, bed, rules, area, others, number, seed):
     return None
 
 
-def _places(area, radius, number, seed):
+def _places(area: Box, radius: float, number: int, seed: int | Sequence[int]) -> Iterator[np.ndarray]:
     """Points (2,) [m] to try, drawn evenly, the circle inside the area."""
     west, south, east, north = area
     low, high = np.array([west + radius, south + radius]), np.array([east - radius, north - radius])
@@ -198,7 +206,7 @@ def _places(area, radius, number, seed):
         yield from low + np.random.default_rng([*np.atleast_1d(seed), number, 1]).random((TRIES, 2)) * (high - low)
 
 
-def _free(x, y, radius, area, rules, others):
+def _free(x: float, y: float, radius: float, area: Box, rules: Rules, others: np.ndarray) -> bool:
     """Tell whether a circle lies in the area, off what is excluded, and far enough from other circles."""
     west, south, east, north = area
     slack = 1e-9 * max(1.0, abs(x), abs(y))
@@ -211,11 +219,11 @@ def _free(x, y, radius, area, rules, others):
     return not (np.hypot(others[:, 0] - x, others[:, 1] - y) < others[:, 2] + radius + rules.spacing).any()
 
 
-def _radius(corners):
+def _radius(corners: np.ndarray) -> float:
     return float(np.hypot(corners[:, 0], corners[:, 1]).max())
 
 
-def _pose(body, pose, share, attitude):
+def _pose(body: Body, pose: str, share: float, attitude: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) of a body into its pose, by chance: a number from 0 to 1, and four normal deviates."""
     if pose == "upright":
         return np.eye(3)
@@ -227,17 +235,17 @@ def _pose(body, pose, share, attitude):
     return rotations[int(np.searchsorted(np.cumsum(often), share, side="right").clip(0, len(often) - 1))]
 
 
-def _leaning(tilt, towards):
+def _leaning(tilt: float, towards: float) -> np.ndarray:
     """Rotation (3, 3) that tips the upward axis by an angle towards a heading, clockwise from +y."""
     return turn_onto((0.0, 0.0, 1.0), (np.sin(tilt) * np.sin(towards), np.sin(tilt) * np.cos(towards), np.cos(tilt)))
 
 
-def _about_z(angle):
+def _about_z(angle: float) -> np.ndarray:
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _upright(footprint, ground):
+def _upright(footprint: np.ndarray, ground: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) of the vertical onto the normal of the plane that fits the bed under a footprint."""
     (east, north), *_ = np.linalg.lstsq(footprint, ground - ground.mean(), rcond=None)
     normal = np.array([-east, -north, 1.0])

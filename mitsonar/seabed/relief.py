@@ -18,7 +18,7 @@ class Relief(ABC):
     """Something that has a height everywhere; parts are summed by ``+``."""
 
     @abstractmethod
-    def on_grid(self, x, y):
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Give the heights over a regular grid.
 
         Parameters
@@ -32,7 +32,7 @@ class Relief(ABC):
             Heights about the mean bed, z up.
         """
 
-    def __add__(self, other):
+    def __add__(self, other: "Relief") -> "Sum":
         return Sum((*_parts(self), *_parts(other)))
 
 
@@ -40,9 +40,9 @@ class Relief(ABC):
 class Sum(Relief):
     """Add the heights of several parts."""
 
-    parts: tuple
+    parts: tuple[Relief, ...]
 
-    def on_grid(self, x, y):
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Give the summed heights (Y, X) [m]."""
         heights = np.zeros((len(y), len(x)))
         for part in self.parts:
@@ -68,7 +68,7 @@ class Plane(Relief):
     def __post_init__(self):
         check("plane", "slope", self.slope, 0 <= self.slope < np.pi / 2, "from 0 to less than pi/2 rad")
 
-    def on_grid(self, x, y):
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Give the heights (Y, X) [m] of the plane."""
         return -np.tan(self.slope) * along(self.heading, x, y)
 
@@ -96,17 +96,17 @@ class Sinusoid(Relief):
         check("sinusoid", "wavelength", self.wavelength, 0 < self.wavelength < np.inf, "a finite number [m] above 0")
         check("sinusoid", "height", self.height, 0 <= self.height < np.inf, "a finite number [m], at least 0")
 
-    def on_grid(self, x, y):
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Give the heights (Y, X) [m] of the waves."""
         return self.height / 2 * np.cos(2 * np.pi / self.wavelength * along(self.heading, x, y) + self.phase)
 
 
-def along(heading, x, y):
+def along(heading: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Give the distance [m] of grid points (Y, X) from the origin in the compass direction ``heading`` [rad]."""
     return np.asarray(x) * np.sin(heading) + np.asarray(y)[:, None] * np.cos(heading)
 
 
-def step(name, coordinates):
+def step(name: str, coordinates: np.ndarray) -> float:
     """Give the constant step [m] of grid coordinates; raise `ValueError` if they do not increase by one."""
     steps = np.diff(coordinates)
     if steps.size == 0 or not steps[0] > 0 or np.ptp(steps) > 1e-6 * steps[0] + 1e-12 * np.abs(coordinates).max():
@@ -114,11 +114,11 @@ def step(name, coordinates):
     return (coordinates[-1] - coordinates[0]) / steps.size
 
 
-def check(kind, name, value, holds, expected):
+def check(kind: str, name: str, value: object, holds: bool, expected: str) -> None:
     """Raise `ValueError` unless a record's number holds what it must."""
     if not holds:
         raise ValueError(f"{kind}: {name} is {value}; it must be {expected}.")
 
 
-def _parts(relief):
+def _parts(relief: Relief) -> tuple[Relief, ...]:
     return relief.parts if isinstance(relief, Sum) else (relief,)

@@ -8,6 +8,7 @@
 u -> metres along ``heading``. A dislocation adds one cycle to the phase on the way round it: a crest ends or forks
 there. They come in pairs of opposite sense, so that each is felt only near by, and the height fades at its core.
 """
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ class Ripples(Relief):
         check("ripples", "wander_length", self.wander_length, self._wander_length >= 2 * self.wander,
               f"at least twice the wander of {self.wander} m, or crests would overtake each other")
 
-    def on_grid(self, x, y):
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Give the heights (Y, X) [m] of the ripples."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         crest = (1 + self.asymmetry) / 2
@@ -84,10 +85,10 @@ class Ripples(Relief):
         return self.height / 2 * strength * (1 - 2 * np.abs(np.sin(angle / 2)) ** power - mean)
 
     @property
-    def _wander_length(self):
+    def _wander_length(self) -> float:
         return 8 * self.wavelength if self.wander_length is None else self.wander_length
 
-    def _wander(self, x, y):
+    def _wander(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         # A sum of plane waves needs no grid: e^(i(kx x + ky y)) is an outer product.
         generator = np.random.default_rng([self.seed, 0])
         k_x, k_y = generator.standard_normal((2, _WAVES)) / self._wander_length
@@ -96,7 +97,7 @@ class Ripples(Relief):
         columns = np.exp(1j * k_x[:, None] * x)
         return self.wander * np.sqrt(2 / _WAVES) * (rows @ columns).real
 
-    def _dislocate(self, cycles, x, y):
+    def _dislocate(self, cycles: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Add the dislocations to ``cycles`` in place; give the factor by which the height fades at their cores."""
         strength = np.ones_like(cycles)
         d_x, d_y = step("x", x), step("y", y)
@@ -113,7 +114,7 @@ class Ripples(Relief):
                 strength[rows, columns] *= -np.expm1(-(np.abs(place - core) / (_CORE * self.wavelength)) ** 2)
         return strength
 
-    def _pairs(self, x, y):
+    def _pairs(self, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[complex, complex]]:
         """Give middle and half distance, complex x + iy [m], of the pairs whose reach may touch the grid."""
         side, margin = _TILE * self.wavelength, _GAP[1] * _REACH * self.wavelength
         for row in range(int((y[0] - margin) // side), int((y[-1] + margin) // side) + 1):
@@ -127,12 +128,12 @@ class Ripples(Relief):
                 yield from zip(place[:, 0] + 1j * place[:, 1], half * np.exp(1j * turn))
 
 
-def _around(middle, reach, axis, step_length):
+def _around(middle: float, reach: float, axis: np.ndarray, step_length: float) -> slice:
     low, high = np.ceil((middle - reach - axis[0]) / step_length), np.floor((middle + reach - axis[0]) / step_length)
     return slice(max(int(low), 0), max(min(int(high) + 1, axis.size), 0))
 
 
-def _fade(share):
+def _fade(share: np.ndarray) -> np.ndarray:
     """Give 1 up to share 0, a smooth step to 0 at share 1, and 0 beyond."""
     share = np.clip(share, 0, 1)
     return 1 - share * share * (3 - 2 * share)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.types import Real
 from ..spelling import meant
 
 # APL-UW TR 9407 (1994), High-Frequency Ocean Environmental Acoustic Models Handbook, section IV, Table 2: spectral
@@ -76,7 +77,7 @@ class RoughnessSpectrum:
                 raise ValueError(f"roughness spectrum: {name} is {getattr(self, name)}; it must be {expected}.")
 
     @classmethod
-    def of_sediment(cls, name, *, outer_scale=10.0):
+    def of_sediment(cls, name: str, *, outer_scale: float = 10.0) -> "RoughnessSpectrum":
         """Make the spectrum of a sediment of TR 9407, such as "medium sand" (``-`` and ``_`` read as a space).
 
         Raises
@@ -88,7 +89,8 @@ class RoughnessSpectrum:
         return cls(w2=w2_from_cm4(W2_CM4_TR9407[key], GAMMA_TR9407), gamma=GAMMA_TR9407, outer_scale=outer_scale)
 
     @classmethod
-    def of_height(cls, rms_height, *, gamma=GAMMA_TR9407, outer_scale=10.0):
+    def of_height(cls, rms_height: float, *, gamma: float = GAMMA_TR9407,
+                  outer_scale: float = 10.0) -> "RoughnessSpectrum":
         """Make the spectrum whose surface has the root-mean-square height ``rms_height`` [m]."""
         if not 0 <= rms_height < np.inf:
             raise ValueError(f"roughness spectrum: rms_height is {rms_height}; it must be a finite number [m], "
@@ -96,17 +98,17 @@ class RoughnessSpectrum:
         unit = cls(w2=1.0, gamma=gamma, outer_scale=outer_scale)
         return cls(w2=rms_height**2 / unit.height_variance(), gamma=gamma, outer_scale=outer_scale)
 
-    def at(self, wavenumber):
+    def at(self, wavenumber: Real) -> np.ndarray:
         """Give the two-sided, two-dimensional spectrum [m^4] at ``wavenumber`` [rad/m], any shape."""
         return self.w2 * (np.square(wavenumber) + self._corner**2) ** (-self.gamma / 2)
 
-    def height_variance(self, highest_wavenumber=np.inf):
+    def height_variance(self, highest_wavenumber: float = np.inf) -> float:
         """Give the variance [m^2] of the heights, of the features up to ``highest_wavenumber`` [rad/m]."""
         exponent = 1 - self.gamma / 2
         above = 0.0 if np.isinf(highest_wavenumber) else (highest_wavenumber**2 + self._corner**2) ** exponent
         return np.pi * self.w2 * (above - self._corner ** (2 * exponent)) / exponent
 
-    def mean_square_slope(self, highest_wavenumber):
+    def mean_square_slope(self, highest_wavenumber: float) -> float:
         """Give the mean of the squared gradient [-] of the features up to ``highest_wavenumber`` [rad/m].
 
         Notes
@@ -119,11 +121,11 @@ class RoughnessSpectrum:
         return np.pi * self.w2 * ((s**b - corner**b) / b - corner * (s**a - corner**a) / a)
 
     @property
-    def _corner(self):
+    def _corner(self) -> float:
         return 2 * np.pi / self.outer_scale
 
 
-def sediment_key(name):
+def sediment_key(name: str) -> str:
     """Give the name under which the tables hold a sediment: lower case, ``-`` and ``_`` read as a space.
 
     Raises
@@ -138,6 +140,6 @@ def sediment_key(name):
     return key
 
 
-def w2_from_cm4(w2_cm4, gamma):
+def w2_from_cm4(w2_cm4: float, gamma: float) -> float:
     """Give the spectral strength [m^(4 - gamma)] of one tabled in cm^4 with a reference length of 1 cm."""
     return 1e-8 * 100**gamma * w2_cm4
