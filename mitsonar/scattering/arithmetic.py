@@ -3,9 +3,13 @@
 Laws take an `Arithmetic` first and use what both array modules call the same: sqrt, exp, log, minimum, maximum, and of
 complex numbers ``real`` and ``imag``. Only how complex numbers are made differs.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
+
+from ..device.types import Numbers
 
 __all__ = ["NUMPY", "Arithmetic", "power"]
 
@@ -22,13 +26,13 @@ class Arithmetic:
         Makes complex arrays: of Dr.Jit the type ``Complex2f``.
     """
 
-    module: object
-    complex: object
+    module: ModuleType
+    complex: Callable[[Numbers, Numbers], Numbers]
 
 
 NUMPY = Arithmetic(np, lambda real, imaginary: real + 1j * imaginary)
 
 
-def power(number):
+def power(number: Numbers) -> Numbers:
     """Give |z|² of complex numbers of either kind."""
     return number.real * number.real + number.imag * number.imag

@@ -24,6 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..device.types import Numbers
+from .arithmetic import Arithmetic
+
 __all__ = ["Elastic"]
 
 LARGEST_SCALE = 1e-3               # ε: of k, the smallest wavenumber of the volume's spectrum
@@ -58,21 +61,21 @@ class Elastic:
     angles a mean of both that is reciprocal and keeps the energy of what is known by name below that of the sound.
     """
 
-    arithmetic: object
-    density_ratio: object
-    sound_speed_ratio: object
-    loss: object
-    shear_speed_ratio: object
-    shear_loss: object
-    w3: object
-    fluctuations: tuple
+    arithmetic: Arithmetic
+    density_ratio: Numbers
+    sound_speed_ratio: Numbers
+    loss: Numbers
+    shear_speed_ratio: Numbers
+    shear_loss: Numbers
+    w3: Numbers
+    fluctuations: tuple[Numbers, Numbers, Numbers]
 
-    def reflection(self, sine):
+    def reflection(self, sine: Numbers) -> Numbers:
         """Give the complex reflection coefficient R [-] of the flat surface, finite where P or s is 0."""
         wave = self._wave(sine)
         return 2 * wave.through * wave.normal - 1
 
-    def amplitude(self, sine_in, sine_out, scalar):
+    def amplitude(self, sine_in: Numbers, sine_out: Numbers, scalar: Numbers) -> Numbers:
         """Give a [-], complex, of the rough surface."""
         rho, kappa2, m = self.density_ratio, self._kappa_square(), self._shear_square()
         i, o = self._wave(sine_in), self._wave(sine_out)
@@ -84,14 +87,14 @@ class Elastic:
                    - 2 * converted * (o.cos2 * cross_in + i.cos2 * cross_out))
         return (4 / rho) * (i.through * o.through * sources)
 
-    def volume_strength(self, sine_in, sine_out):
+    def volume_strength(self, sine_in: Numbers, sine_out: Numbers) -> Numbers:
         """Give σ [-] of the volume, the same in all azimuths and at all frequencies."""
         back, out = self._sent_back(sine_in), self._sent_back(sine_out)
         both = back + out + SMALLEST
         back, out = back / both, out / both
         return 8 * self.w3 * (back * back * (out * out)) * both
 
-    def _sent_back(self, sine):
+    def _sent_back(self, sine: Numbers) -> Numbers:
         """σ_i over w3."""
         wave, kappa2, m = self._wave(sine), self._kappa_square(), self._shear_square()
         of_density, of_speed, of_shear = self.fluctuations
@@ -115,7 +118,7 @@ class Elastic:
         first = (np.pi / 2) * square * square * total
         return first / (1 + self.w3 / STRONGEST_VOLUME * first)
 
-    def _wave(self, sine):
+    def _wave(self, sine: Numbers) -> "_Wave":
         """What a plane wave from or to the water is below."""
         rho, m, sqrt = self.density_ratio, self._shear_square(), self.arithmetic.module.sqrt
         cos2 = 1 - sine * sine
@@ -128,17 +131,17 @@ class Elastic:
         return _Wave(cos2=cos2, down=down, across=across, double=double, normal=normal,
                      along=1 - 2 * (m * cos2 + mixed), reach=reach, through=rho * sine / reach)
 
-    def _kappa_square(self):
+    def _kappa_square(self) -> Numbers:
         square = self.sound_speed_ratio * self.sound_speed_ratio
         return self.arithmetic.complex((1 - self.loss * self.loss) / square, 2 * self.loss / square)
 
-    def _shear_square(self):
+    def _shear_square(self) -> Numbers:
         """m, and no division by a shear speed of 0."""
         loss2 = self.shear_loss * self.shear_loss
         size = self.shear_speed_ratio / (1 + loss2)
         return self.arithmetic.complex(size * size * (1 - loss2), -2 * size * size * self.shear_loss)
 
-    def _conjugate(self, number):
+    def _conjugate(self, number: Numbers) -> Numbers:
         return self.arithmetic.complex(number.real, -number.imag)
 
 
@@ -146,11 +149,11 @@ class Elastic:
 class _Wave:
     """c², P, T, C, N, B, P + ρ s N and τ/2 of one direction."""
 
-    cos2: object
-    down: object
-    across: object
-    double: object
-    normal: object
-    along: object
-    reach: object
-    through: object
+    cos2: Numbers
+    down: Numbers
+    across: Numbers
+    double: Numbers
+    normal: Numbers
+    along: Numbers
+    reach: Numbers
+    through: Numbers

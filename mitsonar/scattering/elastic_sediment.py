@@ -4,10 +4,13 @@
 -> ``loss``, ``shear_loss``; w2, γ of the roughness -> ``w2``, ``gamma``; w3, f of the volume -> ``w3``,
 ``fluctuations``. Time factor exp(-iωt).
 """
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ..device.types import Real
 from ..seabed.roughness import sediment_key
 from .arithmetic import NUMPY, power
 from .elastic import Elastic
@@ -86,7 +89,7 @@ class ElasticSediment(RoughSeabed):
     w2: float
     w3: float
     gamma: float = 3.0
-    fluctuations: tuple = (1.0, 0.0, 0.0)
+    fluctuations: tuple[float, float, float] = (1.0, 0.0, 0.0)
     mesh_resolution: float = 0.0
     name: str = "solid"
 
@@ -107,7 +110,7 @@ class ElasticSediment(RoughSeabed):
                              "the fluctuations, or raise the loss.")
 
     @classmethod
-    def of(cls, name, **changes):
+    def of(cls, name: str, **changes: Any) -> "ElasticSediment":
         """Give the "cobble", "rock" or "rough rock" of TM 2-00, with ``changes`` to its fields."""
         key = sediment_key(name)
         if key not in ELASTIC_SEDIMENTS:
@@ -115,25 +118,25 @@ class ElasticSediment(RoughSeabed):
                              "the law sediment, or give the parameters.")
         return replace(ELASTIC_SEDIMENTS[key], **changes)
 
-    def reflection(self, grazing):
+    def reflection(self, grazing: Real) -> np.ndarray:
         """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
         return self.below.reflection(np.sin(grazing))
 
     @property
-    def below(self):
+    def below(self) -> Elastic:
         """The half-space under the surface."""
         return Elastic(arithmetic=NUMPY, density_ratio=self.density_ratio, sound_speed_ratio=self.sound_speed_ratio,
                        loss=self.loss, shear_speed_ratio=self.shear_speed_ratio, shear_loss=self.shear_loss,
                        w3=self.w3, fluctuations=self.fluctuations)
 
-    def _most_sent_back(self):
+    def _most_sent_back(self) -> float:
         """Most, over grazing angles, of |R|² + ∫ σ_volume dΩ / sin θ_i, with dΩ = 2π d(sin θ_s)."""
         sine_in, sine_out = (np.arange(90) + 0.5)[:, None] / 90, (np.arange(180) + 0.5) / 180
         volume = self.below.volume_strength(sine_in, sine_out).mean(-1, keepdims=True)
         return np.max(power(self.below.reflection(sine_in)) + 2 * np.pi * volume / sine_in)
 
 
-def _solids():
+def _solids() -> Iterator[tuple[str, ElasticSediment]]:
     for names, (density, speed, loss, shear_speed, shear_loss, w2, gamma, w3, fluctuations) in _ROWS.items():
         for name in names:
             yield name, ElasticSediment(

@@ -10,6 +10,7 @@ gives back more than comes in, and is refused, where  2π sqrt(σ_b(θ_i)) ∫ s
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 __all__ = ["EmpiricalSeabed"]
 
@@ -38,7 +39,7 @@ class EmpiricalSeabed:
 
     angles: np.ndarray
     strengths_db: np.ndarray
-    frequencies: np.ndarray = None
+    frequencies: np.ndarray | None = None
     name: str = "empirical"
 
     def __post_init__(self):
@@ -63,34 +64,36 @@ class EmpiricalSeabed:
                 raise ValueError(f"{self.name}: more comes back than arrives{column}: {share:.3g} of what comes in at "
                                  f"{np.degrees(angle):.1f} degrees; check the strengths, in dB re 1 m²/m².")
 
-    def backscatter_strength(self, grazing, frequency):
+    def backscatter_strength(self, grazing: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """Give σ_b [-] at grazing angles [rad] and frequencies [Hz] that broadcast."""
         grazing, frequency = np.broadcast_arrays(np.asarray(grazing, float), frequency)
         first, last = self.angles[[0, -1]]
         row, rest = _place(self.angles, np.clip(grazing, first, last))
-        column, part = _place(np.log(self.frequencies), np.log(frequency))
-        after = np.minimum(row + 1, len(self.angles) - 1), np.minimum(column + 1, len(self.frequencies) - 1)
+        frequencies = np.asarray(self.frequencies)             # an array from the start
+        column, part = _place(np.log(frequencies), np.log(frequency))
+        after = np.minimum(row + 1, len(self.angles) - 1), np.minimum(column + 1, len(frequencies) - 1)
         table = self.strengths_db
         low = table[row, column] * (1 - rest) + table[after[0], column] * rest
         high = table[row, after[1]] * (1 - rest) + table[after[0], after[1]] * rest
         below = np.minimum(np.sin(grazing) / np.sin(first), 1) ** 2
         return 10 ** ((low * (1 - part) + high * part) / 10) * below
 
-    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+    def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
+                            frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
         """Give σ [-], for angles [rad] and frequency [Hz]; azimuth and sound speed only give it its shape."""
         way_in, way_out, frequency, *_ = np.broadcast_arrays(grazing_in, grazing_out, frequency, azimuth, sound_speed)
         return np.sqrt(self.backscatter_strength(way_in, frequency) * self.backscatter_strength(way_out, frequency))
 
-    def _largest_share(self, frequency):
+    def _largest_share(self, frequency: float) -> tuple[float, float]:
         """Largest share of what comes in that goes out again, and the grazing angle [rad] it comes in at."""
         angle = np.union1d(np.linspace(0, np.pi / 2, STEPS + 1), self.angles)[1:]
         root = np.sqrt(self.backscatter_strength(angle, frequency))
         whole = 2 * np.pi * np.trapezoid(np.append(0, root * np.cos(angle)), np.append(0, angle))
         share = whole * root / np.sin(angle)
-        return share.max(), angle[share.argmax()]
+        return float(share.max()), float(angle[share.argmax()])
 
 
-def _place(nodes, value):
+def _place(nodes: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Index of the node before each value, and how far it lies towards the next, 0..1; held beyond both ends."""
     index = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(len(nodes) - 2, 0))
     if len(nodes) == 1:

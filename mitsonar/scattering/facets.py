@@ -16,13 +16,16 @@ and for small phases its series, 2 Σ i^n h_n / (n + 2)!, h_n the complete symme
 """
 import drjit as dr
 import numpy as np
+from numpy.typing import ArrayLike
+
+from ..device.types import Numbers
 
 __all__ = ["phase_mean", "scattering_length", "triangle_integral"]
 
 SMALL = 0.5                        # |w|² of the phases [rad²] below which the series is taken, 1e-7 exact there
 
 
-def phase_mean(a, b, c):
+def phase_mean(a: Numbers, b: Numbers, c: Numbers) -> tuple[Numbers, Numbers]:
     """Mean of e^iφ over triangles in which φ is linear.
 
     Parameters
@@ -53,7 +56,7 @@ def phase_mean(a, b, c):
     return real * cosine - imaginary * sine, real * sine + imaginary * cosine
 
 
-def triangle_integral(corners, w):
+def triangle_integral(corners: ArrayLike, w: ArrayLike) -> np.ndarray:
     """∫ e^(iw·x) dS over triangles.
 
     Parameters
@@ -72,7 +75,8 @@ def triangle_integral(corners, w):
     return _area(corners) * (real + 1j * imaginary)
 
 
-def scattering_length(corners, wavenumber, towards_source, towards_receiver=None, *, reflection=1.0):
+def scattering_length(corners: ArrayLike, wavenumber: float, towards_source: ArrayLike,
+                      towards_receiver: ArrayLike | None = None, *, reflection: complex | np.ndarray = 1.0) -> complex:
     """Far-field scattering length of lit facets together.
 
     Parameters
@@ -100,20 +104,20 @@ def scattering_length(corners, wavenumber, towards_source, towards_receiver=None
     return complex(np.sum(1j * wavenumber / (4 * np.pi) * reflection * cosines * integral))
 
 
-def _area(corners):
+def _area(corners: np.ndarray) -> np.ndarray:
     return 0.5 * np.linalg.norm(np.cross(corners[..., 1, :] - corners[..., 0, :],
                                          corners[..., 2, :] - corners[..., 0, :]), axis=-1)
 
 
-def _sincos(x):
+def _sincos(x: Numbers) -> tuple[Numbers, Numbers]:
     return dr.sincos(x) if dr.is_array_v(x) else (np.sin(x), np.cos(x))
 
 
-def _where(condition, a, b):
+def _where(condition: Numbers, a: Numbers, b: Numbers) -> Numbers:
     return dr.select(condition, a, b) if dr.is_array_v(condition) else np.where(condition, a, b)
 
 
-def _sinc(x):
+def _sinc(x: Numbers) -> Numbers:
     """sin(x) / x."""
     if not dr.is_array_v(x):
         return np.sinc(np.asarray(x) / np.pi)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arithmetic import power
+from ..device.types import Numbers
+from .arithmetic import Arithmetic, power
 
 __all__ = ["Fluid"]
 
@@ -32,27 +33,27 @@ class Fluid:
         Volume cross section [1/m] over absorption [dB/m].
     """
 
-    arithmetic: object
-    density_ratio: object
-    sound_speed_ratio: object
-    loss: object
-    volume_parameter: object
+    arithmetic: Arithmetic
+    density_ratio: Numbers
+    sound_speed_ratio: Numbers
+    loss: Numbers
+    volume_parameter: Numbers
 
-    def vertical(self, sine):
+    def vertical(self, sine: Numbers) -> Numbers:
         """P; the principal root has Im >= 0, for κ² lies in the upper half plane."""
         real, imaginary = self._kappa_square()
         return self.arithmetic.module.sqrt(self.arithmetic.complex(real - 1 + sine * sine, imaginary))
 
-    def transmission(self, sine, vertical):
+    def transmission(self, sine: Numbers, vertical: Numbers) -> Numbers:
         """1 + R, written so that it is finite where P or sin θ is 0."""
         through = self.density_ratio * sine
         return 2 * through / (through + vertical)
 
-    def reflection(self, sine):
+    def reflection(self, sine: Numbers) -> Numbers:
         """Give the complex reflection coefficient R [-] of the flat surface."""
         return self.transmission(sine, self.vertical(sine)) - 1
 
-    def amplitude(self, sine_in, sine_out, scalar):
+    def amplitude(self, sine_in: Numbers, sine_out: Numbers, scalar: Numbers) -> Numbers:
         """Give a [-], complex, of the rough surface."""
         rho = self.density_ratio
         vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
@@ -61,7 +62,7 @@ class Fluid:
                     + self.arithmetic.complex(1 - real / rho, -imaginary / rho))
         return self.transmission(sine_in, vertical_in) * self.transmission(sine_out, vertical_out) * contrast
 
-    def volume_strength(self, sine_in, sine_out):
+    def volume_strength(self, sine_in: Numbers, sine_out: Numbers) -> Numbers:
         """Give σ [-] of the volume, the same in all azimuths and at all frequencies."""
         vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
         through = power(self.transmission(sine_in, vertical_in)) * power(self.transmission(sine_out, vertical_out))
@@ -69,6 +70,6 @@ class Fluid:
                 / (self.sound_speed_ratio * self.density_ratio * self.density_ratio
                    * (vertical_in + vertical_out).imag))
 
-    def _kappa_square(self):
+    def _kappa_square(self) -> tuple[Numbers, Numbers]:
         square = self.sound_speed_ratio * self.sound_speed_ratio
         return (1 - self.loss * self.loss) / square, 2 * self.loss / square

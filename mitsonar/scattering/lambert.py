@@ -7,12 +7,14 @@
 """
 import numpy as np
 
+from ..device.types import Numbers
+
 __all__ = ["STRONGEST", "scattering_strength"]
 
 STRONGEST = 1 / np.pi              # all the incident power comes back
 
 
-def scattering_strength(strength, sin_incident, sin_scattered):
+def scattering_strength(strength: Numbers, sin_incident: Numbers, sin_scattered: Numbers) -> Numbers:
     """Scattered power per area and solid angle over incident intensity [-].
 
     Parameters

@@ -7,9 +7,12 @@ the transverse wavenumber over k:
 
 cut off at the horizon: r runs up to r_end(ψ), where sin θ_s = 0, in each direction ψ about the specular one.
 """
+from collections.abc import Callable
+
 import drjit as dr
 import numpy as np
 
+from ..device.types import Float
 from .small_slope import MOST, log_roughness
 
 __all__ = ["lobe_density", "lobe_shift", "lobe_width"]
@@ -20,7 +23,8 @@ TINY = 1e-14
 NARROWEST, WIDEST = 1e-10, 10.0     # w²: what float32 can tell from a mirror, and flat over all directions
 
 
-def lobe_width(log_lobe, sine, wavenumber, w2, gamma):
+def lobe_width(log_lobe: Callable[[Float, Float], Float], sine: Float, wavenumber: Float, w2: Float,
+               gamma: Float) -> Float:
     """Give w² [-] of the lobe that directions are drawn from, where sound comes in at ``sine`` of grazing angle."""
     alpha = 0.5 * gamma - 1
     log_core = log_roughness(dr, wavenumber, w2, alpha) + 2 * dr.log(dr.maximum(2 * sine, SMALLEST))
@@ -28,7 +32,8 @@ def lobe_width(log_lobe, sine, wavenumber, w2, gamma):
     return dr.clip(width, NARROWEST, WIDEST)
 
 
-def lobe_shift(x, y, sine, width, alpha, first, second):
+def lobe_shift(x: Float, y: Float, sine: Float, width: Float, alpha: Float, first: Float,
+               second: Float) -> tuple[Float, Float, Float]:
     """Draw a direction from the lobe by two numbers in [0, 1).
 
     Parameters
@@ -51,7 +56,7 @@ def lobe_shift(x, y, sine, width, alpha, first, second):
     return r * cosine - x, r * sine_turn - y, dr.sqrt((far - r) * (near + r))
 
 
-def lobe_density(x, y, sine, x_out, y_out, width, alpha):
+def lobe_density(x: Float, y: Float, sine: Float, x_out: Float, y_out: Float, width: Float, alpha: Float) -> Float:
     """Give the density of `lobe_shift` over the transverse direction [-]: per sr once it is multiplied by sin θ_s."""
     dx, dy = x + x_out, y + y_out
     square = dr.maximum(dx * dx + dy * dy, TINY)
@@ -61,7 +66,7 @@ def lobe_density(x, y, sine, x_out, y_out, width, alpha):
     return peak * dr.exp(-(1 + alpha) * _log1p(square / width))
 
 
-def _horizon(x, y, sine, cosine, sine_turn):
+def _horizon(x: Float, y: Float, sine: Float, cosine: Float, sine_turn: Float) -> tuple[Float, Float]:
     """Distances from the specular direction to the horizon, backwards and forwards along a direction."""
     along = x * cosine + y * sine_turn          # back towards where sound comes from: the longer way
     longer = dr.sqrt(sine * sine + along * along) + abs(along)
@@ -69,17 +74,17 @@ def _horizon(x, y, sine, cosine, sine_turn):
     return dr.select(along > 0, shorter, longer), dr.maximum(dr.select(along > 0, longer, shorter), TINY)
 
 
-def _within(square, width, alpha):
+def _within(square: Float, width: Float, alpha: Float) -> Float:
     """Share of the lobe within a distance, given squared."""
     return dr.maximum(-_expm1(-alpha * _log1p(square / width)), TINY)
 
 
-def _log1p(x):
+def _log1p(x: Float) -> Float:
     """ln(1 + x) without cancellation about 0."""
     return dr.select(abs(x) < 0.5, 2 * dr.atanh(dr.clip(x / (2 + x), -0.5, 0.5)), dr.log(dr.maximum(1 + x, TINY)))
 
 
-def _expm1(y):
+def _expm1(y: Float) -> Float:
     """e^y - 1 without cancellation about 0."""
     half = dr.tanh(0.5 * dr.clip(y, -1, 1))
     return dr.select(abs(y) < 1, 2 * half / (1 - half), dr.exp(dr.minimum(y, MOST)) - 1)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..device.lookups import held
+from ..device.types import ArrayTypes, Float, Upload
 from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, STEP as RATIO_STEP, ratio_table
 from .rough_interface import ALPHA_RANGE, log_lobe
 
@@ -25,7 +26,7 @@ ROWS = LAST - FIRST + 3
 
 
 @lru_cache(maxsize=ROWS)
-def _row(index):
+def _row(index: int) -> np.ndarray:
     """Cubics of ln F over a step of ln q, as float32 (COLUMNS, 4), lowest power first."""
     alpha = 1 / (1 + np.exp(-(MIDDLE + (FIRST + index) * STEP_Y)))
     log_q = LOW + STEP * np.arange(COLUMNS + 1)
@@ -46,9 +47,9 @@ class LobeTable:
         For one α for all, whose derivatives are kept; None: any α with every question.
     """
 
-    def __init__(self, lib, upload, alpha=None):
+    def __init__(self, lib: ArrayTypes, upload: Upload, alpha: Float | None = None):
         self.lib, self.single = lib, alpha is not None
-        if self.single:
+        if alpha is not None:
             first = int(np.clip(_stencil(float(alpha.numpy()[0])), 0, ROWS - 4))
             rows = [upload(lib.Float, _row(first + k)) for k in range(4)]
             self.table = sum(weight * row for weight, row in zip(_weights(alpha, first), rows))
@@ -56,7 +57,7 @@ class LobeTable:
             self.table = upload(lib.Float, np.stack([_row(index) for index in range(ROWS)]))
         dr.eval(self.table)
 
-    def __call__(self, log_q, alpha):
+    def __call__(self, log_q: Float, alpha: Float) -> Float:
         """Give ln F for Float arrays; ``alpha`` is that of the table where this has one for all."""
         place = (held(log_q, LOW, HIGH) - LOW) / STEP
         column = dr.minimum(self.lib.UInt32(place), COLUMNS - 1)
@@ -82,7 +83,7 @@ class RatioTable:
     gamma : float
     """
 
-    def __init__(self, lib, upload, gamma):
+    def __init__(self, lib: ArrayTypes, upload: Upload, gamma: float):
         self.lib, values = lib, ratio_table(gamma)
         self.columns = values.shape[1]
         # a cell's four corners side by side
@@ -90,7 +91,7 @@ class RatioTable:
         self.table = upload(lib.Float, corners)
         dr.eval(self.table)
 
-    def __call__(self, log_m, log_width):
+    def __call__(self, log_m: Float, log_width: Float) -> Float:
         """Give the logarithm of the ratio, Float; linear between the nodes."""
         y, x = ((held(value, low, high - 1e-4) - low) / RATIO_STEP
                 for value, low, high in ((log_m, LOW_M, HIGH_M), (log_width, LOW_T, HIGH_T)))

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import gammainc, gammaincinv
 
 from ..device.chance import Salt, hashed
+from ..device.types import ArrayTypes, Bool, Float, Upload
 
 __all__ = ["LARGEST_SHAPE", "SMALLEST_SHAPE", "Patches", "gamma_cells"]
 
@@ -21,7 +22,7 @@ SMALLEST_SHAPE, LARGEST_SHAPE = 0.1, 1000.0
 CELL_BITS = 13                     # of the table, which has 2^13 cells
 
 
-def gamma_cells(shape, count):
+def gamma_cells(shape: float, count: int) -> np.ndarray:
     """Give the means of ``count`` cells of equal probability of Gamma(ν, 1/ν).
 
     Parameters
@@ -59,7 +60,7 @@ class Patches:
         If a number is out of range.
     """
 
-    def __init__(self, shape, size, lib, upload):
+    def __init__(self, shape: float, size: float, lib: ArrayTypes, upload: Upload):
         if not SMALLEST_SHAPE <= shape <= LARGEST_SHAPE:
             raise ValueError(f"patchiness is {shape}; it must lie in {SMALLEST_SHAPE:g}..{LARGEST_SHAPE:g}.")
         if not 0 < size < np.inf:
@@ -69,7 +70,7 @@ class Patches:
         self._cells = upload(lib.Float, gamma_cells(self.shape, 1 << CELL_BITS).astype(np.float32))
         dr.eval(self._cells)
 
-    def __call__(self, x, y, active=True):
+    def __call__(self, x: Float, y: Float, active: Bool | bool = True) -> Float:
         """Give g [-], Float (R,), at places x and y [m] Float (R,)."""
         lib = self.lib
         i, j = (lib.UInt32(lib.Int32(dr.floor(v * self._per_metre))) for v in (x, y))

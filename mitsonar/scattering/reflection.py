@@ -10,12 +10,15 @@ as e^(+iωt) in mitsonar. A rigid surface has R = 1, a soft one (pressure releas
 import drjit as dr
 import numpy as np
 
+from ..device.types import Numbers
+
 __all__ = ["WATER_DENSITY", "fluid_reflection"]
 
 WATER_DENSITY = 1025.0             # [kg/m³]
 
 
-def fluid_reflection(sin_grazing, density_ratio, sound_speed_ratio, loss=0.0):
+def fluid_reflection(sin_grazing: Numbers, density_ratio: Numbers, sound_speed_ratio: Numbers,
+                     loss: Numbers = 0.0) -> tuple[Numbers, Numbers]:
     """Reflection coefficient of a fluid half-space.
 
     Parameters

@@ -16,7 +16,9 @@ its ratio to the same integral without a cut (Hankel transforms on logarithmic g
 energy strictly: of sound that comes in at 3 to 10 degrees, below the critical angle, up to 1.23 may go out (sandy
 gravel without its features over 15 cm, 100 kHz; sands 1.1).
 """
+from collections.abc import Callable
 from functools import lru_cache
+from types import ModuleType
 
 import numpy as np
 from scipy import fft
@@ -24,6 +26,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import map_coordinates
 from scipy.special import j0, j1
 
+from ..device.types import Numbers
 from .rough_interface import log_lobe
 from .small_slope import MOST, SMALLEST, log_roughness
 
@@ -39,12 +42,14 @@ LOW_T, HIGH_T = -3.5, 4.5          # ln (κ / width); the lobe is flat below, th
 SIZE_M, SIZE_T = (round((high - low) / STEP) + 1 for low, high in ((LOW_M, HIGH_M), (LOW_T, HIGH_T)))
 
 
-def cut(mesh_resolution):
+def cut(mesh_resolution: Numbers) -> Numbers:
     """Give K_c [rad/m] of a mesh by the distance of its nodes [m]."""
     return FACETS * np.pi / mesh_resolution
 
 
-def resolved_factor(module, log_lobe, log_ratio, shift, shift_z, wavenumber, w2, gamma, cut):
+def resolved_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], Numbers],
+                    log_ratio: Callable[[Numbers, Numbers], Numbers], shift: Numbers, shift_z: Numbers,
+                    wavenumber: Numbers, w2: Numbers, gamma: Numbers, cut: Numbers) -> Numbers:
     """Give σ_rough over |a|² [-] as `small_slope.lobe_factor` does, without what has wavenumbers below ``cut``.
 
     Parameters
@@ -75,11 +80,11 @@ def resolved_factor(module, log_lobe, log_ratio, shift, shift_z, wavenumber, w2,
     return (mirror + single + rest) * module.exp(2 * per_cut) / (8 * np.pi * s * s)
 
 
-def log_ratio(gamma):
+def log_ratio(gamma: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """Give the look-up that `resolved_factor` asks for, in NumPy."""
     table = ratio_table(gamma).astype(float)
 
-    def look_up(log_m, log_width):
+    def look_up(log_m: np.ndarray, log_width: np.ndarray) -> np.ndarray:
         place = np.broadcast_arrays((log_m - LOW_M) / STEP, (log_width - LOW_T) / STEP)
         found = map_coordinates(table, [axis.ravel() for axis in place], order=1, mode="nearest")
         return found.reshape(place[0].shape) + np.minimum(log_m - LOW_M, 0)
@@ -87,13 +92,13 @@ def log_ratio(gamma):
     return look_up
 
 
-def _log_structure(module, alpha):
+def _log_structure(module: ModuleType, alpha: Numbers) -> Numbers:
     """ln of c in Φ = c x^2α, that of features of all sizes: C² r^2α = 2 h² c r^2α where K_c and w2 are 1."""
     return log_roughness(module, 1.0, 1.0, alpha) - module.log(np.pi / alpha)
 
 
 @lru_cache(maxsize=8)
-def ratio_table(gamma):
+def ratio_table(gamma: float) -> np.ndarray:
     """Logarithm of R over the integral without a cut, float32 (SIZE_M, SIZE_T)."""
     alpha = 0.5 * gamma - 1
     log_x = np.linspace(-HIGH_M / (2 * alpha) - 12.0, np.log(FARTHEST), POINTS)
@@ -117,7 +122,7 @@ def ratio_table(gamma):
     return table
 
 
-def _left(gamma, log_x):
+def _left(gamma: float, log_x: np.ndarray) -> np.ndarray:
     """1 - Φ: by its series up to x = 3, beyond by its integral from the far end."""
     alpha, x = 0.5 * gamma - 1, np.exp(log_x)
     near = x < 3

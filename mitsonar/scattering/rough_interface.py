@@ -18,6 +18,8 @@ from scipy.interpolate import CubicSpline
 from scipy.special import gamma as gamma_function
 from scipy.special import hankel1
 
+from ..device.types import Real
+
 __all__ = ["ALPHA_RANGE", "lobe_integral", "log_lobe"]
 
 ALPHA_RANGE = (0.2, 0.95)          # where the table is accurate: γ = 2.4..3.9
@@ -25,7 +27,7 @@ SMALLEST_Q = 1e-7                  # the perturbation limit holds to 1e-7 below
 STEP = 0.1                         # of the table, in ln q
 
 
-def lobe_integral(q, alpha):
+def lobe_integral(q: Real, alpha: float) -> np.ndarray:
     """Give I(q, α) to 1e-6 of itself.
 
     Parameters
@@ -48,7 +50,7 @@ def lobe_integral(q, alpha):
     return np.exp(log_lobe(log_q, alpha) - log_q / alpha)
 
 
-def log_lobe(log_q, alpha):
+def log_lobe(log_q: Real, alpha: float) -> np.ndarray:
     """Give ln F = ln q / α + ln I(q, α), which is bounded above, to 1e-6; see `lobe_integral`."""
     spline, low, high = _table(float(alpha))
     inside = np.clip(log_q, low, high)
@@ -56,7 +58,7 @@ def log_lobe(log_q, alpha):
 
 
 @lru_cache(maxsize=64)
-def _table(alpha):
+def _table(alpha: float) -> tuple[CubicSpline, float, float]:
     """The spline of ln I over ln q, and its ends."""
     # The lobe's first correction, relative, is Γ(2/α) / 4 Γ(1/α) q^(-1/α); the table ends where it is 1e-9.
     largest = (2.5e8 * gamma_function(2 / alpha) / gamma_function(1 / alpha)) ** alpha

@@ -5,9 +5,15 @@
 θ_i, θ_s -> ``grazing_in``, ``grazing_out``, φ -> ``azimuth`` (0 forward, π back), k -> ``wavenumber``. The rough part
 holds the whole of the reflected energy, its near-specular lobe included: never add a specular echo of the same seabed.
 """
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
 import numpy as np
 
+from ..device.types import Real
 from .arithmetic import power
+from .elastic import Elastic
+from .fluid import Fluid
 from .resolved import cut, log_ratio, resolved_factor
 from .rough_interface import log_lobe
 from .small_slope import lobe_factor
@@ -15,7 +21,7 @@ from .small_slope import lobe_factor
 __all__ = ["RoughSeabed"]
 
 
-class RoughSeabed:
+class RoughSeabed(ABC):
     """Give the scattering of a seabed; subclasses hold what it is.
 
     Attributes
@@ -34,14 +40,22 @@ class RoughSeabed:
         The same, from which on its levels near nadir are too low by some dB; elsewhere they are good to 5 dB.
     """
 
+    w2: float
+    gamma: float
+    name: str
     mesh_resolution = 0.0
     steepest, steep = 1.7, 1.0     # of sandy gravel, the coarsest that is fluid, at 950 and 230 kHz
 
-    def roughness_slope(self, wavenumber):
+    @property
+    @abstractmethod
+    def below(self) -> Fluid | Elastic:
+        """The half-space under the surface."""
+
+    def roughness_slope(self, wavenumber: Real) -> np.ndarray:
         """Give the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
         return np.sqrt(2 * np.pi * self.w2 * (2 * wavenumber) ** (4 - self.gamma) / (4 - self.gamma))
 
-    def rough_strength(self, grazing_in, grazing_out, azimuth, wavenumber):
+    def rough_strength(self, grazing_in: Real, grazing_out: Real, azimuth: Real, wavenumber: Real) -> np.ndarray:
         """Give σ [-] of the surface alone, at any frequency, for angles [rad] and wavenumber [rad/m] that broadcast."""
         cos_i, cos_s, sin_i, sin_s = np.cos(grazing_in), np.cos(grazing_out), np.sin(grazing_in), np.sin(grazing_out)
         # (cos θ_i - cos θ_s)² + 4 cos cos sin²(φ/2): the shift of the transverse wavenumber, without cancellation
@@ -53,11 +67,12 @@ class RoughSeabed:
             factor = lobe_factor(np, log_lobe, *seen)
         return power(self.below.amplitude(sin_i, sin_s, cos_i * cos_s * np.cos(azimuth))) * factor
 
-    def volume_strength(self, grazing_in, grazing_out):
+    def volume_strength(self, grazing_in: Real, grazing_out: Real) -> np.ndarray:
         """Give σ [-] of the volume alone, for angles [rad] that broadcast; the same in all azimuths and frequencies."""
         return self.below.volume_strength(np.sin(grazing_in), np.sin(grazing_out))
 
-    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+    def scattering_strength(self, grazing_in: Real, grazing_out: Real, azimuth: Real, frequency: Real,
+                            sound_speed: Real) -> np.ndarray:
         """Give σ [-] of surface and volume, for angles [rad], frequency [Hz], sound speed [m/s] that broadcast.
 
         Raises
@@ -70,7 +85,7 @@ class RoughSeabed:
         return (self.rough_strength(grazing_in, grazing_out, azimuth, wavenumber)
                 + self.volume_strength(grazing_in, grazing_out))
 
-    def check(self, frequency, wavenumber):
+    def check(self, frequency: float, wavenumber: float) -> None:
         """Raise `ValueError` if the law does not hold at a frequency [Hz] and its wavenumber [rad/m] in the water."""
         slope = self.roughness_slope(wavenumber)
         if slope > self.steepest:
@@ -79,7 +94,7 @@ class RoughSeabed:
                 f"to half a wavelength have a root-mean-square slope of {slope:.2g}, and the law holds up to "
                 f"{self.steepest:g}; take a lower frequency or the law lambert.")
 
-    def doubt(self, frequency, wavenumber):
+    def doubt(self, frequency: float, wavenumber: float) -> str | None:
         """Say what is doubtful of the law at a frequency [Hz] and its wavenumber [rad/m], or None."""
         slope = self.roughness_slope(wavenumber)
         if slope <= self.steep:
@@ -87,7 +102,7 @@ class RoughSeabed:
         return (f"{self.name} at {frequency / 1e3:g} kHz is rougher than the law of small slopes is sure of (slope "
                 f"{slope:.2g}): within 30 degrees of nadir its levels are too low by some dB")
 
-    def _check_bounds(self, bounds, or_none=()):
+    def _check_bounds(self, bounds: Mapping[str, tuple[float, float]], or_none: tuple[str, ...] = ()) -> None:
         """Raise `ValueError` if a field is not above and up to its bounds; those in ``or_none`` may be 0."""
         for field, (low, high) in bounds.items():
             value, zero = getattr(self, field), field in or_none

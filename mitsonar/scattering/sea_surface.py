@@ -32,11 +32,14 @@ Energy: from 20 degrees of grazing and 3 m/s upwards the surface carries on 10^(
 0.9 dB.
 """
 from dataclasses import dataclass
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import erf
+
+from ..device.types import Numbers, Triple
 
 __all__ = ["Roughness", "SeaSurface", "bubble_loss_db", "facet_density", "facet_direction", "roughness", "strength"]
 
@@ -69,15 +72,15 @@ class Roughness(NamedTuple):
         L.
     """
 
-    slope_variance: float
-    crossover_deg: float
-    ripples: float
-    loss_db: float
-    bubbles: float
-    layer_depth: float
+    slope_variance: Numbers
+    crossover_deg: Numbers
+    ripples: Numbers
+    loss_db: Numbers
+    bubbles: Numbers
+    layer_depth: Numbers
 
 
-def roughness(wind_speed):
+def roughness(wind_speed: float) -> Roughness:
     """Give the `Roughness` of a wind speed [m/s].
 
     Notes
@@ -96,7 +99,7 @@ def roughness(wind_speed):
                      layer_depth=0.4 + 0.115 * max(wind - 7.5, 0.0))
 
 
-def bubble_loss_db(grazing_angle, frequency, wind_speed):
+def bubble_loss_db(grazing_angle: ArrayLike, frequency: ArrayLike, wind_speed: ArrayLike) -> np.ndarray:
     """Give what one bounce at the sea surface loses to the bubbles under it.
 
     Parameters
@@ -122,12 +125,13 @@ def bubble_loss_db(grazing_angle, frequency, wind_speed):
         return _loss_db(wind_speed) * (np.asarray(frequency, float) / 1e3) ** 0.85 / np.sin(grazing_angle)
 
 
-def _loss_db(wind_speed):
+def _loss_db(wind_speed: Numbers) -> Numbers:
     """SBL sin θ at 1 kHz."""
     return 1.26e-3 * np.maximum(wind_speed, 6.0) ** 1.57 * np.exp(1.2 * np.minimum(wind_speed - 6.0, 0.0))
 
 
-def strength(lib, surface, wi, wo, frequency, sound_speed):
+def strength(lib: ModuleType | SimpleNamespace | None, surface: Roughness, wi: Triple, wo: Triple, frequency: Numbers,
+             sound_speed: Numbers) -> Numbers:
     """Give σ [-].
 
     Parameters
@@ -166,14 +170,15 @@ def strength(lib, surface, wi, wo, frequency, sound_speed):
                                              1 / (1 + phase * phase * apart)), 0)
 
 
-def _hidden(lib, sine, variance):
+def _hidden(lib: ModuleType | SimpleNamespace, sine: Numbers, variance: Numbers) -> Numbers:
     """Smith's Λ of a way: share of the area hidden per share in sight."""
     v = sine * lib.sqrt(1 / (lib.maximum(1 - sine * sine, 1e-9) * variance))
     v = lib.minimum(v, 6.0)                                                             # Λ < 1e-17
     return lib.maximum(0.5 * (lib.exp(-v * v) * float(1 / np.sqrt(np.pi)) / v - (1 - lib.erf(v))), 0.0)
 
 
-def _bubbles(lib, depth, sin_i, sin_s, khz, coherence):
+def _bubbles(lib: ModuleType | SimpleNamespace, depth: Numbers, sin_i: Numbers, sin_s: Numbers, khz: Numbers,
+             coherence: Numbers) -> Numbers:
     """σ_b of a layer of optical depth `depth`; `coherence` -> γ."""
     beta_i, beta_s = depth / sin_i, depth / sin_s
     once = (1 + coherence) * lib.exp(-2 * lib.minimum(beta_i, beta_s)) * _fall(lib, 2 * abs(beta_i - beta_s))
@@ -181,7 +186,7 @@ def _bubbles(lib, depth, sin_i, sin_s, khz, coherence):
     return albedo * depth * float(1 / (2 * np.pi)) * (_fall(lib, 2 * (beta_i + beta_s)) + once)
 
 
-def _fall(lib, y):
+def _fall(lib: ModuleType | SimpleNamespace, y: Numbers) -> Numbers:
     """h(y) = (1 - e^-y)/y, also near 0."""
     far = lib.maximum(y, 0.05)
     near = lib.minimum(y, 0.05)
@@ -189,7 +194,8 @@ def _fall(lib, y):
                       1 - near * (0.5 - near * (1 / 6 - near * (1 / 24 - near / 120))))
 
 
-def facet_direction(lib, variance, wi, u, v):
+def facet_direction(lib: ModuleType, variance: Numbers, wi: Triple, u: Numbers,
+                    v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Mirror `wi` by a facet of the Gaussian slopes, which (u, v) in [0, 1)² choose.
 
     Parameters
@@ -214,7 +220,7 @@ def facet_direction(lib, variance, wi, u, v):
     return twice * x - wi[0], twice * y - wi[1], twice * z - wi[2]
 
 
-def facet_density(lib, variance, wi, wo):
+def facet_density(lib: ModuleType | SimpleNamespace | None, variance: Numbers, wi: Triple, wo: Triple) -> Numbers:
     """Give the density [1/sr] of `facet_direction` at `wo`, 0 below the surface.
 
     Notes
@@ -254,7 +260,8 @@ class SeaSurface:
         if not 0 <= self.wind_speed <= 60:
             raise ValueError(f"sea_surface: wind_speed is {self.wind_speed} m/s; it must lie in 0..60 m/s.")
 
-    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+    def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
+                            frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
         """Give σ [-], for angles [rad], frequency [Hz] and sound speed [m/s] that broadcast."""
         way_in, way_out, azimuth, frequency, sound_speed = np.broadcast_arrays(
             *(np.asarray(value, float) for value in (grazing_in, grazing_out, azimuth, frequency, sound_speed)))

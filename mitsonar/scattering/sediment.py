@@ -3,10 +3,13 @@
 ρ, ν of the sediment over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ -> ``loss``; σ2 ->
 ``volume_parameter``; w2, γ of the roughness -> ``w2``, ``gamma``. Time factor exp(-iωt).
 """
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ..device.types import Real
 from ..seabed.roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
 from .arithmetic import NUMPY
 from .fluid import Fluid
@@ -101,15 +104,15 @@ class Sediment(RoughSeabed):
         self._check_bounds(BOUNDS, or_none=("volume_parameter",))
 
     @classmethod
-    def of(cls, name, **changes):
+    def of(cls, name: str, **changes: Any) -> "Sediment":
         """Give the sediment of TR 9407 called ``name``, such as "medium sand", with ``changes`` to its fields."""
         return replace(SEDIMENTS[sediment_key(name)], **changes)
 
-    def reflection(self, grazing):
+    def reflection(self, grazing: Real) -> np.ndarray:
         """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
         return self.below.reflection(np.sin(grazing))
 
-    def check(self, frequency, wavenumber):
+    def check(self, frequency: float, wavenumber: float) -> None:
         """Raise `ValueError` if the law does not hold at a frequency [Hz] and its wavenumber [rad/m] in the water."""
         super().check(frequency, wavenumber)
         if self.solid and frequency >= HIGHEST_AS_FLUID:
@@ -118,13 +121,13 @@ class Sediment(RoughSeabed):
                 f"out; take the law elastic, or a frequency below {HIGHEST_AS_FLUID / 1e3:g} kHz.")
 
     @property
-    def below(self):
+    def below(self) -> Fluid:
         """The half-space under the surface."""
         return Fluid(arithmetic=NUMPY, density_ratio=self.density_ratio, sound_speed_ratio=self.sound_speed_ratio,
                      loss=self.loss, volume_parameter=self.volume_parameter)
 
 
-def _sediments():
+def _sediments() -> Iterator[tuple[str, Sediment]]:
     for names, (density, speed, loss, volume) in _ROWS.items():
         for name in names:
             yield name, Sediment(density_ratio=density, sound_speed_ratio=speed, loss=loss, volume_parameter=volume,

@@ -10,8 +10,13 @@ d -> ``shift``, s -> ``shift_z``, k -> ``wavenumber``; w2, γ of the spectrum w2
 material below (`fluid`). F is 2π times the density of a stable law of two dimensions: flat where q is large, about the
 specular direction, and far from it as q^(1 + 1/α), the limit of perturbation.
 """
+from collections.abc import Callable
+from types import ModuleType
+
 import numpy as np
 from scipy.special import polygamma
+
+from ..device.types import Numbers
 
 __all__ = ["MOST", "lobe_factor", "log_roughness"]
 
@@ -21,7 +26,7 @@ MOST = 80.0                        # exponent: exact forward grazing has no boun
 _ODD = [-2 * float(polygamma(2 * n, 1.5)) / float(np.prod(np.arange(1.0, 2 * n + 2))) for n in range(12)]
 
 
-def log_roughness(module, wavenumber, w2, alpha):
+def log_roughness(module: ModuleType, wavenumber: Numbers, w2: Numbers, alpha: Numbers) -> Numbers:
     """Give ln b [-]: half the structure function over a length of 1/k, times k²."""
     x = alpha - 0.5
     square, series = x * x, 0.0
@@ -31,7 +36,8 @@ def log_roughness(module, wavenumber, w2, alpha):
             + (2 - 2 * alpha) * module.log(wavenumber))
 
 
-def lobe_factor(module, log_lobe, shift, shift_z, wavenumber, w2, gamma):
+def lobe_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], Numbers], shift: Numbers, shift_z: Numbers,
+                wavenumber: Numbers, w2: Numbers, gamma: Numbers) -> Numbers:
     """Give σ_rough over |a|² [-].
 
     Parameters

@@ -5,13 +5,17 @@
 a -> ``radius`` [m], k = 2πf / c; j and h spherical Bessel and Hankel functions (V. C. Anderson, 1950, J. Acoust. Soc.
 Am. 22, 426). For ka >> 1 it tends to 20 log (a/2).
 """
+from typing import Literal
+
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import spherical_jn, spherical_yn
 
 __all__ = ["sphere_target_strength_db"]
 
 
-def sphere_target_strength_db(radius, frequency, sound_speed=1500.0, *, surface="rigid"):
+def sphere_target_strength_db(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0, *,
+                              surface: Literal["rigid", "soft"] = "rigid") -> np.ndarray:
     """Target strength of a sphere whose surface is rigid or soft.
 
     Parameters

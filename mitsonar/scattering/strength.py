@@ -6,8 +6,10 @@
 ``grazing_angle``, φ -> ``azimuth``, 0 forward and π back.
 """
 from dataclasses import MISSING, dataclass, fields
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import lambert
 from .elastic_sediment import ElasticSediment
@@ -16,6 +18,15 @@ from .sea_surface import SeaSurface
 from .sediment import Sediment
 
 __all__ = ["LAWS", "LambertSeabed", "backscatter_strength_db", "bistatic_strength_db"]
+
+
+class ScatteringLaw(Protocol):
+    """What all laws give."""
+
+    def scattering_strength(self, grazing_in: np.ndarray, grazing_out: np.ndarray, azimuth: np.ndarray,
+                            frequency: np.ndarray, sound_speed: np.ndarray, /) -> np.ndarray:
+        """Give σ [-], for angles [rad], frequency [Hz] and sound speed [m/s] that broadcast."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +52,8 @@ class LambertSeabed:
             raise ValueError(f"lambert: mu_db is {self.mu_db}; it must be a finite number up to {strongest:.2f} dB, "
                              "above which more would come back than arrives.")
 
-    def scattering_strength(self, grazing_in, grazing_out, azimuth, frequency, sound_speed):
+    def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
+                            frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
         """Give σ [-]; of the arguments only the grazing angles [rad] change it, the others give it its shape."""
         sines = np.broadcast_arrays(np.sin(grazing_in), np.sin(grazing_out), azimuth, frequency, sound_speed)
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
@@ -53,7 +65,8 @@ LAWS = {"lambert": LambertSeabed, "sediment": Sediment, "elastic": ElasticSedime
 NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws whose seabeds have names, and one of these
 
 
-def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0, **parameters):
+def backscatter_strength_db(law: str | ScatteringLaw, grazing_angle: ArrayLike, frequency: ArrayLike, *,
+                            sound_speed: ArrayLike = 1500.0, **parameters: Any) -> np.ndarray:
     """Give the backscatter strength of a seabed or the sea surface.
 
     Parameters
@@ -93,7 +106,8 @@ def backscatter_strength_db(law, grazing_angle, frequency, *, sound_speed=1500.0
                                 **parameters)
 
 
-def bistatic_strength_db(law, grazing_in, grazing_out, azimuth, frequency, *, sound_speed=1500.0, **parameters):
+def bistatic_strength_db(law: str | ScatteringLaw, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
+                         frequency: ArrayLike, *, sound_speed: ArrayLike = 1500.0, **parameters: Any) -> np.ndarray:
     """Give the scattering strength of a seabed or the sea surface from one direction to another.
 
     Parameters
@@ -124,7 +138,7 @@ def bistatic_strength_db(law, grazing_in, grazing_out, azimuth, frequency, *, so
         return 10 * np.log10(seabed.scattering_strength(way_in, way_out, turn, hertz, speed))
 
 
-def _seabed(law, parameters):
+def _seabed(law: str | ScatteringLaw, parameters: dict[str, Any]) -> ScatteringLaw:
     """The object of a law given by name or as such."""
     if not isinstance(law, str):
         if not hasattr(law, "scattering_strength"):
@@ -148,7 +162,7 @@ def _seabed(law, parameters):
     return kind(**parameters)
 
 
-def _checked(name, value, low, high, unit):
+def _checked(name: str, value: ArrayLike, low: float, high: float, unit: str) -> np.ndarray:
     """The value as a float64 array; a ValueError names the first outside low..high."""
     array = np.asarray(value, float)
     bad = ~((array >= low) & (array <= high))
