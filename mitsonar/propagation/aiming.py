@@ -8,9 +8,13 @@ by fixed point, which is a ray to a few centimetres. Where the series is too slo
 walked arc by arc and turned by dθ0 = dz cos θ / V until it passes the point, between a ray that passes above it and one
 that passes below.
 """
+from typing import cast
+
 import drjit as dr
 
-from .two_point import LEVEL, SERIES_LIMIT, walk
+from ..device.types import ArrayTypes, Bool, Float64, UInt32
+from .layer_table import LayerTable
+from .two_point import LEVEL, SERIES_LIMIT, PointState, SourceState, walk
 
 __all__ = ["CLOSE_ENOUGH", "aim"]
 
@@ -20,7 +24,8 @@ CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `t
 CLOSE_BY = 1e-4                # [m] as it does here: the carrying errs by nanoseconds where rays graze a level
 
 
-def aim(table, lib, source, fan, x, z, active):
+def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fan: UInt32, x: Float64, z: Float64,
+        active: Bool) -> tuple[Float64, Float64, Bool]:
     """Find the launch angle of the ray from a source to a point.
 
     Parameters
@@ -59,7 +64,7 @@ def aim(table, lib, source, fan, x, z, active):
     # kept a hair off the horizontal where the mean water knows no way: the ray is walked then
     p2 = s2 / table.scale * t * t / (1 + t * t)
     cosine = dr.minimum(dr.sqrt(p2) * c0, 1 - 1e-7)
-    sine = dr.copysign(dr.sqrt(1 - cosine * cosine), z - z0)
+    sine = cast(Float64, dr.copysign(dr.sqrt(1 - cosine * cosine), z - z0))
     sine = dr.select(abs(sine) < 1e-12, 1e-12, sine)
     doubtful = active & (close | (a2 * a2 > SERIES_LIMIT) | (cosine > 1 - 1e-6) | (p2 * c * c >= 1))
     sine, cosine, failed = _walked(table, lib, z0, c0, sine, cosine, x, z, doubtful)
@@ -67,7 +72,8 @@ def aim(table, lib, source, fan, x, z, active):
 
 
 @dr.syntax
-def _walked(table, lib, z0, c0, sine, cosine, x, z, active):
+def _walked(table: LayerTable, lib: ArrayTypes, z0: Float64, c0: Float64, sine: Float64, cosine: Float64, x: Float64,
+            z: Float64, active: Bool) -> tuple[Float64, Float64, Bool]:
     """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do.
 
     By Newton's method, held between the last ray that passed above and the last that passed below.

@@ -5,14 +5,18 @@ For all other points, and where aiming finds none, the reference (`eigenrays`) t
 these are none, or the few at the edge of a shadow.
 """
 from dataclasses import dataclass
+from typing import cast
 
 import drjit as dr
 import numpy as np
 
 from ..device.arrays import picked, upload
+from ..device.types import ArrayTypes, Bool, Float, Float64, UInt32
+from ..water import SoundSpeedProfile
 from .aiming import CLOSE_ENOUGH, aim
 from .eigenrays import eigenray
-from .two_point import MAX_TUBE_GAIN, to_hit
+from .layer_table import LayerTable
+from .two_point import MAX_TUBE_GAIN, PointState, SourceState, to_hit
 
 __all__ = ["Arrival", "earliest"]
 
@@ -33,17 +37,18 @@ class Arrival:
         At the point.
     """
 
-    found: object
-    travel_time: object
-    arc_length: object
-    spreading_area: object
-    ray_parameter: object
-    launch_sine: object
-    arrival_sine: object
-    sound_speed: object
+    found: Bool
+    travel_time: Float64
+    arc_length: Float
+    spreading_area: Float
+    ray_parameter: Float64
+    launch_sine: Float64
+    arrival_sine: Float
+    sound_speed: Float64
 
 
-def earliest(table, lib, source, fan, x, z, active):
+def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fan: UInt32, x: Float64, z: Float64,
+             active: Bool) -> Arrival:
     """Find the earliest direct or once-turned ray from sources to points; evaluates it.
 
     Parameters
@@ -71,19 +76,20 @@ def earliest(table, lib, source, fan, x, z, active):
     state = {"found": found, "travel_time": time, "arc_length": arc, "spreading_area": area, "ray_parameter": p,
              "launch_sine": sine0, "arrival_sine": sine, "sound_speed": c}
     dr.eval(state, unsure)
-    some = dr.compress(unsure)
+    some = cast(UInt32, dr.compress(unsure))
     if dr.width(some):
         count = max(map(dr.width, (unsure, *state.values())))
         index = dr.arange(lib.UInt32, count)
-        z0, x, z = (picked(value, some).numpy() for value in (z0, x, z))
+        source_depth, distance, depth = (picked(value, some).numpy() for value in (z0, x, z))
         state = {name: picked(value, index) for name, value in state.items()}
-        for name, value in _looked_for(table.profile, z0, z, x).items():
+        for name, value in _looked_for(table.profile, source_depth, depth, distance).items():
             kind = type(state[name])
             dr.scatter(state[name], upload(kind, value.astype(dr.zeros(kind, 1).numpy().dtype)), some)
     return Arrival(**state)
 
 
-def _looked_for(profile, source_depth, depth, distance):
+def _looked_for(profile: SoundSpeedProfile, source_depth: np.ndarray, depth: np.ndarray,
+                distance: np.ndarray) -> dict[str, np.ndarray]:
     """Fields of an `Arrival`, from the reference."""
     ray = eigenray(profile, source_depth, depth, distance)
     found = ray.exists

@@ -15,6 +15,7 @@ target. Depths and angles are positive down.
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..water import SoundSpeedProfile
 from .layers import Layers
@@ -54,7 +55,7 @@ class Eigenray:
     turning_depth: np.ndarray
 
     @property
-    def exists(self):
+    def exists(self) -> np.ndarray:
         """Tell where there is a ray."""
         return np.isfinite(self.travel_time)
 
@@ -65,7 +66,8 @@ LAUNCH = FIELDS.index("launch_angle")
 DOWN_IS_UP = np.array([-1 if name in ("launch_angle", "arrival_angle", "turning_depth") else 1 for name in FIELDS])
 
 
-def eigenray(profile, source_depth, target_depth, horizontal_range):
+def eigenray(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: ArrayLike,
+             horizontal_range: ArrayLike) -> Eigenray:
     """Find the earliest arrival between two points, direct or turned once.
 
     Parameters
@@ -96,7 +98,8 @@ def eigenray(profile, source_depth, target_depth, horizontal_range):
     return _fill(shape, (case[first],), rays[:, first])
 
 
-def eigenrays(profile, source_depth, target_depth, horizontal_range):
+def eigenrays(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: ArrayLike,
+              horizontal_range: ArrayLike) -> Eigenray:
     """List every direct and once-turned arrival between two points, turned above or below both, earliest first.
 
     Arguments, errors and conventions as `eigenray`.
@@ -116,7 +119,7 @@ def eigenrays(profile, source_depth, target_depth, horizontal_range):
     return _fill((*shape, 1 + position.max(initial=0)), (case, position), rays)
 
 
-def _fill(shape, where, rays):
+def _fill(shape: tuple[int, ...], where: tuple[np.ndarray, ...], rays: np.ndarray) -> Eigenray:
     """Put rays (field, R) at their places in arrays of NaN."""
     cases = shape[:-1] if len(where) == 2 else shape
     table = np.full((len(rays), int(np.prod(cases)), *shape[len(cases):]), np.nan)
@@ -124,7 +127,8 @@ def _fill(shape, where, rays):
     return Eigenray(**{name: field.reshape(shape)[()] for name, field in zip(FIELDS, table)})
 
 
-def _find(profile, source_depth, target_depth, horizontal_range, earliest_only):
+def _find(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: ArrayLike, horizontal_range: ArrayLike,
+          earliest_only: bool) -> tuple[tuple[int, ...], np.ndarray, np.ndarray]:
     """Give the shape of the cases, and of all rays the case (R,) and the fields (field, R), by case and time."""
     source, target, horizontal_range = _checked(source_depth, target_depth, horizontal_range)
     shape = source.shape
@@ -149,7 +153,7 @@ def _find(profile, source_depth, target_depth, horizontal_range, earliest_only):
     return shape, np.concatenate(cases), np.concatenate(rays, axis=1)
 
 
-def _checked(*arguments):
+def _checked(*arguments: ArrayLike) -> tuple[np.ndarray, ...]:
     names = "source_depth", "target_depth", "horizontal_range"
     arrays = [np.asarray(value, float) for value in arguments]
     try:
@@ -165,7 +169,7 @@ def _checked(*arguments):
     return arrays
 
 
-def _sorted(case, fields):
+def _sorted(case: np.ndarray, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Order rays by case and time, leaving out those found twice at a junction of two searches."""
     order = np.lexsort((fields[0], case))
     case, fields = case[order], fields[:, order]
@@ -175,7 +179,8 @@ def _sorted(case, fields):
     return case[~again], fields[:, ~again]
 
 
-def _direct(profile, source, target, horizontal_range):
+def _direct(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray,
+            horizontal_range: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the rays that go straight up or down between different depths; give their cases and fields."""
     case = np.flatnonzero(source != target)
     if not case.size:
@@ -199,7 +204,7 @@ def _direct(profile, source, target, horizontal_range):
         down * np.where(down > 0, lower_sine, upper_sine), np.full(case.size, np.nan))
 
 
-def _newton(layers, horizontal_range):
+def _newton(layers: Layers, horizontal_range: np.ndarray) -> np.ndarray:
     """Give the tangent q at the fastest depth of the direct rays that reach ``horizontal_range`` (N,)."""
     thickness, upper, lower = layers.thickness, layers.speed[:, :-1], layers.speed[:, 1:]
     # The first tangent of straight rays never overshoots: X(q) is concave.
@@ -224,13 +229,14 @@ def _newton(layers, horizontal_range):
     return tangent
 
 
-def _sine_cosine(tangent):
+def _sine_cosine(tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Give sine and cosine of the grazing angle whose cotangent is ``tangent``."""
     sine = 1 / np.hypot(1, tangent)
     return sine, tangent * sine
 
 
-def _level(profile, source, target, horizontal_range):
+def _level(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray,
+           horizontal_range: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the straight rays between equal depths: in uniform water, or of no length."""
     uniform = (profile.gradient(source, "above") == 0) | (profile.gradient(source, "below") == 0)
     case = np.flatnonzero((source == target) & (uniform | (horizontal_range == 0)))
@@ -238,7 +244,8 @@ def _level(profile, source, target, horizontal_range):
     return case, np.array([wanted / speed, wanted, nothing, nothing, wanted**2, 1 / speed, nothing + np.nan])
 
 
-def _turned(profile, source, target, horizontal_range, latest):
+def _turned(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray, horizontal_range: np.ndarray,
+            latest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the rays that turn below both ends; give their cases and fields."""
     upper, lower = np.minimum(source, target), np.maximum(source, target)
     rays = rays_turned_below(profile, upper, lower, horizontal_range, latest)
@@ -251,7 +258,9 @@ def _turned(profile, source, target, horizontal_range, latest):
         rays.turning_depth)
 
 
-def _fields(profile, source, target, time, length, parameter, per_parameter, slope, source_sine, target_sine, turning):
+def _fields(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray, time: np.ndarray, length: np.ndarray,
+            parameter: np.ndarray, per_parameter: np.ndarray, slope: np.ndarray, source_sine: np.ndarray,
+            target_sine: np.ndarray, turning: np.ndarray) -> np.ndarray:
     source_speed = profile.at(source)
     launch = np.arctan2(source_sine, parameter * source_speed)
     arrival = np.arctan2(target_sine, parameter * profile.at(target))

@@ -7,13 +7,17 @@ d the element's offset at the ping; T the time of the earliest eigenray, n its d
 `vector_approximation` is measured by, and what takes its place where it does not hold. Where aiming finds none, or
 there may be an earlier one, the reference tells.
 """
+from typing import cast
+
 import drjit as dr
 import numpy as np
 
 from ..device.arrays import picked, upload
+from ..device.types import ArrayTypes, Bool, Float64, Numbers, Triple, UInt32, Vector64
 from .aiming import CLOSE_ENOUGH, aim
 from .eigenrays import eigenray
-from .travel import rotated
+from .layer_table import LayerTable
+from .travel import Travel, rotated
 from .two_point import PointState, to_hit
 
 __all__ = ["exact_return"]
@@ -22,7 +26,8 @@ NEWTON_STEPS = 4               # each takes (v/c)² ~ 1e-5 of the error off
 SETTLED = 1e-10                # [s] a step that needs no other: at 20 m/s, turning included, it leaves 1e-12 s
 
 
-def exact_return(table, lib, origin_depth, displacement, elapsed, offset, travel, first):
+def exact_return(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, displacement: Vector64, elapsed: Float64,
+                 offset: Triple, travel: Travel, first: Float64) -> tuple[Float64, tuple[Float64, Float64, Float64]]:
     """Time from hits to one element, where that is when the echo arrives, and where from it comes.
 
     Parameters
@@ -51,7 +56,7 @@ def exact_return(table, lib, origin_depth, displacement, elapsed, offset, travel
     """
     time, towards, unsure = _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first)
     dr.eval(time, towards, unsure)
-    some = dr.compress(unsure)
+    some = cast(UInt32, dr.compress(unsure))
     if dr.width(some):
         place = type(displacement)(*(picked(axis, some) for axis in displacement))
         first = dr.select(dr.isfinite(time), time, first)
@@ -61,7 +66,8 @@ def exact_return(table, lib, origin_depth, displacement, elapsed, offset, travel
     return time, towards
 
 
-def _looked_for(table, origin_depth, displacement, elapsed, offset, travel, first):
+def _looked_for(table: LayerTable, origin_depth: Float64, displacement: Vector64, elapsed: Float64, offset: Triple,
+                travel: Travel, first: Float64) -> tuple[np.ndarray, ...]:
     """What `_solve` solves, by the reference: time and direction, four arrays; NaN where there is no ray."""
     time, towards, kind = first.numpy().copy(), np.empty((3, dr.width(first))), type(first)
     depth, rest = (origin_depth - displacement.z).numpy(), np.arange(time.size)
@@ -84,20 +90,22 @@ def _looked_for(table, origin_depth, displacement, elapsed, offset, travel, firs
     return time, *towards
 
 
-def _seen_from_element(origin_depth, displacement, offset, travel, passed):
+def _seen_from_element(origin_depth: Float64, displacement: Vector64, offset: Triple, travel: Travel,
+                       passed: Float64) -> tuple[Float64, Float64, Float64, Float64, Float64, Float64]:
     """Of an element some time after the ping: its depth, how far the hits lie from it along x and y, its velocity."""
     x, y, z = (part + d for part, d in zip(rotated(offset, travel.turned(passed)), travel.moved(passed)))
     return origin_depth - z, displacement.x - x, displacement.y - y, *travel.velocity(passed)
 
 
-def _closing(velocity, across_x, across_y, ray_parameter, steep):
+def _closing(velocity: Triple, across_x: Numbers, across_y: Numbers, ray_parameter: Numbers, steep: Numbers) -> Numbers:
     """Speed of the element against the echo, over that of sound; `steep` is the vertical slowness of the ray sent."""
     scale = ray_parameter / ((across_x * across_x + across_y * across_y) ** 0.5 + 1e-9)
     return -(velocity[0] * across_x + velocity[1] * across_y) * scale + velocity[2] * steep
 
 
 @dr.syntax
-def _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first):
+def _solve(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, displacement: Vector64, elapsed: Float64,
+           offset: Triple, travel: Travel, first: Float64) -> tuple[Float64, tuple[Float64, Float64, Float64], Bool]:
     F = lib.Float64
     # a ray that is lost stays where it was lost: what follows from its time would be NaN, and no look-up takes that
     never = ~dr.isfinite(first + elapsed + dr.sum(displacement))
@@ -118,7 +126,7 @@ def _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, firs
         t, arc, area, p, end_sine, end_speed = to_hit(table, lib, source, none, sine, cosine, across, depth, found,
                                                       dr.opaque(F, CLOSE_ENOUGH))
         # slowness of the echo at the element: against the ray that was sent from there
-        steep = dr.copysign(dr.sqrt(dr.maximum(1 / (c * c) - p * p, 0)), sine)
+        steep = cast(Float64, dr.copysign(dr.sqrt(dr.maximum(1 / (c * c) - p * p, 0)), sine))
         step = (t - time) / (1 - _closing((v_x, v_y, v_z), across_x, across_y, p, steep))
         lost |= going & (~found | ~dr.isfinite(step))
         going = going & ~lost

@@ -15,6 +15,8 @@ import numpy as np
 from ..device.arrays import arrays_of, upload
 from ..device.lookups import held
 from ..device.record import Record
+from ..device.types import ArrayTypes, Bool, DrJitArray, Float, Float64, UInt32
+from ..water import SoundSpeedProfile
 from .sole_range import sole_range
 
 __all__ = ["LayerTable", "layer_table"]
@@ -30,21 +32,21 @@ _GAUSS = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0
 class LayerTable(Record):
     """Layers of a `SoundSpeedProfile` on the device; see the module's equations for the symbols."""
 
-    lib: object           # Dr.Jit namespace the arrays live in
-    layers: object        # Float64 (8 K,): z_k, c_k, g_k, z_{k+1}, M_1..M_4 at z_k
-    lookup: object        # UInt32 (LOOKUP_SIZE,): layer of the shallow edge of each depth bin
-    top: object           # Float64 (1,): first node [m]
-    bins_per_metre: object
-    reference: object     # Float64 (1,): r0 [s²/m²]
-    scale: object         # Float64 (1,): 1 / r0
-    last: object          # UInt32 (1,): index of the last layer
-    cells: object         # Float64 (2 K,): number of the cell of `sole` as a line over depth, slope and offset
-    sole: object          # Float (C C,): `sole_range` by cells [m]
-    sole_cells: object    # Float64 (1,): C
-    profile: object       # the SoundSpeedProfile it was made of
+    lib: ArrayTypes       # Dr.Jit namespace the arrays live in
+    layers: Float64       # Float64 (8 K,): z_k, c_k, g_k, z_{k+1}, M_1..M_4 at z_k
+    lookup: UInt32        # UInt32 (LOOKUP_SIZE,): layer of the shallow edge of each depth bin
+    top: Float64          # Float64 (1,): first node [m]
+    bins_per_metre: Float64
+    reference: Float64    # Float64 (1,): r0 [s²/m²]
+    scale: Float64        # Float64 (1,): 1 / r0
+    last: UInt32          # UInt32 (1,): index of the last layer
+    cells: Float64        # Float64 (2 K,): number of the cell of `sole` as a line over depth, slope and offset
+    sole: Float           # Float (C C,): `sole_range` by cells [m]
+    sole_cells: Float64   # Float64 (1,): C
+    profile: SoundSpeedProfile  # the SoundSpeedProfile it was made of
     count: int
 
-    def find(self, depth):
+    def find(self, depth: Float64) -> UInt32:
         """Index of the layer that holds each depth (Float64 [m]); a node is of the layer below it, NaN of the first."""
         lib = self.lib
         cell = held((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
@@ -52,12 +54,12 @@ class LayerTable(Record):
         k = dr.select(depth < self.top, 0, k)
         return _step_down(lib, self.layers, k, depth, self.last)
 
-    def shape(self, k, active=True):
+    def shape(self, k: UInt32, active: Bool | bool = True) -> tuple[Float64, Float64, Float64, Float64]:
         """Depth, sound speed, gradient of layer k and the depth of its lower side (Float64)."""
         row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
         return row[0], row[1], row[2], row[3]
 
-    def sole_range(self, depth, other):
+    def sole_range(self, depth: Float64, other: Float64) -> Float:
         """Range within which no two rays lead from a depth to another [m]: see `sole_range`."""
         lib, ranges = self.lib, []
         # a depth at the edge of two cells is of both, and of one of them more may be known; but along an edge of
@@ -71,7 +73,7 @@ class LayerTable(Record):
             ranges.append(dr.gather(lib.Float, self.sole, index))
         return dr.select(abs(depth - other) < 3 * EDGE, dr.minimum(*ranges), dr.maximum(*ranges))
 
-    def at(self, depth):
+    def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
         """Sound speed [m/s] and the four moments M_n at each depth."""
         k = self.find(depth)
         z_k, c_k, g, _ = self.shape(k)
@@ -89,7 +91,7 @@ class LayerTable(Record):
 
 
 @dr.syntax
-def _step_down(lib, layers, k, depth, last):
+def _step_down(lib: ArrayTypes, layers: Float64, k: UInt32, depth: Float64, last: UInt32) -> UInt32:
     """Walk from the look-up's layer to the one that holds the depth: none or one step, mostly."""
     more = (k < last) & (depth >= dr.gather(lib.Float64, layers, 8 * k + 3))
     while more:
@@ -98,7 +100,7 @@ def _step_down(lib, layers, k, depth, last):
     return k
 
 
-def layer_table(profile, like):
+def layer_table(profile: SoundSpeedProfile, like: DrJitArray | type) -> LayerTable:
     """Put a profile on the device.
 
     Parameters
@@ -143,7 +145,7 @@ def layer_table(profile, like):
     return table
 
 
-def _split(z, c):
+def _split(z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Split layers until sound speed changes by at most SPEED_STEP in each."""
     if len(z) == 1:
         return np.array([z[0], z[0] + 1.0]), np.repeat(c, 2)

@@ -15,10 +15,13 @@ cancellation of 1 - (p c)^2:
 
 `Layers` holds h, c and 1 - (c / fastest)^2 for a batch of rays; ``sine`` and ``cosine`` are those at the fastest depth.
 """
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+
+from ..water import SoundSpeedProfile
 
 
 class Pass(NamedTuple):
@@ -56,10 +59,10 @@ class Layers:
     deficit: np.ndarray
     fastest: np.ndarray
     passes: np.ndarray
-    stations: list
+    stations: list[int]
 
     @classmethod
-    def between(cls, profile, *stations, passes=(1,)):
+    def between(cls, profile: SoundSpeedProfile, *stations: np.ndarray, passes: Sequence[int] = (1,)) -> "Layers":
         """Cut the profile at stations (N,) [m] that go downwards; the k-th stretch is crossed ``passes[k]`` times."""
         gradients = np.r_[0.0, np.diff(profile.sound_speed) / np.diff(profile.depth), 0.0]
         edges, slopes, repeats, ends = [stations[0][:, None]], [], [], [0]
@@ -79,25 +82,25 @@ class Layers:
         deficit = below_fastest * (fastest + speed) / fastest**2
         return cls(thickness, speed, deficit, fastest[:, 0], np.array(repeats, float), ends)
 
-    def __getitem__(self, rays):
+    def __getitem__(self, rays: np.ndarray | slice) -> "Layers":
         return Layers(self.thickness[rays], self.speed[rays], self.deficit[rays], self.fastest[rays], self.passes,
                       self.stations)
 
-    def sines(self, sine, cosine):
+    def sines(self, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
         """Give the sines (N, L+1) at all edges."""
         return np.sqrt((sine**2)[:, None] + (cosine**2)[:, None] * self.deficit)
 
-    def stretch(self, sines):
+    def stretch(self, sines: np.ndarray) -> np.ndarray:
         """Give a = h (c1 + c2) / (s1 + s2) of every layer (N, L) [m^2/s]."""
         return self.thickness * (self.speed[:, :-1] + self.speed[:, 1:]) / (sines[:, :-1] + sines[:, 1:])
 
-    def reach(self, sine, cosine):
+    def reach(self, sine: np.ndarray, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Give x / p and dx/dp (N,) alone: what a search needs."""
         sines = self.sines(sine, cosine)
         stretch = self.stretch(sines)
         return stretch @ self.passes, (stretch / (sines[:, :-1] * sines[:, 1:])) @ self.passes
 
-    def cross(self, sine, cosine):
+    def cross(self, sine: np.ndarray, cosine: np.ndarray) -> Pass:
         """Give all sums of a `Pass`."""
         sines = self.sines(sine, cosine)
         upper, lower = sines[:, :-1], sines[:, 1:]
@@ -114,17 +117,17 @@ class Layers:
 SERIES_LIMIT = 0.003  # of y^2: the first term left out of the series is 1e-19 there
 
 
-def atanh_ratio(y):
+def atanh_ratio(y: np.ndarray) -> np.ndarray:
     """Give atanh(y) / y for |y| < 1, exact at zero."""
     return _ratio(y, np.arctanh, 1.0)
 
 
-def atan_ratio(y):
+def atan_ratio(y: np.ndarray) -> np.ndarray:
     """Give atan(y) / y, exact at zero."""
     return _ratio(y, np.arctan, -1.0)
 
 
-def _ratio(y, function, sign):
+def _ratio(y: np.ndarray, function: Callable[[np.ndarray], np.ndarray], sign: float) -> np.ndarray:
     square = sign * y * y
     total = np.full_like(square, 1 / 13)
     for n in (11, 9, 7, 5, 3, 1):

@@ -10,7 +10,15 @@ closed form of what equation 1 constructs from angles (that one fails along the 
 The coefficient is 1/2 - g h / (6 c) for one gradient over the whole path, and has nothing to do with the local gradient
 in any other water: kept for comparison; `vector_approximation` is the method to use.
 """
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..device.types import Numbers, Triple
+from ..water import SoundSpeedProfile
 from .straight_vectors import Leg, library, shared_element_fields
+from .travel import Travel
 
 __all__ = ["COEFFICIENT", "paper_centre_return", "paper_difference", "paper_element_fields", "published_time"]
 
@@ -18,7 +26,8 @@ COEFFICIENT = 0.503
 PASSES = 3                 # each leaves 2e-4 of the error of the height at reception, at 5 1/s and 1 m/s of heave
 
 
-def published_time(travel_time, effective_speed, vector, velocity, faster):
+def published_time(travel_time: Numbers, effective_speed: Numbers, vector: Triple, velocity: Triple,
+                   faster: Callable[[Numbers], Numbers]) -> tuple[Numbers, Numbers, Numbers]:
     """Solve for the return time, the speed along the vector and the height won.
 
     Parameters
@@ -40,7 +49,7 @@ def published_time(travel_time, effective_speed, vector, velocity, faster):
     x, y, z = vector
     vx, vy, vz = velocity
     square, toward = x * x + y * y + z * z, x * vx + y * vy + z * vz
-    time = travel_time
+    time, speed, climb = travel_time, effective_speed, 0.0
     for _ in range(PASSES):
         climb = vz * (travel_time + time)
         speed = effective_speed + COEFFICIENT * faster(climb)
@@ -49,7 +58,9 @@ def published_time(travel_time, effective_speed, vector, velocity, faster):
     return time, speed, climb
 
 
-def paper_centre_return(travel_time, displacement, travel, speed_at, elapsed=None):
+def paper_centre_return(travel_time: Numbers, displacement: Triple, travel: Travel,
+                        speed_at: Callable[[Numbers], Numbers],
+                        elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
     """Find when and from where the echo meets the array's centre.
 
     Parameters
@@ -91,7 +102,7 @@ def paper_centre_return(travel_time, displacement, travel, speed_at, elapsed=Non
         x / length, y / length, z / length), climb
 
 
-def paper_element_fields(offsets, depth, profile):
+def paper_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
     """Make what `paper_difference` needs of the elements (NumPy).
 
     Parameters
@@ -110,12 +121,13 @@ def paper_element_fields(offsets, depth, profile):
     """
     shared = shared_element_fields(offsets)
     there = depth - shared[2]
-    gradients = [-0.5 * (profile.gradient(z, "below") + profile.gradient(z, "above")) for z in (there, depth)]
+    gradients = [-0.5 * (profile.gradient(z, "below") + profile.gradient(z, "above"))
+                 for z in (there, np.asarray(depth))]
     return [*shared, COEFFICIENT * (profile.at(there) - profile.at(depth)),
             COEFFICIENT * (gradients[0] - gradients[1]), COEFFICIENT * gradients[0]]
 
 
-def paper_difference(hits, elements):
+def paper_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
     """Give how much later than at the array's centre an echo arrives at an element, both by the published formula.
 
     Parameters

@@ -15,10 +15,14 @@ their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neig
 
 import drjit as dr
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..device.arrays import upload
 from ..device.lookups import held
 from ..device.record import Record
+from ..device.types import ArrayTypes, Bool, Float, Float64, Int32, UInt32
+from ..water import SoundSpeedProfile
+from .layer_table import LayerTable
 
 __all__ = ["FEWEST_VERTICES", "Fans", "build_fans"]
 
@@ -35,19 +39,19 @@ class Fans(Record):
     m/rad].
     """
 
-    lib: object
+    lib: ArrayTypes
     source_depth: np.ndarray      # (D,) [m]
-    rows: object                  # UInt32 (1,): R
-    vertex: object                # Float (4 D R V,)
-    size: object                  # UInt32 (D R,): vertices in a row
-    stride: object                # UInt32 (1,): V
-    middle: object                # Float (D R,): launch angle of a row [rad]
-    edge: object                  # Float (D (R + 1),): row limits [rad]
-    lookup: object                # UInt32 (D L,): first candidate row of an angle bin
-    bins: object                  # UInt32 (1,): L
-    bins_per_radian: object
+    rows: UInt32                  # UInt32 (1,): R
+    vertex: Float                 # Float (4 D R V,)
+    size: UInt32                  # UInt32 (D R,): vertices in a row
+    stride: UInt32                # UInt32 (1,): V
+    middle: Float                 # Float (D R,): launch angle of a row [rad]
+    edge: Float                   # Float (D (R + 1),): row limits [rad]
+    lookup: UInt32                # UInt32 (D L,): first candidate row of an angle bin
+    bins: UInt32                  # UInt32 (1,): L
+    bins_per_radian: Float
 
-    def row(self, fan, launch_angle):
+    def row(self, fan: UInt32, launch_angle: Float) -> tuple[UInt32, Float]:
         """Flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
         lib = self.lib
         launch_angle = held(launch_angle, float(-HALF_SPAN), float(HALF_SPAN))
@@ -59,7 +63,7 @@ class Fans(Record):
 
 
 @dr.syntax
-def _step_rows(lib, edge, first, j, angle):
+def _step_rows(lib: ArrayTypes, edge: Float, first: UInt32, j: UInt32, angle: Float) -> UInt32:
     more = angle >= dr.gather(lib.Float, edge, first + j + 1)
     while more:
         j += 1
@@ -67,8 +71,9 @@ def _step_rows(lib, edge, first, j, angle):
     return j
 
 
-def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008, rows=3072,
-               max_vertices=FEWEST_VERTICES):
+def build_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: ArrayLike, *, slab: tuple[float, float],
+               max_range: float, tolerance: float = 0.008, rows: int = 3072,
+               max_vertices: int = FEWEST_VERTICES) -> Fans:
     """Trace and simplify one fan of exact rays per source depth.
 
     Parameters
@@ -102,7 +107,8 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
     lanes = len(source_depth) * count
     # a launch angle off the row's middle moves vertices along the wavefront, also out of a thin slab
     margin = 0.1 + 0.01 * max_range
-    limits = [dr.opaque(lib.Float64, float(v)) for v in (tolerance, max_range, slab[0] - margin, slab[1] + margin)]
+    accuracy, end, top, bottom = (dr.opaque(lib.Float64, float(v)) for v in
+                                  (tolerance, max_range, slab[0] - margin, slab[1] + margin))
     depth = upload(lib.Float64, np.repeat(source_depth, count))
     angle = upload(lib.Float64, middle)
     # where edges coincide lies a row of no width: no ray finds it, and it may be one that never leaves its depth
@@ -113,7 +119,7 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
         stride = dr.opaque(lib.UInt32, max_vertices)
         vertex = dr.empty(lib.Float, 4 * lanes * max_vertices)
         size = dr.empty(lib.UInt32, lanes)
-        full = _trace_rows(table, lib, depth, angle, wanted, *limits, vertex, size, stride)
+        full = _trace_rows(table, lib, depth, angle, wanted, accuracy, end, top, bottom, vertex, size, stride)
         dr.eval(vertex, size, full)
         if not dr.any(full):
             break
@@ -126,7 +132,7 @@ def build_fans(table, profile, source_depth, *, slab, max_range, tolerance=0.008
     return fans
 
 
-def _row_edges(profile, source_depth, rows):
+def _row_edges(profile: SoundSpeedProfile, source_depth: np.ndarray, rows: int) -> np.ndarray:
     """Equal rows, cut at the launch angles that just reach the speed of a node."""
     equal = np.linspace(-HALF_SPAN, HALF_SPAN, rows + 1)
     ratio = profile.at(source_depth)[:, None] / np.asarray(profile.sound_speed)[None]         # (D, node)
@@ -138,7 +144,7 @@ def _row_edges(profile, source_depth, rows):
     return edges
 
 
-def _row_lookup(edges, bins):
+def _row_lookup(edges: np.ndarray, bins: int) -> np.ndarray:
     """First row that can hold an angle of each equal bin; one bin early, for rounding."""
     start = -HALF_SPAN + 2 * HALF_SPAN * (np.arange(bins) - 0.01) / bins
     offset = 10.0 * np.arange(len(edges))[:, None]          # one sorted search for all fans
@@ -147,7 +153,8 @@ def _row_lookup(edges, bins):
     return np.clip(row, 0, edges.shape[1] - 2)
 
 
-def arc_step(table, k, z, s, p, longest, active):
+def arc_step(table: LayerTable, k: Int32, z: Float64, s: Float64, p: Float64, longest: Float64,
+             active: Bool) -> tuple[Int32, Float64, Float64, Float64, Float64, Float64, Float64, Float64]:
     """Advance along the arc inside layer k to its end, or by an arc of squared length `longest`/|κ| at most.
 
     Returns the new layer, depth and sine, the advance (dr, dz), the speeds at both ends and the gradient.
@@ -187,7 +194,8 @@ def arc_step(table, k, z, s, p, longest, active):
     return k2, z2, s2, advance, descent, c1, c2, g
 
 
-def wavefront_step(v, s1, s2, dz, c1, c2, g, p, launch):
+def wavefront_step(v: Float64, s1: Float64, s2: Float64, dz: Float64, c1: Float64, c2: Float64, g: Float64, p: Float64,
+                   launch: Float64) -> Float64:
     """Displacement V after an arc; `launch` = s0/c0. The second form holds where s changes sign (turning)."""
     total = s1 + s2
     plain = abs(total) > 1e-3 * abs(s1 - s2)
@@ -197,7 +205,7 @@ def wavefront_step(v, s1, s2, dz, c1, c2, g, p, launch):
     return s2 / s1 * v + launch * gain
 
 
-def first_layer(table, z, s):
+def first_layer(table: LayerTable, z: Float64, s: Float64) -> Int32:
     """Layer a ray starts in: at a node, the one it is heading into."""
     k = table.lib.Int32(table.find(z))
     z_k, _, _, _ = table.shape(table.lib.UInt32(k))
@@ -205,7 +213,9 @@ def first_layer(table, z, s):
 
 
 @dr.syntax
-def _trace_rows(table, lib, depth, angle, wanted, tolerance, max_range, slab_top, slab_bottom, vertex, size, stride):
+def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float64, wanted: Bool, tolerance: Float64,
+                max_range: Float64, slab_top: Float64, slab_bottom: Float64, vertex: Float, size: UInt32,
+                stride: UInt32) -> Bool:
     """One row a lane: exact arcs, simplified by the swing-door rule within ±tolerance."""
     F, U = lib.Float64, lib.UInt32
     s, cosine = dr.sincos(angle)
@@ -289,5 +299,6 @@ def _trace_rows(table, lib, depth, angle, wanted, tolerance, max_range, slab_top
     return full
 
 
-def _put(lib, vertex, index, r, z, vr, vz, active):
+def _put(lib: ArrayTypes, vertex: Float, index: UInt32, r: Float64, z: Float64, vr: Float64, vz: Float64,
+         active: Bool) -> None:
     dr.scatter(vertex, lib.Array4f(lib.Float(r), lib.Float(z), lib.Float(vr), lib.Float(vz)), index, active)

@@ -14,12 +14,19 @@ where the ray is direct and the series converges. Else, and for G as long as a4 
 with |D| from the spreading area; the form of G holds to second order of the series and, within 15 % of G - E²/Y, far
 beyond. A turned ray's |D| hides a sign: its leg is right to first order only, which `rough` reports.
 """
+from collections.abc import Callable, Sequence
+from typing import Literal
+
 import drjit as dr
+import numpy as np
 
 from ..device.record import Record
+from ..device.types import Bool, Float, Float64, UInt32, Vector64
+from .layer_table import LayerTable
 from .paper_approximation import paper_centre_return
 from .straight_vectors import hit_fields
-from .two_point import LEVEL, SERIES_LIMIT
+from .travel import Travel
+from .two_point import LEVEL, SERIES_LIMIT, PointState, SourceState
 from .vector_approximation import centre_return, expected_error, matched_leg
 
 __all__ = ["ReturnPaths", "return_paths"]
@@ -42,12 +49,12 @@ class ReturnPaths(Record):
         The ray turned between the ends, or runs nearly level: of second order little is known, of third nothing.
     """
 
-    return_time: object
-    hit_fields: object
-    direction: object
-    rough: object
+    return_time: Float64
+    hit_fields: list[Float]
+    direction: tuple[Float, Float, Float]
+    rough: Bool
 
-    def expected_error(self, element_fields):
+    def expected_error(self, element_fields: Sequence[np.ndarray]) -> Float:
         """Give the largest error to expect of the method "vector" at some elements.
 
         Parameters
@@ -68,8 +75,10 @@ class ReturnPaths(Record):
         return error
 
 
-def return_paths(table, source, fan, displacement, travel_time, ray_parameter, spreading_area, launch_sine, *,
-                 travel, method="vector", elapsed=None):
+def return_paths(table: LayerTable, source: SourceState | PointState, fan: UInt32, displacement: Vector64,
+                 travel_time: Float64, ray_parameter: Float64, spreading_area: Float, launch_sine: Float, *,
+                 travel: Travel, method: Literal["vector", "paper"] = "vector",
+                 elapsed: Float64 | None = None) -> ReturnPaths:
     """Carry the echoes of traced hits back to the centre of the moving, turning array.
 
     Parameters
@@ -123,7 +132,8 @@ def return_paths(table, source, fan, displacement, travel_time, ray_parameter, s
                        direction=tuple(F(component) for component in direction), rough=rough)
 
 
-def _integrals(table, z0, c0, moments0, z, x, p, area, up):
+def _integrals(table: LayerTable, z0: Float64, c0: Float64, moments0: list[Float64], z: Float64, x: Float64, p: Float64,
+               area: Float64, up: Float64) -> tuple[Float64, Float64, Float64, Bool]:
     """Y, E, G of each leg in SI, and whether it is rough."""
     c, moments = table.at(z)
     height = abs(z - z0)
@@ -156,7 +166,7 @@ def _integrals(table, z0, c0, moments0, z, x, p, area, up):
     return y, e, squared + third, rough
 
 
-def _slice_to(table, z0, moments0):
+def _slice_to(table: LayerTable, z0: Float64, moments0: list[Float64]) -> Callable[[Float64], tuple[Float64, Float64]]:
     """Give the look-up that `centre_return` asks for."""
     def mean_and_variance(rise):
         c, moments = table.at(z0 - rise)

@@ -13,18 +13,24 @@ No stop-and-hop: the equation is solved for each element, in closed form along s
 the slowness vector dT/dF of the ray's end for eigenrays. ``vector`` is kept within its range by its own error estimate:
 where that exceeds `GUARD` the time is that of the eigenray.
 """
-import numpy as np
+from collections.abc import Callable
+from typing import Literal, TypeAlias
 
-from .eigenrays import eigenray
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..water import SoundSpeedProfile
+from .eigenrays import Eigenray, eigenray
 from .layers import Layers
 from .paper_approximation import published_time
 from .slices import Slices
-from .straight_vectors import straight_delay
+from .straight_vectors import dot, straight_delay
 from .turned import BATCH
 from .vector_approximation import corrections, matched_leg
 
 __all__ = ["GUARD", "METHODS", "approximate", "leg_integrals", "return_time", "return_time_error"]
 
+Method: TypeAlias = Callable[[SoundSpeedProfile, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 GUARD = 0.5e-9             # [s]: expected errors above are not accepted; true ones are at most twice the expected
 SAME_TIME = 2e-16          # [s], and relative: rounding
 STEPS = 12
@@ -33,7 +39,9 @@ PASSES = 2                 # the slice moves the time, the time the slice: a tho
 TINY = 1e-12               # of the squared sine at the fastest depth: no division by zero
 
 
-def return_time(profile, origin, hits, elements, velocity=(0, 0, 0), method="vector"):
+def return_time(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, elements: ArrayLike,
+                velocity: ArrayLike = (0, 0, 0),
+                method: Literal["vector", "paper", "eigenray"] = "vector") -> np.ndarray:
     """Give the time from each hit back to each element of an array that moves on meanwhile.
 
     Parameters
@@ -81,7 +89,8 @@ def return_time(profile, origin, hits, elements, velocity=(0, 0, 0), method="vec
     return _in_blocks(profile, *_checked(profile, origin, hits, elements, velocity), METHODS[method])
 
 
-def return_time_error(profile, origin, hits, elements, velocity=(0, 0, 0)):
+def return_time_error(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, elements: ArrayLike,
+                      velocity: ArrayLike = (0, 0, 0)) -> np.ndarray:
     """Give the error to expect of the method ``vector`` without its guard; arguments and errors as `return_time`.
 
     Returns
@@ -95,7 +104,8 @@ def return_time_error(profile, origin, hits, elements, velocity=(0, 0, 0)):
 
 # ------------------------------------------------------------------------------------------------------- arguments
 
-def _checked(profile, *arguments):
+def _checked(profile: SoundSpeedProfile,
+             *arguments: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     shapes = {"origin": "(3,)", "hits": "(H, 3)", "elements": "(E, 3)", "velocity": "(3,)"}
     arrays = []
     for (name, shape), value in zip(shapes.items(), arguments):
@@ -108,16 +118,18 @@ def _checked(profile, *arguments):
         if not np.isfinite(array).all():
             raise ValueError(f"return_time: {name} holds {array[~np.isfinite(array)].flat[0]}; it must be finite.")
         arrays.append(array)
-    if not len(arrays[2]):
+    origin, hits, elements, velocity = arrays
+    if not len(elements):
         raise ValueError("return_time: elements is empty; give at least one offset, (0, 0, 0) for the centre alone.")
-    speed, slowest = float(np.linalg.norm(arrays[3])), float(profile.sound_speed.min())
+    speed, slowest = float(np.linalg.norm(velocity)), float(profile.sound_speed.min())
     if speed >= slowest:
         raise ValueError(f"return_time: the platform moves at {speed:g} m/s, which is not slower than the sound "
                          f"({slowest:g} m/s at the slowest); give a velocity in m/s.")
-    return arrays
+    return origin, hits, elements, velocity
 
 
-def _in_blocks(profile, origin, hits, elements, velocity, method):
+def _in_blocks(profile: SoundSpeedProfile, origin: np.ndarray, hits: np.ndarray, elements: np.ndarray,
+               velocity: np.ndarray, method: Method) -> np.ndarray:
     """Apply a method to blocks of hits, so that memory stays bounded and in the cache."""
     size = max(1, BATCH // len(elements))
     result = np.empty((len(hits), len(elements)))
@@ -129,11 +141,12 @@ def _in_blocks(profile, origin, hits, elements, velocity, method):
 
 # --------------------------------------------------------------------------------------------------------- methods
 
-def _outgoing(profile, origin, way):
+def _outgoing(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray) -> Eigenray:
     return eigenray(profile, -origin[2], -(origin[2] + way[:, 2]), np.hypot(way[:, 0], way[:, 1]))
 
 
-def _paper(profile, origin, way, elements, velocity):
+def _paper(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elements: np.ndarray,
+           velocity: np.ndarray) -> np.ndarray:
     travel_time = _outgoing(profile, origin, way).travel_time
     with np.errstate(invalid="ignore"):
         effective = np.linalg.norm(way, axis=1) / travel_time
@@ -145,7 +158,8 @@ def _paper(profile, origin, way, elements, velocity):
                           lambda climb: profile.at(depth - climb) - profile.at(-origin[2]))[0]
 
 
-def _eigenray(profile, origin, way, elements, velocity):
+def _eigenray(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elements: np.ndarray,
+              velocity: np.ndarray) -> np.ndarray:
     travel_time = _outgoing(profile, origin, way).travel_time
     hit, element = (index.ravel() for index in np.indices((len(way), len(elements))))
     times = np.full((len(way), len(elements)), np.nan)
@@ -156,7 +170,8 @@ def _eigenray(profile, origin, way, elements, velocity):
     return times
 
 
-def _vector(profile, origin, way, elements, velocity):
+def _vector(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elements: np.ndarray,
+            velocity: np.ndarray) -> np.ndarray:
     travel_time, times, error = approximate(profile, origin, way, elements, velocity)
     hit, element = np.nonzero(np.isfinite(travel_time)[:, None] & ~(error <= GUARD))
     start = np.where(np.isfinite(error), times, travel_time[:, None])[hit, element]
@@ -164,14 +179,16 @@ def _vector(profile, origin, way, elements, velocity):
     return times
 
 
-def _expected(profile, origin, way, elements, velocity):
+def _expected(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elements: np.ndarray,
+              velocity: np.ndarray) -> np.ndarray:
     return approximate(profile, origin, way, elements, velocity)[2]
 
 
 METHODS = {"paper": _paper, "vector": _vector, "eigenray": _eigenray}
 
 
-def _exact(profile, origin, way, element, velocity, travel_time, start):
+def _exact(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, element: np.ndarray, velocity: np.ndarray,
+           travel_time: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Solve t = T(t) for pairs of hit and element, all (N, 3) or (N,), from times ``start``."""
     times = start.copy()
     moving = np.arange(times.size)
@@ -191,7 +208,8 @@ def _exact(profile, origin, way, element, velocity, travel_time, start):
     return times
 
 
-def approximate(profile, origin, way, elements, velocity):
+def approximate(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elements: np.ndarray,
+                velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Apply the vector approximation without its guard.
 
     Parameters
@@ -224,7 +242,7 @@ def approximate(profile, origin, way, elements, velocity):
         travel_time = ray.travel_time[:, None]
         d = [2 * v * travel_time + offset for v, offset in zip(velocity, elements.T)]
         inverse, speed = 1 / leg.length[:, None], leg.speed[:, None]
-        toward = sum(part * v for part, v in zip(n, velocity))[:, None]
+        toward = dot(n, velocity)[:, None]
         closing = speed - toward - inverse * sum(part * v for part, v in zip(d, velocity))
         delay, shrinking = straight_delay(
             sum(a[:, None] * b for a, b in zip(n, d)), sum(part * part for part in d), inverse, speed, closing,
@@ -232,7 +250,7 @@ def approximate(profile, origin, way, elements, velocity):
         times = travel_time + delay
         drift = speed - closing + inverse * (velocity @ velocity) * delay
         closing = speed - drift * shrinking
-        worst, square, water = 0.0, speed * speed, Slices(profile)
+        worst, change, square, water = 0.0, 0.0, speed * speed, Slices(profile)
         # where the platform keeps its depth, the slice from O to the element is the same for all hits
         for _ in range(PASSES if velocity[2] else 1):
             height = d[2] + velocity[2] * (times - travel_time) if velocity[2] else height
@@ -249,7 +267,8 @@ def approximate(profile, origin, way, elements, velocity):
     return ray.travel_time, times, error
 
 
-def leg_integrals(profile, depth, target, ray_parameter):
+def leg_integrals(profile: SoundSpeedProfile, depth: float, target: np.ndarray,
+                  ray_parameter: np.ndarray) -> np.ndarray:
     """Integrate Y, E and G of direct rays, exactly: with s the sines, P = s1 s2 and κ = (1 - P) / p², of every layer
 
         E = Y κ / P,    G = Y ((κ / P)² + ((c2² - c1²) / (s1 + s2))² / (3 P³))

@@ -21,6 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..water import SoundSpeedProfile
+
 __all__ = ["SoleRange", "sole_range"]
 
 CELLS = 224                    # of depth, about as many
@@ -43,14 +45,14 @@ class SoleRange(NamedTuple):
     edge: np.ndarray
     range: np.ndarray
 
-    def places(self, top, bottom):
+    def places(self, top: np.ndarray, bottom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of cells as a line over depth, slope and offset (2, K), within layers from top to bottom (K,)."""
         cell = np.clip(np.searchsorted(self.edge, (top + bottom) / 2) - 1, 0, len(self.edge) - 2)
         slope = 1 / np.diff(self.edge)[cell]
         return slope, cell - self.edge[cell] * slope
 
 
-def sole_range(profile):
+def sole_range(profile: SoundSpeedProfile) -> SoleRange:
     """Find for every two depths a range within which no two rays, direct or turned, lead from one to the other.
 
     Parameters
@@ -65,18 +67,18 @@ def sole_range(profile):
 
 
 @lru_cache(maxsize=16)
-def _sole_range(depth, speed):
-    depth, speed = np.frombuffer(depth), np.frombuffer(speed)
-    edge = _edges(depth, speed)
-    above = _turned_above(depth, speed, edge)
-    below = _turned_above(-depth[::-1], speed[::-1], -edge[::-1])[::-1, ::-1].T
+def _sole_range(depth: bytes, speed: bytes) -> SoleRange:
+    nodes, speeds = np.frombuffer(depth), np.frombuffer(speed)
+    edge = _edges(nodes, speeds)
+    above = _turned_above(nodes, speeds, edge)
+    below = _turned_above(-nodes[::-1], speeds[::-1], -edge[::-1])[::-1, ::-1].T
     sole = np.minimum(above, below)
     sole = np.triu(sole) + np.triu(sole, 1).T
     sole.setflags(write=False)
     return SoleRange(edge, sole)
 
 
-def _edges(depth, speed):
+def _edges(depth: np.ndarray, speed: np.ndarray) -> np.ndarray:
     """Edges of cells: nodes, what lies evenly between, and some beyond."""
     thickness, change = np.diff(depth), np.abs(np.diff(speed))
     if not change.any():
@@ -93,7 +95,7 @@ def _edges(depth, speed):
     return np.concatenate([depth[0] - beyond[::-1], *edge, depth[-1] + beyond])
 
 
-def _turned_above(depth, speed, edge):
+def _turned_above(depth: np.ndarray, speed: np.ndarray, edge: np.ndarray) -> np.ndarray:
     """Ranges (N, N), meaningful where the first cell is not below the second, as far as rays turned above both tell."""
     grid = np.unique(np.concatenate([depth, edge]))
     fast = np.interp(grid, depth, speed)
@@ -128,7 +130,7 @@ def _turned_above(depth, speed, edge):
     return best
 
 
-def _steps(depth, speed):
+def _steps(depth: np.ndarray, speed: np.ndarray) -> list[tuple[int, float, float, float, float]]:
     """Intervals of the sine by layers, upwards: lower node, the speed there, gradient upwards, sines from, to."""
     steps = []
     for k in range(len(depth) - 2, -1, -1):
@@ -141,7 +143,8 @@ def _steps(depth, speed):
     return steps
 
 
-def _bounds(grid, fast, at_edge, near, near_speed, gradient, left, right):
+def _bounds(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray, near: np.ndarray, near_speed: np.ndarray,
+            gradient: np.ndarray, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least W and largest p² s_n dW/dp at the edges, (J, N+1); infinite W where no ray of the interval comes by."""
     near_index = np.searchsorted(grid, near)
     steep, level = (np.sqrt((1 - sine) * (1 + sine)) / near_speed for sine in (right, left))      # p, least and largest
@@ -174,12 +177,12 @@ def _bounds(grid, fast, at_edge, near, near_speed, gradient, left, right):
     return np.where(blocked, np.inf, shortest)[:, at_edge], np.where(blocked, np.inf, slope)[:, at_edge]
 
 
-def _ratio(sine, of):
+def _ratio(sine: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Of sines; where a ray just turns at the place of both it is one."""
     return np.where((sine == 0) & (of == 0), 1.0, sine / np.maximum(of, TINY))
 
 
-def _goes_on(grid, fast, at_edge):
+def _goes_on(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray) -> np.ndarray:
     """Tell of cells whether the levelest direct rays from the first run level there, nowhere below: (N, N)."""
     falls = np.array([np.all(np.diff(fast[a:b + 1]) <= 0) for a, b in zip(at_edge[:-1], at_edge[1:])])
     cells = len(falls)

@@ -15,12 +15,15 @@ and v, ω, A those of the echo's reception at the centre: the hit carries g, and
 
 Everything is written once for NumPy (float64) and Dr.Jit (float32). Scene coordinates, z up.
 """
+from types import ModuleType
 from typing import NamedTuple
 
 import drjit as dr
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .travel import rotated
+from ..device.types import Numbers, Triple
+from .travel import Travel, rotated
 
 __all__ = ["Leg", "dot", "hit_fields", "library", "multiply_add", "per_sqrt", "select", "shared_element_fields",
            "straight_delay"]
@@ -29,30 +32,30 @@ __all__ = ["Leg", "dot", "hit_fields", "library", "multiply_add", "per_sqrt", "s
 class Leg(NamedTuple):
     """The equivalent straight vector of a leg, every field (H,)."""
 
-    length: object           # R [m]
-    speed: object            # c [m/s]
-    horizontal: object       # sine of the angle from the vertical [-]
-    vertical: object         # its cosine, positive: away from the hit is away from its depth [-]
-    third: object            # what the vector misses at third order, γ of `vector_approximation` [m]
+    length: Numbers          # R [m]
+    speed: Numbers           # c [m/s]
+    horizontal: Numbers      # sine of the angle from the vertical [-]
+    vertical: Numbers        # its cosine, positive: away from the hit is away from its depth [-]
+    third: Numbers           # what the vector misses at third order, γ of `vector_approximation` [m]
 
 
-def library(array):
+def library(array: Numbers) -> ModuleType:
     """Give the module, NumPy or Dr.Jit, that an array's functions are in."""
     return np if isinstance(array, (np.ndarray, float)) else dr
 
 
-def select(condition, yes, no):
+def select(condition: Numbers, yes: Numbers, no: Numbers) -> Numbers:
     """Give yes where the condition holds, else no."""
     return np.where(condition, yes, no) if isinstance(condition, (np.ndarray, np.bool_)) else dr.select(
         condition, yes, no)
 
 
-def multiply_add(a, b, c):
+def multiply_add(a: Numbers, b: Numbers, c: Numbers) -> Numbers:
     """Give a b + c, on the device in one instruction."""
     return a * b + c if library(a + b) is np else dr.fma(a, b, c)
 
 
-def dot(a, b):
+def dot(a: Triple, b: Triple) -> Numbers:
     """Give the sum of products of two sequences."""
     total = a[0] * b[0]
     for left, right in zip(a[1:], b[1:]):
@@ -60,19 +63,21 @@ def dot(a, b):
     return total
 
 
-def per_sqrt(array):
+def per_sqrt(array: Numbers) -> Numbers:
     """Give 1 / sqrt(array); on the device, to 1e-7, in less than half the time of either."""
     return 1 / np.sqrt(array) if library(array) is np else dr.rsqrt(array)
 
 
-def straight_delay(along, square, inverse_length, speed, closing, speeds):
+def straight_delay(along: Numbers, square: Numbers, inverse_length: Numbers, speed: Numbers, closing: Numbers,
+                   speeds: Numbers) -> tuple[Numbers, Numbers]:
     """Give δ [s] and R / (R + c δ) [-]; ``along`` n·d, ``square`` |d|², ``closing`` B, ``speeds`` c² - |v|²."""
     q = multiply_add(inverse_length, square, 2 * along)
     divisor = closing + library(q).sqrt(multiply_add(speeds * inverse_length, q, closing * closing))
     return q / divisor, divisor / multiply_add(inverse_length * speed, q, divisor)
 
 
-def hit_fields(leg, direction, rise, elapsed, travel, origin_speed):
+def hit_fields(leg: Leg, direction: Triple, rise: Numbers, elapsed: Numbers, travel: Travel,
+               origin_speed: Numbers) -> list[Numbers]:
     """Make what a difference needs of the hits, in float64; round to float32 afterwards.
 
     Parameters
@@ -108,7 +113,7 @@ def hit_fields(leg, direction, rise, elapsed, travel, origin_speed):
             *rotated([v * inverse + part for v, part in zip(velocity, carried)], rotation, back=True)]
 
 
-def shared_element_fields(offsets):
+def shared_element_fields(offsets: ArrayLike) -> list[np.ndarray]:
     """Make what every difference needs of the elements (NumPy): d (3), |d|², each (E,)."""
     offsets = np.asarray(offsets, float)
     return [*offsets.T, np.sum(offsets**2, axis=-1)]

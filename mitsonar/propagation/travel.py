@@ -10,10 +10,13 @@ Written once for NumPy and Dr.Jit numbers.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import drjit as dr
 import numpy as np
 
 from ..device.record import Record
+from ..device.types import Numbers, Triple
 
 __all__ = ["REST", "Travel", "rotated", "steady"]
 
@@ -29,27 +32,27 @@ class Travel(Record):
         Up to when the polynomials hold; later it goes straight on.
     """
 
-    displacement: tuple
-    turn: tuple
-    duration: object
+    displacement: Sequence[Triple]
+    turn: Sequence[Triple]
+    duration: Numbers
 
-    def moved(self, time: object) -> tuple:
+    def moved(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give D(t): triple [m]."""
         return self._at(self.displacement, time)
 
-    def velocity(self, time: object) -> tuple:
+    def velocity(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give v(t): triple [m/s]."""
         return self._slope(self.displacement, time)
 
-    def turned(self, time: object) -> tuple:
+    def turned(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give r(t): triple [rad]."""
         return self._at(self.turn, time)
 
-    def turn_rate(self, time: object) -> tuple:
+    def turn_rate(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give ω(t): triple [rad/s]."""
         return self._slope(self.turn, time)
 
-    def _at(self, coefficients, time):
+    def _at(self, coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         inside = self._inside(time)
         value = [_zero(time)] * 3
         for row in reversed(coefficients):
@@ -58,14 +61,14 @@ class Travel(Record):
             value = [part + v * (time - inside) for part, v in zip(value, self._slope(coefficients, inside))]
         return tuple(value)
 
-    def _slope(self, coefficients, time):
+    def _slope(self, coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         inside = self._inside(time)
         value = [_zero(time)] * 3
         for power in range(len(coefficients), 0, -1):
             value = [part * inside + power * d for part, d in zip(value, coefficients[power - 1])]
         return tuple(value)
 
-    def _inside(self, time):
+    def _inside(self, time: Numbers) -> Numbers:
         if len(self.displacement) <= 1:
             return time
         return dr.minimum(time, self.duration) if dr.is_jit_v(time) else np.minimum(time, self.duration)
@@ -74,12 +77,12 @@ class Travel(Record):
 REST = Travel(displacement=(), turn=(), duration=0.0)
 
 
-def steady(velocity: tuple, turn_rate: tuple = (0.0, 0.0, 0.0)) -> Travel:
+def steady(velocity: Triple, turn_rate: Triple = (0.0, 0.0, 0.0)) -> Travel:
     """Make the way at one velocity [m/s] and one angular velocity [rad/s], triples."""
     return Travel(displacement=(tuple(velocity),), turn=(tuple(turn_rate),), duration=np.inf)
 
 
-def rotated(vector: tuple, rotation: tuple, back: bool = False) -> tuple:
+def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbers, Numbers, Numbers]:
     """Turn a vector by a rotation vector [rad], or back: triples (Rodrigues)."""
     (x, y, z), (rx, ry, rz) = vector, rotation
     square = rx * rx + ry * ry + rz * rz
@@ -93,6 +96,6 @@ def rotated(vector: tuple, rotation: tuple, back: bool = False) -> tuple:
             z * cosine + (kx * y - ky * x) * sine + kz * along)
 
 
-def _zero(time):
+def _zero(time: Numbers) -> Numbers:
     """Zero of a number's kind, which a kernel leaves out."""
     return type(time)(0) if dr.is_jit_v(time) else 0.0 * time

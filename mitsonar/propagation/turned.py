@@ -10,10 +10,12 @@ likewise of dX/d(sine), on an interval of ``sine`` therefore follow from its two
 the range are dropped; on intervals where X provably rises or falls there is one ray or none; the others are halved.
 So no ray is missed, except that two closer than 1e-9 rad, on either side of a caustic, count as one.
 """
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..water import SoundSpeedProfile
 from .layers import Layers
 
 TINY_SINE = 1e-80  # stands for a horizontal ray: no division by zero and no overflow
@@ -24,6 +26,9 @@ HALVINGS = 50
 ROUNDING = 2e-15  # a range this close, relatively, cannot be improved
 CONVERGED = 1e-9  # a relative Newton step this small leaves an error of its square
 BATCH = 1 << 16  # numbers in a block: memory stays bounded and blocks stay in the cache
+
+
+Cases: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]    # upper and lower depth, range
 
 
 class TurnedRays(NamedTuple):
@@ -47,11 +52,13 @@ class Intervals(NamedTuple):
     left: np.ndarray
     right: np.ndarray
 
-    def __getitem__(self, keep):
+    def some(self, keep: np.ndarray | slice) -> "Intervals":
+        """Give those of a mask or a slice."""
         return Intervals(*(field[keep] for field in self))
 
 
-def rays_turned_below(profile, upper, lower, horizontal_range, latest):
+def rays_turned_below(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.ndarray, horizontal_range: np.ndarray,
+                      latest: np.ndarray) -> TurnedRays:
     """Find every ray between two depths that turns once, below both.
 
     Parameters
@@ -74,8 +81,8 @@ def rays_turned_below(profile, upper, lower, horizontal_range, latest):
         if not open_intervals.case.size:
             break
         possible, monotonic, crosses = _in_batches(_judge, profile, cases, open_intervals)
-        brackets.append(open_intervals[possible & monotonic & crosses])
-        open_intervals = _halves(open_intervals[possible & ~monotonic])
+        brackets.append(open_intervals.some(possible & monotonic & crosses))
+        open_intervals = _halves(open_intervals.some(possible & ~monotonic))
     # What is still open has shrunk onto a caustic that lies at the range itself.
     brackets.append(open_intervals)
     brackets = Intervals(*map(np.concatenate, zip(*brackets)))
@@ -84,7 +91,8 @@ def rays_turned_below(profile, upper, lower, horizontal_range, latest):
     return TurnedRays(*_in_batches(_solve, profile, cases, brackets))
 
 
-def _first_intervals(profile, upper, lower, horizontal_range, latest):
+def _first_intervals(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.ndarray, horizontal_range: np.ndarray,
+                     latest: np.ndarray) -> Intervals:
     """Give one interval for each layer in which a ray of the case can turn: the speed exceeds all that lies above."""
     node_depth, node_speed = profile.depth, profile.sound_speed
     near = np.maximum(node_depth[:-1], lower[:, None])  # (N, K-1)
@@ -114,19 +122,21 @@ def _first_intervals(profile, upper, lower, horizontal_range, latest):
     return Intervals(case, node, np.where(goes_on, just_passed, TINY_SINE), right)
 
 
-def _sine(speed, turning_speed):
+def _sine(speed: np.ndarray, turning_speed: np.ndarray) -> np.ndarray:
     """Give the sine, where the speed is ``speed``, of the ray that is horizontal where it is ``turning_speed``."""
     cosine = speed / turning_speed
     return np.sqrt((1 - cosine) * (1 + cosine))
 
 
-def _in_batches(function, profile, cases, intervals):
+def _in_batches(function: Callable[[SoundSpeedProfile, Cases, Intervals], tuple[np.ndarray, ...]],
+                profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> list[np.ndarray]:
     size = max(1, BATCH // (2 * profile.depth.size))
-    parts = [function(profile, cases, intervals[start:start + size]) for start in range(0, intervals.case.size, size)]
+    parts = [function(profile, cases, intervals.some(slice(start, start + size)))
+             for start in range(0, intervals.case.size, size)]
     return [np.concatenate(part) for part in zip(*parts)]
 
 
-def _passed(profile, cases, intervals):
+def _passed(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> tuple[Layers, np.ndarray, np.ndarray]:
     """Give the layers above the turning ones, the gradient of these, and the range asked for."""
     upper, lower, horizontal_range = (field[intervals.case] for field in cases)
     near = np.maximum(profile.depth[intervals.node], lower)
@@ -135,7 +145,7 @@ def _passed(profile, cases, intervals):
     return layers, gradient, horizontal_range
 
 
-def _judge(profile, cases, intervals):
+def _judge(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> tuple[np.ndarray, ...]:
     """Say of each interval whether it may hold the range, whether X is monotonic on it, and whether X crosses it."""
     layers, gradient, horizontal_range = _passed(profile, cases, intervals)
     passed, arc, steepness, share, arc_slope = [], [], [], [], []
@@ -160,7 +170,7 @@ def _judge(profile, cases, intervals):
     return possible, monotonic, crosses
 
 
-def _solve(profile, cases, brackets):
+def _solve(profile: SoundSpeedProfile, cases: Cases, brackets: Intervals) -> tuple[np.ndarray, ...]:
     """Close in on the ray in each bracket by Newton's method, halving where that leaves the bracket."""
     layers, gradient, horizontal_range = _passed(profile, cases, brackets)
     left, right = brackets.left.copy(), brackets.right.copy()
@@ -198,7 +208,8 @@ def _solve(profile, cases, brackets):
     )
 
 
-def _excess(layers, gradient, horizontal_range, sine):
+def _excess(layers: Layers, gradient: np.ndarray, horizontal_range: np.ndarray,
+            sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Give X - horizontal_range and dX/d(sine)."""
     cosine = np.sqrt((1 - sine) * (1 + sine))
     parameter = cosine / layers.fastest
@@ -209,7 +220,7 @@ def _excess(layers, gradient, horizontal_range, sine):
     return parameter * per_parameter + arc - horizontal_range, slope
 
 
-def _speed_integral(profile, depth):
+def _speed_integral(profile: SoundSpeedProfile, depth: np.ndarray) -> np.ndarray:
     """Give the integral of the sound speed [m^2/s] from the first node down to ``depth``."""
     node_depth, node_speed = profile.depth, profile.sound_speed
     to_node = np.r_[0.0, np.cumsum(np.diff(node_depth) * (node_speed[1:] + node_speed[:-1]) / 2)]
@@ -217,7 +228,7 @@ def _speed_integral(profile, depth):
     return to_node[above] + (depth - node_depth[above]) * (node_speed[above] + profile.at(depth)) / 2
 
 
-def _halves(intervals):
+def _halves(intervals: Intervals) -> Intervals:
     middle = (intervals.left + intervals.right) / 2
     return Intervals(np.r_[intervals.case, intervals.case], np.r_[intervals.node, intervals.node],
                      np.r_[intervals.left, middle], np.r_[middle, intervals.right])

@@ -17,10 +17,15 @@ eikonal's second-order expansion, a along the ray and δ across it (`_carry`):
 
 R_w the wavefront's radius: V / (dθ/dθ0), dθ/dθ0 = (c s0/c0 - p g V cos θ) / s.
 """
+from typing import cast
+
 import drjit as dr
+import numpy as np
 
 from ..device.arrays import upload
 from ..device.record import Record
+from ..device.types import ArrayTypes, Bool, Float, Float64, UInt32
+from .layer_table import LayerTable
 from .ray_fans import arc_step, first_layer, wavefront_step
 
 __all__ = ["PointState", "SourceState", "arc_length", "arc_time", "source_state", "to_hit", "walk"]
@@ -34,9 +39,9 @@ MAX_TUBE_GAIN = 1e4        # spreading area is kept above distance²/this: energ
 class SourceState(Record):
     """Medium at the source depths: Float64 (8 D,) rows of depth, sound speed, two unused, M_1..M_4."""
 
-    rows: object
+    rows: Float64
 
-    def gather(self, lib, index):
+    def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
         """Depth, sound speed and moments at the source of each ray (index UInt32 into the fans)."""
         head = dr.gather(lib.Array4f64, self.rows, 2 * index)
         moments = dr.gather(lib.Array4f64, self.rows, 2 * index + 1)
@@ -46,16 +51,16 @@ class SourceState(Record):
 class PointState(Record):
     """The medium at points that are all different, one a ray: depth, sound speed and moments, Float64 (R,)."""
 
-    depth: object
-    speed: object
-    moments: object
+    depth: Float64
+    speed: Float64
+    moments: list[Float64]
 
-    def gather(self, lib, index):
+    def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
         """As of `SourceState`; the index plays no part."""
         return self.depth, self.speed, self.moments
 
 
-def source_state(table, source_depth):
+def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
     """Evaluate the medium once per source depth ((D,) array [m])."""
     lib = table.lib
     z = upload(lib.Float64, source_depth)
@@ -69,7 +74,8 @@ def source_state(table, source_depth):
     return SourceState(rows=rows)
 
 
-def _series(table, lib, p, x, z, z0, moments0):
+def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float64, z0: Float64,
+            moments0: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float64, Float, Float]:
     """The O(1) series; returns T, D, S, X/p, refined p, c, a4 (NaN or large where the series does not hold) and the
     horizontal miss of the launched ray.
 
@@ -116,7 +122,7 @@ def _series(table, lib, p, x, z, z0, moments0):
     return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
 
 
-def arc_time(c1, c2, g, d2):
+def arc_time(c1: Float64, c2: Float64, g: Float64, d2: Float64) -> Float64:
     """Two-point time in one layer, (d/√(c1c2)) asinh(u)/u with u² = g² d²/(4 c1 c2)."""
     product = c1 * c2
     u2 = 0.25 * g * g * d2 / product
@@ -128,7 +134,7 @@ def arc_time(c1, c2, g, d2):
     return dr.sqrt(d2 / product) * ratio
 
 
-def arc_length(curvature, d2):
+def arc_length(curvature: Float64, d2: Float64) -> Float64:
     """Length of an arc over its chord, d asin(w)/w with w² = κ² d²/4."""
     w2 = 0.25 * curvature * curvature * d2
     ratio = 35 / 1152 + w2 * 63 / 2816
@@ -140,7 +146,8 @@ def arc_length(curvature, d2):
 
 
 @dr.syntax
-def walk(table, lib, z0, c0, s0, p, x, active):
+def walk(table: LayerTable, lib: ArrayTypes, z0: Float64, c0: Float64, s0: Float64, p: Float64, x: Float64,
+         active: Bool) -> tuple[Float64, Float64, Float64, Float64, Float64, Float64, Float64]:
     """Walk the launched ray to horizontal distance x; returns depth, time, arc length, V, sine, speed and
     gradient there."""
     F = lib.Float64
@@ -171,7 +178,8 @@ def walk(table, lib, z0, c0, s0, p, x, active):
     return z, t, arc, v, s, c, g_end
 
 
-def _carry(p, s, c, g, v, launch, dz):
+def _carry(p: Float64, s: Float64, c: Float64, g: Float64, v: Float64, launch: Float64,
+           dz: Float64) -> tuple[Float64, Float64]:
     """Change of time and ray parameter over a short step down from a point of a ray; `launch` = s0/c0."""
     cosine = p * c
     a, d = s * dz, cosine * dz
@@ -184,7 +192,9 @@ def _carry(p, s, c, g, v, launch, dz):
 
 
 @dr.syntax
-def to_hit(table, lib, source, fan, s0, cosine0, x, z, valid, tolerance):
+def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fan: UInt32, s0: Float64,
+           cosine0: Float64, x: Float64, z: Float64, valid: Bool,
+           tolerance: Float64) -> tuple[Float64, Float, Float, Float64, Float, Float64]:
     """Travel time, arc length, spreading and directions of the eigenray source → hit.
 
     Parameters
@@ -241,6 +251,6 @@ def to_hit(table, lib, source, fan, s0, cosine0, x, z, valid, tolerance):
         time, arc, p = t_x + dt, F(arc_x + s_x * dz), p0 + dp
         area = F(x * abs(v) / dr.maximum(cosine0, 1e-9))
         c = dr.fma(g_x, dz, c_x)
-        sine = dr.copysign(dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0))), F(s_x))
+        sine = cast(Float, dr.copysign(dr.sqrt(F(dr.maximum(1 - p * p * c * c, 0))), F(s_x)))
     area = dr.maximum(area, F(x * x + dr.square(z - z0)) * (1 / MAX_TUBE_GAIN))
     return time, arc, area, p, sine, c

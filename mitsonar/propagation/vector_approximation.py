@@ -28,12 +28,19 @@ same with v = 0 gives the delays of transmit elements.
 
 Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields are in scene coordinates, z up.
 """
-import numpy as np
+from collections.abc import Callable, Sequence
+from typing import Literal
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..device.types import Numbers, Triple
+from ..water import SoundSpeedProfile
 from .paper_approximation import paper_difference, paper_element_fields
 from .slices import Slices
 from .straight_vectors import (
     Leg, dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay)
+from .travel import Travel
 
 __all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "centre_return", "corrections", "difference_of", "expected_error",
            "level_difference", "matched_leg", "vector_difference", "vector_element_fields"]
@@ -43,7 +50,9 @@ FLATTEST = 0.02            # vertical cosine below which the last orders are not
 LEVEL_WITHIN = 1e-9        # [m]: heights below are none, 2 ps of sound at one degree from the horizontal
 
 
-def corrections(leg_vertical, leg_horizontal, third, inverse_length, shrinking, height, excess, variance):
+def corrections(leg_vertical: Numbers, leg_horizontal: Numbers, third: Numbers, inverse_length: Numbers,
+                shrinking: Numbers, height: Numbers, excess: Numbers,
+                variance: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Give slice, bending and third order together, and the error expected after them.
 
     Parameters
@@ -101,14 +110,15 @@ def corrections(leg_vertical, leg_horizontal, third, inverse_length, shrinking, 
     return value, select(abs(next_order) < 2, doubt, np.inf), change
 
 
-def _at_least(limit, array):
+def _at_least(limit: float, array: Numbers) -> Numbers:
     """Cheaper than maximum, which heeds NaN."""
     return select(array > limit, array, limit)
 
 
 # -------------------------------------------------------------------------------------------------- legs, float64
 
-def matched_leg(range_per_parameter, second, third, ray_parameter, speed):
+def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, ray_parameter: Numbers,
+                speed: Numbers) -> Leg:
     """Match a straight vector to a leg.
 
     Parameters
@@ -134,7 +144,9 @@ def matched_leg(range_per_parameter, second, third, ray_parameter, speed):
     return Leg(y / speed, speed, p * speed, u * speed, 0.5 * g * p**3 / (speed * speed))
 
 
-def centre_return(leg, travel_time, bearing, upwards, travel, slice_to, elapsed=None):
+def centre_return(leg: Leg, travel_time: Numbers, bearing: tuple[Numbers, Numbers], upwards: Numbers, travel: Travel,
+                  slice_to: Callable[[Numbers], tuple[Numbers, Numbers]],
+                  elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
     """Follow the platform to where the echo meets the array's centre, and match the leg to there.
 
     Parameters
@@ -179,7 +191,7 @@ def centre_return(leg, travel_time, bearing, upwards, travel, slice_to, elapsed=
     closing = leg.speed - toward - inverse * along
     c2 = leg.speed * leg.speed
     straight, shrinking = straight_delay(dot(n, place), dot(place, place), inverse, leg.speed, closing, c2 - square)
-    delay = straight
+    delay, height, excess = straight, 0.0, 0.0
     closing = leg.speed - (leg.speed - closing + inverse * square * delay) * shrinking
     for _ in range(2):          # the slice moves the time, the time the slice: a thousandth of it
         height = upwards * (place[2] + velocity[2] * delay)
@@ -209,7 +221,8 @@ def centre_return(leg, travel_time, bearing, upwards, travel, slice_to, elapsed=
     return travel_time + delay, there, direction, upwards * height
 
 
-def _two_layers(leg, p, layer, height, excess):
+def _two_layers(leg: Leg, p: Numbers, layer: Numbers, height: Numbers,
+                excess: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Y, E and G, speeds in units of c_m, of the leg's layer and the slice above it; to third order of the leg."""
     xp = library(p)
     below = xp.maximum(1 - p * p, LEVEL**2)
@@ -226,7 +239,7 @@ def _two_layers(leg, p, layer, height, excess):
 
 # ------------------------------------------------------------------------------------------------- the difference
 
-def vector_element_fields(offsets, depth, profile):
+def vector_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
     """Make what `vector_difference` needs of the elements (NumPy).
 
     Parameters
@@ -249,7 +262,7 @@ def vector_element_fields(offsets, depth, profile):
     mean, variance = Slices(profile).between(depth, there)
     # what the mean changes by as both ends rise, to second order
     slopes = [(profile.gradient(z, "below") + profile.gradient(z, "above")) * speed**2 / profile.at(z) ** 3
-              for z in (depth, there)]
+              for z in (np.asarray(depth), there)]
     level = np.abs(height) < 1e-6
     divisor = np.where(level, 1.0, height)
     rate = np.where(level, slopes[0], ((speed / profile.at(there)) ** 2 - 1) / divisor)
@@ -257,7 +270,7 @@ def vector_element_fields(offsets, depth, profile):
     return [*shared, speed**2 * mean - 1, rate, bend, speed**4 * variance]
 
 
-def vector_difference(hits, elements):
+def vector_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
     """Give how much later than at the array's centre an echo arrives at an element.
 
     Parameters
@@ -276,7 +289,7 @@ def vector_difference(hits, elements):
     return multiply_add(correction, per_closing, delay)
 
 
-def level_difference(hits, elements):
+def level_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
     """Give the `vector_difference` of elements for which slice and bending vanish, at half its cost.
 
     Parameters
@@ -296,7 +309,8 @@ def level_difference(hits, elements):
     return multiply_add(third * change * change, -change * _per_closing(hits, at_element, shrinking), delay)
 
 
-def difference_of(method, offsets, profile, tilt=0.0, climb=0.0):
+def difference_of(method: Literal["vector", "paper"], offsets: ArrayLike, profile: SoundSpeedProfile, tilt: float = 0.0,
+                  climb: float = 0.0) -> Callable[[Sequence[Numbers], Sequence[Numbers]], Numbers]:
     """Choose the difference to evaluate: the method's, or a cheaper one that gives the same for this array.
 
     Parameters
@@ -324,13 +338,13 @@ def difference_of(method, offsets, profile, tilt=0.0, climb=0.0):
     return level_difference if one_speed or height < LEVEL_WITHIN else vector_difference
 
 
-def expected_error(hits, elements):
+def expected_error(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
     """Give the error [s] to expect of `vector_difference`, not negative, infinite where nothing is promised."""
     _, (_, error, _), per_closing = _to_element(hits, elements)
     return error * per_closing
 
 
-def _along_the_vector(hits, elements):
+def _along_the_vector(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> tuple[Numbers, Numbers, Numbers]:
     """Delay along the straight vector [s], R over its length to the element, and B [m/s]."""
     inverse, speed, closing, speeds = hits[6:10]
     d, square = elements[:3], elements[3]
@@ -338,13 +352,14 @@ def _along_the_vector(hits, elements):
     return *straight_delay(dot(hits[:3], d), square, inverse, speed, at_element, speeds), at_element
 
 
-def _per_closing(hits, at_element, shrinking):
+def _per_closing(hits: Sequence[Numbers], at_element: Numbers, shrinking: Numbers) -> Numbers:
     """1 / (c_m - v·n) at the element, from that at the centre by a step of Newton's method: they hardly differ."""
     per_closing, last = 1 / hits[8], multiply_add(at_element - hits[7], shrinking, hits[7])
     return per_closing * multiply_add(-per_closing, last, 2)
 
 
-def _to_element(hits, elements):
+def _to_element(hits: Sequence[Numbers],
+                elements: Sequence[Numbers]) -> tuple[Numbers, tuple[Numbers, Numbers, Numbers], Numbers]:
     """Delay along the straight vector [s], corrections and their error [m], and what turns these into time [s/m]."""
     zx, zy, zz, inverse, _, _, _, w, vz, faster, rise, third = hits[3:15]
     dx, dy, dz, *_, excess, rate, bend, variance = elements
