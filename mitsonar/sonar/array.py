@@ -10,11 +10,13 @@ direction û, or a point R, an array is steered by
 c -> ``sound_speed``: an element nearer to the point waits longer, and the array's centre does not wait, so ranges stay.
 Everything is in the body frame (x forward, y starboard, z down), about the array's centre, where the track leads.
 """
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..device.types import Numbers, Triple
 from .axes import axis_vector
 from .element_patterns import BAFFLES, PATTERNS, element_pressure
 from .shading import window_weights
@@ -74,11 +76,11 @@ class Array:
     along: np.ndarray
     length: float = 0.0
     height: float = 0.0
-    pattern: str = "omni"
-    baffle: str = "none"
-    weight: np.ndarray = 1.0
-    delay: np.ndarray = 0.0
-    layout: tuple = ()
+    pattern: Literal["omni", "rectangular", "circular"] = "omni"
+    baffle: Literal["none", "hard", "soft", "cardioid"] = "none"
+    weight: np.ndarray = field(default_factory=lambda: np.ones(()))
+    delay: np.ndarray = field(default_factory=lambda: np.zeros(()))
+    layout: tuple[int, ...] = ()
 
     def __post_init__(self):
         elements = self._check_position()
@@ -104,7 +106,7 @@ class Array:
             raise ValueError(f"array: layout {self.layout} does not hold {elements} elements.")
         self._check_face()
 
-    def _check_position(self):
+    def _check_position(self) -> int:
         position = as_numbers("position", self.position)
         if position.ndim != 2 or position.shape[1] != 3:
             raise ValueError(f"array: position has shape {position.shape}; give three coordinates [m] for each "
@@ -115,7 +117,7 @@ class Array:
         self._set("position", position)
         return len(position)
 
-    def _check_face(self):
+    def _check_face(self) -> None:
         for name, known in (("pattern", PATTERNS), ("baffle", BAFFLES)):
             if getattr(self, name) not in known:
                 raise ValueError(f'array: {name} is "{getattr(self, name)}"; give one of {", ".join(known)}.')
@@ -130,7 +132,7 @@ class Array:
             raise ValueError(f"array: elements are circular, but their height is {self.height} m; the length is the "
                              "diameter, leave the height out.")
 
-    def _set(self, name, value):
+    def _set(self, name: str, value: np.ndarray) -> None:
         value = np.array(value)
         value.flags.writeable = False
         object.__setattr__(self, name, value)
@@ -138,21 +140,21 @@ class Array:
     # ---- what it is
 
     @property
-    def elements(self):
+    def elements(self) -> int:
         """Number of elements, failed ones included."""
         return len(self.position)
 
     @property
-    def working(self):
+    def working(self) -> np.ndarray:
         """Which elements have a weight, bool (E,)."""
         return self.weight != 0
 
     @property
-    def radius(self):
+    def radius(self) -> float:
         """Largest distance of an element from the array's centre [m]."""
         return float(np.max(np.linalg.norm(self.position, axis=1)))
 
-    def pitch(self):
+    def pitch(self) -> float:
         """Spacing of a uniform line [m].
 
         Raises
@@ -179,7 +181,7 @@ class Array:
                              "beamformer for any positions.")
         return pitch
 
-    def faces(self):
+    def faces(self) -> list[Face]:
         """Group elements that look the same way.
 
         Returns
@@ -192,7 +194,7 @@ class Array:
         _, first, face = np.unique(looks, axis=0, return_index=True, return_inverse=True)
         return [Face(np.flatnonzero(face.ravel() == k), self.normal[e], self.along[e]) for k, e in enumerate(first)]
 
-    def element_pressure(self, direction, wavelength, normal, along):
+    def element_pressure(self, direction: Triple, wavelength: Numbers, normal: Triple, along: Triple) -> Numbers:
         """Pressure pattern of an element whose face has a normal and an along, as `element_patterns.element_pressure`.
 
         Parameters
@@ -211,7 +213,7 @@ class Array:
 
     # ---- others made of it
 
-    def shaded(self, *windows):
+    def shaded(self, *windows: str | tuple) -> "Array":
         """Multiply the weights by windows.
 
         Parameters
@@ -241,7 +243,7 @@ class Array:
             weight = np.multiply.outer(window_weights(window, elements), weight)
         return replace(self, weight=self.weight * weight.ravel())
 
-    def steered(self, direction, sound_speed):
+    def steered(self, direction: str | ArrayLike, sound_speed: float) -> "Array":
         """Add the delays that steer the array towards a distant point.
 
         Parameters
@@ -258,7 +260,7 @@ class Array:
         towards = axis_vector("steering direction", direction)
         return replace(self, delay=self.delay + self.position @ towards / _speed(sound_speed))
 
-    def focused(self, point, sound_speed):
+    def focused(self, point: ArrayLike, sound_speed: float) -> "Array":
         """Add the delays that focus the array on a point.
 
         Parameters
@@ -276,7 +278,7 @@ class Array:
         nearer = np.linalg.norm(point) - np.linalg.norm(point - self.position, axis=1)
         return replace(self, delay=self.delay + nearer / _speed(sound_speed))
 
-    def failing(self, indices):
+    def failing(self, indices: ArrayLike) -> "Array":
         """Take elements out of work: their weight becomes 0.
 
         Parameters
@@ -304,7 +306,7 @@ class Array:
         weight[indices.astype(int)] = 0.0
         return replace(self, weight=weight)
 
-    def jittered(self, rms, seed=0):
+    def jittered(self, rms: float, seed: int = 0) -> "Array":
         """Move every element by chance, as mounting does.
 
         Parameters
@@ -323,16 +325,16 @@ class Array:
         error = np.random.Generator(np.random.Philox(seed)).standard_normal(self.position.shape)
         return replace(self, position=self.position + rms * error)
 
-    def moved(self, offset):
+    def moved(self, offset: ArrayLike) -> "Array":
         """Move the array by an offset (3,) [m] in the body frame, away from where the track leads."""
         return replace(self, position=self.position + _vector("offset", offset))
 
-    def centred(self):
+    def centred(self) -> "Array":
         """Move the array so that the mean of its positions is its centre."""
         return self.moved(-self.position.mean(axis=0))
 
 
-def as_numbers(name, value):
+def as_numbers(name: str, value: ArrayLike) -> np.ndarray:
     """A new float64 array of what is given, or a ValueError that names it."""
     try:
         return np.array(value, dtype=np.float64)
@@ -340,20 +342,20 @@ def as_numbers(name, value):
         raise ValueError(f"array: {name} must be numbers, got {value!r}.") from None
 
 
-def _vector(name, value):
+def _vector(name: str, value: ArrayLike) -> np.ndarray:
     vector = as_numbers(name, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"array: {name} is {value}; give three finite numbers (forward, starboard, down) [m].")
     return vector
 
 
-def _speed(sound_speed):
+def _speed(sound_speed: float) -> float:
     if not (np.isfinite(sound_speed) and sound_speed > 0):
         raise ValueError(f"array: sound_speed is {sound_speed} m/s; give a finite number above 0.")
     return sound_speed
 
 
-def _refuse(bad, name, values, remedy):
+def _refuse(bad: np.ndarray | np.bool_, name: str, values: np.ndarray, remedy: str) -> None:
     """Raise for the first element marked bad."""
     first = np.flatnonzero(bad)[:1]
     if first.size:

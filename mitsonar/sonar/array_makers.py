@@ -12,7 +12,11 @@ outwards. What all makers pass on as ``**face`` is length, height, pattern and b
 The Fibonacci lattice covers a sphere with equal areas (e.g. Swinbank and Purser 2006, Q. J. R. Meteorol. Soc. 132).
 A line steered to ψ0 from broadside has no grating lobe where d < λ/(1 + |sin ψ0|).
 """
+from collections.abc import Sequence
+from typing import Any, cast
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .array import Array, Face, as_numbers
 from .axes import AXES, across, axis_vector
@@ -23,7 +27,8 @@ __all__ = ["Array", "Face", "cylindrical_array", "element_array", "line_array", 
 GOLDEN = (1 + np.sqrt(5)) / 2
 
 
-def element_array(position, *, normal="down", along="forward", **more):
+def element_array(position: ArrayLike, *, normal: str | ArrayLike = "down", along: str | ArrayLike = "forward",
+                  **more: Any) -> Array:
     """Make an array of any positions.
 
     Parameters
@@ -53,17 +58,19 @@ def element_array(position, *, normal="down", along="forward", **more):
     return Array(position=position, normal=normal, along=across(normal, along), **more)
 
 
-def _each(name, directions, elements):
+def _each(name: str, directions: str | ArrayLike, elements: int) -> np.ndarray:
     """Unit vectors (elements, 3) of one direction or of one for each element."""
     if np.ndim(directions) < 2:
         return np.tile(axis_vector(f"array: {name}", directions), (elements, 1))
-    if len(directions) != elements:
-        raise ValueError(f"array: {name} is given for {len(directions)} elements of {elements}; give one for all or "
+    vectors = cast(Sequence[ArrayLike], directions)
+    if len(vectors) != elements:
+        raise ValueError(f"array: {name} is given for {len(vectors)} elements of {elements}; give one for all or "
                          "one for each.")
-    return np.array([axis_vector(f"array: {name} of element {e}", vector) for e, vector in enumerate(directions)])
+    return np.array([axis_vector(f"array: {name} of element {e}", vector) for e, vector in enumerate(vectors)])
 
 
-def line_array(elements, pitch, *, axis="starboard", normal=None, **face):
+def line_array(elements: int, pitch: float, *, axis: str | ArrayLike = "starboard",
+               normal: str | ArrayLike | None = None, **face: Any) -> Array:
     """Make a straight, evenly spaced line.
 
     Parameters
@@ -95,7 +102,8 @@ def line_array(elements, pitch, *, axis="starboard", normal=None, **face):
     return element_array(place[:, None] * axis, normal=normal, along=axis, layout=(len(place),), **face)
 
 
-def planar_array(elements, rows, pitch, *, row_pitch=None, axis="starboard", normal="down", **face):
+def planar_array(elements: int, rows: int, pitch: float, *, row_pitch: float | None = None,
+                 axis: str | ArrayLike = "starboard", normal: str | ArrayLike = "down", **face: Any) -> Array:
     """Make a plane of rows, numbered as one reads: along the axis, then row by row towards normal x axis.
 
     Parameters
@@ -126,8 +134,9 @@ def planar_array(elements, rows, pitch, *, row_pitch=None, axis="starboard", nor
     return element_array(position, normal=normal, along=axis, layout=(len(row), len(place)), **face)
 
 
-def mills_cross(transmit_elements, receive_elements, pitch, *, receive_pitch=None, axis="forward", normal="down",
-                **face):
+def mills_cross(transmit_elements: int, receive_elements: int, pitch: float, *, receive_pitch: float | None = None,
+                axis: str | ArrayLike = "forward", normal: str | ArrayLike = "down",
+                **face: Any) -> tuple[Array, Array]:
     """Make a transmitting line and a receiving one that crosses it.
 
     Parameters
@@ -155,8 +164,9 @@ def mills_cross(transmit_elements, receive_elements, pitch, *, receive_pitch=Non
     return transmit, receive
 
 
-def cylindrical_array(elements, radius, *, rows=1, row_pitch=None, aperture=2 * np.pi, axis="down", normal="forward",
-                      **face):
+def cylindrical_array(elements: int, radius: float, *, rows: int = 1, row_pitch: float | None = None,
+                      aperture: float = 2 * np.pi, axis: str | ArrayLike = "down", normal: str | ArrayLike = "forward",
+                      **face: Any) -> Array:
     """Make rings of elements that look outwards, or arcs of them.
 
     Parameters
@@ -195,7 +205,8 @@ def cylindrical_array(elements, radius, *, rows=1, row_pitch=None, aperture=2 * 
                  layout=(len(row), elements), **face).centred()
 
 
-def spherical_array(elements, radius, *, aperture=2 * np.pi, normal="down", **face):
+def spherical_array(elements: int, radius: float, *, aperture: float = 2 * np.pi, normal: str | ArrayLike = "down",
+                    **face: Any) -> Array:
     """Make a sphere of evenly spread elements that look outwards, or a cap of one.
 
     Parameters
@@ -225,31 +236,31 @@ def spherical_array(elements, radius, *, aperture=2 * np.pi, normal="down", **fa
     return Array(position=radius * outward, normal=outward, along=np.cross(normal, turned), **face).centred()
 
 
-def _places(what, count_name, count, pitch_name, pitch):
+def _places(what: str, count_name: str, count: int, pitch_name: str, pitch: float) -> np.ndarray:
     """Evenly spaced places [m] about 0."""
     count, pitch = _count(what, count_name, count), _size(what, pitch_name, pitch)
     return (np.arange(count) - (count - 1) / 2) * pitch
 
 
-def _count(what, name, value):
+def _count(what: str, name: str, value: float) -> int:
     if not (np.ndim(value) == 0 and np.isfinite(value) and value >= 1 and value == int(value)):
         raise ValueError(f"{what}: {name} is {value}; give a whole number of at least 1.")
     return int(value)
 
 
-def _size(what, name, value):
+def _size(what: str, name: str, value: float) -> float:
     if not (np.isfinite(value) and value > 0):
         raise ValueError(f"{what}: {name} is {value} m; give a finite length above 0.")
     return float(value)
 
 
-def _arc(what, aperture):
+def _arc(what: str, aperture: float) -> float:
     if not 0 < aperture <= 2 * np.pi * (1 + 1e-12):
         raise ValueError(f"{what}: aperture is {aperture} rad; give an angle above 0 and at most 2 pi (a whole turn).")
     return aperture
 
 
-def _square(what, axis, normal):
+def _square(what: str, axis: str | ArrayLike, normal: str | ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """An axis made perpendicular to a normal, and the normal, as unit vectors."""
     axis, normal = axis_vector(f"{what}: axis", axis), axis_vector(f"{what}: normal", normal)
     if _parallel(axis, normal):
@@ -257,5 +268,5 @@ def _square(what, axis, normal):
     return across(normal, axis), normal
 
 
-def _parallel(a, b):
-    return np.linalg.norm(np.cross(a, b)) < 1e-6
+def _parallel(a: np.ndarray, b: np.ndarray | tuple[float, float, float]) -> bool:
+    return bool(np.linalg.norm(np.cross(a, b)) < 1e-6)

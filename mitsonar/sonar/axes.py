@@ -5,6 +5,7 @@
 α -> ``azimuth`` from the bow, positive to starboard; δ -> ``depression`` below the horizontal, both [rad].
 """
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..spelling import meant
 
@@ -15,7 +16,7 @@ AXES = {"forward": (1.0, 0.0, 0.0), "aft": (-1.0, 0.0, 0.0), "starboard": (0.0, 
 PARALLEL = 1e-6                    # sine of the angle below which two directions count as one
 
 
-def body_direction(azimuth, depression):
+def body_direction(azimuth: ArrayLike, depression: ArrayLike) -> np.ndarray:
     """Make the unit vector of an azimuth and a depression angle.
 
     Parameters
@@ -40,7 +41,7 @@ def body_direction(azimuth, depression):
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(depression)], axis=-1)
 
 
-def axis_vector(name, axis):
+def axis_vector(name: str, axis: str | ArrayLike) -> np.ndarray:
     """Make a unit vector of one of `AXES` or of any vector.
 
     Parameters
@@ -73,7 +74,7 @@ def axis_vector(name, axis):
     return vector / np.linalg.norm(vector)
 
 
-def across(normal, towards):
+def across(normal: np.ndarray, towards: ArrayLike) -> np.ndarray:
     """Give the unit part of one direction that is perpendicular to others.
 
     Parameters

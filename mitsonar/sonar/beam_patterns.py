@@ -6,8 +6,10 @@
 element's pattern b_e from the `Array` (e.g. Van Trees, Optimum Array Processing, 2002, ch. 2).
 """
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..units import db_from_power
+from .array import Array
 
 __all__ = ["beam_pattern", "directivity_index_db", "element_directivity_index_db"]
 
@@ -17,7 +19,7 @@ LARGEST = 3_000_000                # directions of the quadrature that fit a rea
 BLOCK = 2_000_000                  # directions times elements at a time
 
 
-def beam_pattern(array, direction, wavelength, sound_speed=None):
+def beam_pattern(array: Array, direction: ArrayLike, wavelength: float, sound_speed: float | None = None) -> np.ndarray:
     """Compute the pressure pattern of an array with its weights and delays.
 
     Parameters
@@ -59,7 +61,8 @@ def beam_pattern(array, direction, wavelength, sound_speed=None):
     return total / np.sum(np.abs(array.weight))
 
 
-def directivity_index_db(array, direction, wavelength, sound_speed=None):
+def directivity_index_db(array: Array, direction: ArrayLike, wavelength: float,
+                         sound_speed: float | None = None) -> float:
     """Compute the gain of an array over one omnidirectional element, against isotropic noise.
 
     Parameters
@@ -106,7 +109,7 @@ def directivity_index_db(array, direction, wavelength, sound_speed=None):
     return float(db_from_power(2 * signal / power))        # over all cosines, -1 to 1, an even |b|² = 1 makes 2
 
 
-def element_directivity_index_db(array, wavelength):
+def element_directivity_index_db(array: Array, wavelength: float) -> float:
     """Compute the gain of one element of an array, by its face alone, against isotropic noise.
 
     Parameters

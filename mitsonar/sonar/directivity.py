@@ -11,12 +11,14 @@ from dataclasses import dataclass
 import drjit as dr
 import numpy as np
 
+from ..device.types import Numbers
+
 __all__ = ["Aperture", "length_for_beam_width"]
 
 HALF_POWER = 0.44294647069         # sinc² = 1/2
 
 
-def sinc(x):
+def sinc(x: Numbers) -> Numbers:
     """sin(πx)/(πx) of a NumPy or Dr.Jit array."""
     if isinstance(x, (np.ndarray, float)):
         return np.sinc(x)
@@ -24,7 +26,7 @@ def sinc(x):
     return dr.select(abs(x) < 1e-3, 1 - x * x / 6, dr.sin(x) / x)
 
 
-def length_for_beam_width(beam_width, wavelength):
+def length_for_beam_width(beam_width: float, wavelength: float) -> float:
     """Side [m] whose full one-way -3 dB beam is `beam_width` [rad] at `wavelength` [m]; 0 for π or more (no beam)."""
     if beam_width >= np.pi:
         return 0.0
@@ -52,15 +54,16 @@ class Aperture:
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"aperture {name} is {value} m; give a finite size >= 0 (0: omnidirectional)")
 
-    def along(self, u, wavelength):
+    def along(self, u: Numbers, wavelength: Numbers) -> Numbers:
         """Pressure pattern along the platform, of the direction cosine u [-]."""
         return sinc(u * (self.length / wavelength))
 
-    def across(self, v, wavelength):
+    def across(self, v: Numbers, wavelength: Numbers) -> Numbers:
         """Pressure pattern across, of the direction cosine v [-]."""
         return sinc(v * (self.height / wavelength))
 
-    def beam_widths(self, wavelength):
+    def beam_widths(self, wavelength: float) -> tuple[float, float]:
         """Full one-way -3 dB widths along and across [rad]; π where a side is too short to make a beam."""
-        return tuple(2 * np.arcsin(min(1.0, HALF_POWER * wavelength / side)) if side > 0 else np.pi
-                     for side in (self.length, self.height))
+        along, across = (2 * np.arcsin(min(1.0, HALF_POWER * wavelength / side)) if side > 0 else np.pi
+                         for side in (self.length, self.height))
+        return along, across

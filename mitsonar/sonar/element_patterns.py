@@ -25,6 +25,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import j1, y1
 
+from ..device.types import Numbers, Triple
 from .directivity import sinc
 
 __all__ = ["BAFFLES", "PATTERNS", "element_pressure", "piston"]
@@ -33,7 +34,7 @@ FAR = 8.0                          # argument from which J1 is taken from its mo
 DEGREES = 12, 5                    # of the polynomials below and above, errors below 1e-8
 
 
-def piston(x):
+def piston(x: Numbers) -> Numbers:
     """2 J1(x)/x of a NumPy or Dr.Jit array x >= 0; the latter to 1e-6.
 
     Notes
@@ -55,7 +56,7 @@ def piston(x):
 
 
 @functools.cache
-def _bessel_series():
+def _bessel_series() -> tuple[tuple[float, ...], ...]:
     """Coefficients of J1(x)/x in (x/8)², and of P and Q x/8 in (8/x)², all on [0, 1]."""
     def near(s):
         x = FAR * np.sqrt((s + 1) / 2)
@@ -73,7 +74,7 @@ def _bessel_series():
     return tuple(tuple(float(c) for c in coefficients) for coefficients in series)
 
 
-def _clenshaw(coefficients, t):
+def _clenshaw(coefficients: tuple[float, ...], t: Numbers) -> Numbers:
     """Sum a Chebyshev series on [0, 1] at a Dr.Jit array (NumPy's own takes only NumPy)."""
     twice = 4 * t - 2
     last, before = 0.0, 0.0
@@ -98,7 +99,8 @@ BAFFLES = {
 }
 
 
-def element_pressure(direction, wavelength, normal, along, *, length=0.0, height=0.0, pattern="omni", baffle="none"):
+def element_pressure(direction: Triple, wavelength: Numbers, normal: Triple, along: Triple, *, length: Numbers = 0.0,
+                     height: Numbers = 0.0, pattern: str = "omni", baffle: str = "none") -> Numbers:
     """Give the pressure pattern of an element, 1 on the axis of its face.
 
     Parameters
@@ -135,22 +137,22 @@ def element_pressure(direction, wavelength, normal, along, *, length=0.0, height
     return BAFFLES[baffle](w, pressure)
 
 
-def _parts(vector):
+def _parts(vector: Triple) -> Triple:
     """The three components of NumPy vectors (..., 3), or of a sequence or a Dr.Jit vector of three."""
     return np.moveaxis(vector, -1, 0) if isinstance(vector, np.ndarray) else vector
 
 
-def _dot(a, b):
+def _dot(a: Triple, b: Triple) -> Numbers:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _cross(a, b):
+def _cross(a: Triple, b: Triple) -> tuple[Numbers, Numbers, Numbers]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _root(x):
+def _root(x: Numbers) -> Numbers:
     return dr.sqrt(x) if dr.is_array_v(x) else np.sqrt(x)
 
 
-def _where(mask, a, b):
+def _where(mask: Numbers, a: Numbers, b: Numbers) -> Numbers:
     return dr.select(mask, a, b) if dr.is_array_v(mask) else np.where(mask, a, b)

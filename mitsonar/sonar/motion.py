@@ -11,6 +11,7 @@ seed.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 __all__ = ["RandomMotion"]
 
@@ -59,7 +60,7 @@ class RandomMotion:
         """Whether there is any."""
         return any(getattr(self, name) for name in _NAMES)
 
-    def at(self, times):
+    def at(self, times: ArrayLike) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Realise the motion.
 
         Parameters

@@ -12,14 +12,17 @@ sweeps: Kroszczynski 1969, Proc. IEEE 57, 1260).
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.fft import fftfreq, fftshift, ifftshift
 from scipy.interpolate import CubicSpline
 from scipy.signal import ZoomFFT, get_window, resample_poly
 
 __all__ = ["PULSES", "Pulse", "cw", "hfm", "lfm", "pulse_of", "sampled"]
 
+Window: TypeAlias = str | tuple     # of scipy.signal.get_window
 WINDOW_NODES = 8193                # of a window's table: linear between them is good to 1e-7
 STEPS_PER_CYCLE = 32               # of Simpson's rule at the highest frequency in sight: -90 dB
 BAND_GRID = 64                     # frequencies per 1/T where -3 dB points are sought
@@ -51,9 +54,9 @@ class Pulse:
     kind: str
     frequency: float
     duration: float
-    window: str | tuple | None = None
-    modulation: Callable = field(repr=False)
-    sweep: tuple | None = None
+    window: Window | None = None
+    modulation: Callable[[np.ndarray], np.ndarray] = field(repr=False)
+    sweep: tuple[float, float] | None = None
     finest: float = 0.0
 
     def __post_init__(self):
@@ -68,7 +71,7 @@ class Pulse:
             _window_table(self.window)
 
     @property
-    def numbers(self) -> dict | None:
+    def numbers(self) -> dict[str, Any] | None:
         """Plain values that `pulse_of` makes this pulse of again; None of a sampled one."""
         if self.kind not in PULSES:
             return None
@@ -77,7 +80,7 @@ class Pulse:
         return {"kind": self.kind, "frequency": self.frequency, "duration": self.duration, **sweep, "window": window}
 
     # ------------------------------------------------------------------------------------------------ in time
-    def envelope(self, time, doppler=1.0):
+    def envelope(self, time: ArrayLike, doppler: float = 1.0) -> np.ndarray:
         """Give the complex envelope s_b of an echo whose first instant arrives at time 0.
 
         Parameters
@@ -98,22 +101,19 @@ class Pulse:
         carrier = np.exp(2j * np.pi * self.frequency * (doppler - 1.0) * time)
         return np.where(inside, self._shape(own) * carrier, 0.0)
 
-    def sampled_at(self, sampling_rate, doppler=1.0):
+    def sampled_at(self, sampling_rate: float, doppler: float = 1.0) -> np.ndarray:
         """Give the envelope at times n / `sampling_rate`, from 0 to the pulse's end; complex (N,)."""
         count = int(np.floor(self.duration / doppler * sampling_rate * (1 + 1e-12))) + 1
         return self.envelope(np.arange(count) / sampling_rate, doppler)
 
-    def _shape(self, own):
-        return self.modulation(own) * _window_values(self.window, own / self.duration)
-
-    def replica(self, window=None):
+    def replica(self, window: Window | None = None) -> "Pulse":
         """Give the pulse a matched filter correlates with: this one, shaded once more by `window`."""
         return self if window is None else replace(self, modulation=self._shape, window=window)
 
-    def _shape(self, own):
+    def _shape(self, own: np.ndarray) -> np.ndarray:
         return self.modulation(own) * _window_values(self.window, own / self.duration)
 
-    def pieces(self, count):
+    def pieces(self, count: int) -> list[tuple[float, "Pulse"]]:
         """Cut the pulse into pieces of equal length.
 
         Returns
@@ -129,11 +129,11 @@ class Pulse:
                                           modulation=partial(self._later, number * length)))
                 for number in range(count)]
 
-    def _later(self, start, own):
+    def _later(self, start: float, own: np.ndarray) -> np.ndarray:
         own = np.minimum(own + start, self.duration)
         return self._shape(own) * np.exp(2j * np.pi * np.mod(self.frequency * start, 1.0))
 
-    def _simpson(self, highest):
+    def _simpson(self, highest: float) -> tuple[np.ndarray, np.ndarray]:
         """Nodes [s] over the pulse and weights [s] of Simpson's rule for frequencies up to `highest` [Hz]."""
         steps = 2 * int(np.ceil(0.5 * max(STEPS_PER_CYCLE * self.duration * highest, 256)))
         weight = np.full(steps + 1, 2 / 3)
@@ -141,7 +141,7 @@ class Pulse:
         return np.linspace(0, self.duration, steps + 1), weight * self.duration / steps
 
     # ------------------------------------------------------------------------------------------------ in frequency
-    def spectrum(self, sampling_rate, samples, doppler=1.0):
+    def spectrum(self, sampling_rate: float, samples: int, doppler: float = 1.0) -> np.ndarray:
         """Give the Fourier transform of the envelope on the grid of an FFT.
 
         Parameters
@@ -165,27 +165,31 @@ class Pulse:
         return _spectrum(self, float(sampling_rate), int(samples), float(doppler))
 
     @cached_property
-    def band(self):
+    def band(self) -> tuple[float, float]:
         """Lowest and highest frequency relative to the carrier [Hz]: of the sweep, or the -3 dB points."""
         if self.sweep is not None:
             return min(self.sweep), max(self.sweep)
         frequency, power = self._power_spectrum(BAND_GRID)
         power = power / power.max() - 0.5
         above = np.flatnonzero(power >= 0)
-        edges = ((above[0] - 1, above[0]), (above[-1], above[-1] + 1))
-        return tuple(float(np.interp(0, *zip(*sorted((power[i], frequency[i]) for i in pair)))) for pair in edges)
+
+        def half_power(pair: np.ndarray) -> float:
+            rising = pair[np.argsort(power[pair])]
+            return float(np.interp(0, power[rising], frequency[rising]))
+
+        return half_power(above[0] + np.array([-1, 0])), half_power(above[-1] + np.array([0, 1]))
 
     @property
-    def bandwidth(self):
+    def bandwidth(self) -> float:
         """Width of `band` [Hz]."""
         return self.band[1] - self.band[0]
 
     @cached_property
-    def energy(self):
+    def energy(self) -> float:
         """∫|s_b|² dt [s]: what a pulse that is not compressed is worth in a reverberation equation."""
         return self._overlap(self)
 
-    def compressed_length(self, window=None):
+    def compressed_length(self, window: Window | None = None) -> float:
         """Give the effective length of the pulse after a matched filter of unit gain.
 
         Parameters
@@ -204,15 +208,15 @@ class Pulse:
         return float(np.sum(power * other) * (frequency[1] - frequency[0]) / self._overlap(replica) ** 2)
 
     @property
-    def suggested_sampling_rate(self):
+    def suggested_sampling_rate(self) -> float:
         """1.5 (occupied band + 2 / duration) [Hz]: leaves the skirts of the spectrum room around the carrier."""
         return 1.5 * (2 * max(-self.band[0], self.band[1]) + 2 / self.duration)
 
-    def _overlap(self, replica):
+    def _overlap(self, replica: "Pulse") -> float:
         time, weight = self._simpson(self.finest)
         return float(np.sum(weight * self._shape(time) * np.conj(replica._shape(time))).real)
 
-    def _power_spectrum(self, per_duration):
+    def _power_spectrum(self, per_duration: int) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies [Hz], rising, `per_duration` to 1/T, and |S|² [s²] well beyond the skirts."""
         rate = 2 * self.finest + SKIRTS / self.duration
         samples = int(np.ceil(rate * self.duration * per_duration))
@@ -221,7 +225,7 @@ class Pulse:
 
 
 # ---------------------------------------------------------------------------------------------------- families
-def cw(frequency, duration, window=None):
+def cw(frequency: float, duration: float, window: Window | None = None) -> Pulse:
     """Make a pulse of constant frequency.
 
     Parameters
@@ -243,7 +247,7 @@ def cw(frequency, duration, window=None):
     return Pulse(kind="cw", frequency=float(frequency), duration=float(duration), window=window, modulation=_constant)
 
 
-def lfm(frequency, bandwidth, duration, window=None):
+def lfm(frequency: float, bandwidth: float, duration: float, window: Window | None = None) -> Pulse:
     """Make a linear sweep from frequency - bandwidth/2 to frequency + bandwidth/2; a negative bandwidth sweeps down.
 
     Parameters
@@ -269,7 +273,7 @@ def lfm(frequency, bandwidth, duration, window=None):
                  sweep=(-half, half), finest=abs(half))
 
 
-def hfm(frequency, bandwidth, duration, window=None):
+def hfm(frequency: float, bandwidth: float, duration: float, window: Window | None = None) -> Pulse:
     """Make a hyperbolic sweep, whose shape motion only shifts in time; arguments and errors as `lfm`.
 
     Returns
@@ -284,7 +288,7 @@ def hfm(frequency, bandwidth, duration, window=None):
                                     stretch=2 * half / (last * duration)), sweep=(-half, half), finest=abs(half))
 
 
-def sampled(frequency, samples, sampling_rate):
+def sampled(frequency: float, samples: ArrayLike, sampling_rate: float) -> Pulse:
     """Make a pulse of any waveform from samples of its complex envelope.
 
     Parameters
@@ -325,7 +329,7 @@ def sampled(frequency, samples, sampling_rate):
 PULSES = {"cw": cw, "lfm": lfm, "hfm": hfm}  # those that numbers in a scene describe
 
 
-def pulse_of(numbers: dict) -> Pulse:
+def pulse_of(numbers: dict[str, Any]) -> Pulse:
     """Make a pulse of what its ``numbers`` said.
 
     Parameters
@@ -349,19 +353,19 @@ def pulse_of(numbers: dict) -> Pulse:
 
 
 # ---------------------------------------------------------------------------------------------------- inside
-def _constant(time):
+def _constant(time: np.ndarray) -> np.ndarray:
     return np.ones(np.shape(time), complex)
 
 
-def _linear(time, rate, middle):
+def _linear(time: np.ndarray, rate: float, middle: float) -> np.ndarray:
     return np.exp(1j * np.pi * rate * (time - middle) ** 2)
 
 
-def _hyperbolic(time, carrier, cycles, stretch):
+def _hyperbolic(time: np.ndarray, carrier: float, cycles: float, stretch: float) -> np.ndarray:
     return np.exp(-2j * np.pi * (cycles * np.log1p(-stretch * time) + carrier * time))
 
 
-def _half_sweep(kind, frequency, bandwidth):
+def _half_sweep(kind: str, frequency: float, bandwidth: float) -> float:
     if not (np.isfinite(bandwidth) and bandwidth != 0 and abs(bandwidth) < 2 * frequency):
         raise ValueError(f"{kind} pulse: bandwidth is {bandwidth} Hz around {frequency} Hz; give one whose sweep stays "
                          "above 0 Hz, negative to sweep down, or use a cw pulse.")
@@ -369,22 +373,22 @@ def _half_sweep(kind, frequency, bandwidth):
 
 
 @lru_cache(maxsize=16)
-def _window_table(window):
+def _window_table(window: Window) -> np.ndarray:
     try:
-        return get_window(window, WINDOW_NODES, fftbins=False)
+        return np.asarray(get_window(window, WINDOW_NODES, fftbins=False))
     except (TypeError, ValueError) as error:
         raise ValueError(f"pulse window {window!r} is not one scipy can make ({error}); give a name such as 'hann', or "
                          "a tuple such as ('tukey', 0.1).") from None
 
 
-def _window_values(window, share):
+def _window_values(window: Window | None, share: np.ndarray) -> np.ndarray | float:
     if window is None:
         return 1.0
     return np.interp(share, np.linspace(0, 1, WINDOW_NODES), _window_table(window))
 
 
 @lru_cache(maxsize=8)
-def _spectrum(pulse, sampling_rate, samples, doppler):
+def _spectrum(pulse: Pulse, sampling_rate: float, samples: int, doppler: float) -> np.ndarray:
     shift = pulse.frequency * abs(doppler - 1.0)
     own, weight = pulse._simpson((0.5 * sampling_rate + shift) / doppler + pulse.finest)
     time = own / doppler

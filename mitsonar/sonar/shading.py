@@ -6,8 +6,10 @@ element above its own. The taper loss 10 log10 (Σw)²/(N Σw²) is what it cost
 element to element.
 """
 import warnings
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import signal
 
 from ..spelling import meant
@@ -26,7 +28,7 @@ WINDOWS = {
 LARGEST = {"tukey": 1}              # numbers of others are bounded by 0 alone
 
 
-def window_weights(window, elements):
+def window_weights(window: str | tuple, elements: int) -> np.ndarray:
     """Compute the weights of a window.
 
     Parameters
@@ -69,7 +71,8 @@ def window_weights(window, elements):
         with warnings.catch_warnings():
             # SciPy's advice on spectra below 45 dB of attenuation does not concern arrays.
             warnings.simplefilter("ignore")
-            weights = signal.get_window((name, *numbers) if numbers else name, elements, fftbins=False)
+            asked: Any = (name, *numbers) if numbers else name
+            weights = signal.get_window(asked, elements, fftbins=False)
     except (ValueError, TypeError, ArithmeticError):
         weights = np.full(elements, np.nan)
     if not (np.isfinite(weights).all() and np.max(weights) > 0):
@@ -79,7 +82,7 @@ def window_weights(window, elements):
     return np.where(np.abs(weights) < 1e-12, 0.0, weights) / np.max(weights)
 
 
-def taper_loss_db(weights):
+def taper_loss_db(weights: ArrayLike) -> float:
     """Level lost against independent noise by unequal weights (E,) [dB], 0 for equal ones and negative for others."""
     weights = np.asarray(weights, dtype=np.float64)
     return float(db_from_power(weights.sum() ** 2 / (weights.size * (weights ** 2).sum())))

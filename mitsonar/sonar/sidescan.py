@@ -8,11 +8,13 @@ plane, `depression_angle` below horizontal, the length along x, the height acros
 u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face hears nothing from behind it, that is
 from the other side of the body (a hard baffle in the plane y = 0).
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import trapezoid
 
+from ..device.types import Numbers
 from .directivity import Aperture
 
 __all__ = ["SIDES", "Sidescan"]
@@ -53,45 +55,45 @@ class Sidescan:
                 raise ValueError(f"sidescan {name} is {value} {unit}; give a finite number above 0")
 
     @property
-    def wavelength(self):
+    def wavelength(self) -> float:
         """Wavelength at the head [m]."""
         return self.sound_speed / self.frequency
 
     @property
-    def bandwidth(self):
+    def bandwidth(self) -> float:
         """Receiver bandwidth [Hz], matched to the pulse."""
         return 1.0 / self.pulse_length
 
     @property
-    def resolution(self):
+    def resolution(self) -> float:
         """Length of the resolution cell in slant range [m]."""
         return 0.5 * self.sound_speed * self.pulse_length
 
     @property
-    def longest(self):
+    def longest(self) -> float:
         """Length of the longer face [m], a wavelength at least."""
         return max(self.transmit.length, self.receive.length, self.wavelength)
 
-    def along_intensity(self, u, heard=None):
+    def along_intensity(self, u: Numbers, heard: Numbers | None = None) -> Numbers:
         """Two-way intensity pattern along the platform, of the cosine u; `heard` at reception, where that differs."""
         heard = u if heard is None else heard
         return (self.transmit.along(u, self.wavelength) * self.receive.along(heard, self.wavelength)) ** 2
 
-    def across_intensity(self, v):
+    def across_intensity(self, v: Numbers) -> Numbers:
         """Two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
         return (self.transmit.across(v, self.wavelength) * self.receive.across(v, self.wavelength)) ** 2
 
-    def solid_angle(self):
+    def solid_angle(self) -> float:
         """Two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr]."""
         return self._over_directions(self.along_intensity, self.across_intensity)
 
-    def directivity_index_db(self):
+    def directivity_index_db(self) -> float:
         """Receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
         beam = self._over_directions(lambda u: self.receive.along(u, self.wavelength) ** 2,
                                      lambda v: self.receive.across(v, self.wavelength) ** 2)
         return float(10 * np.log10(4 * np.pi / beam))
 
-    def _over_directions(self, along, across):
+    def _over_directions(self, along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers]) -> float:
         """∫ along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
         phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
         w = np.linspace(0, 1, 129)

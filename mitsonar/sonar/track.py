@@ -12,6 +12,9 @@ radians.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from ..device.types import Real
 
 __all__ = ["Track", "rotation_matrix"]
 
@@ -65,7 +68,7 @@ class Track:
             object.__setattr__(self, name, value)
         self._check()
 
-    def _check(self):
+    def _check(self) -> None:
         for name in FIELDS:
             _refuse(~np.isfinite(getattr(self, name)).reshape(self.time.size, -1).all(axis=1), name,
                     getattr(self, name), "remove or repair pings that are not finite numbers")
@@ -79,7 +82,8 @@ class Track:
                 "it must lie within +-pi/2 radians; convert degrees")
 
     @classmethod
-    def straight(cls, *, start, heading, speed, interval, pings, roll=0.0, pitch=0.0):
+    def straight(cls, *, start: ArrayLike, heading: float, speed: float, interval: float, pings: int, roll: float = 0.0,
+                 pitch: float = 0.0) -> "Track":
         """Make a level track of constant course and speed, the first ping at time 0.
 
         Parameters
@@ -120,9 +124,10 @@ class Track:
                              f"{interval!r} is not finite; give finite numbers.")
         time = np.arange(int(pings)) * float(interval)
         course = np.array([np.sin(heading), np.cos(heading), 0.0])
-        return cls(time=time, position=start + speed * time[:, None] * course, roll=roll, pitch=pitch, heading=heading)
+        return cls(time=time, position=start + speed * time[:, None] * course, roll=np.asarray(roll),
+                   pitch=np.asarray(pitch), heading=np.asarray(heading))
 
-    def rotation(self):
+    def rotation(self) -> np.ndarray:
         """Give the rotation from body to scene at every ping.
 
         Returns
@@ -133,7 +138,7 @@ class Track:
         """
         return rotation_matrix(self.roll, self.pitch, self.heading)
 
-    def motion(self):
+    def motion(self) -> tuple[np.ndarray, np.ndarray]:
         """Differentiate the track.
 
         Returns
@@ -154,14 +159,14 @@ class Track:
         """
         if self.pings < 2:
             raise ValueError("track: one ping has no motion; give at least two, or say the velocity.")
-        order = {"axis": 0, "edge_order": 2 if self.pings > 2 else 1}
-        velocity = np.gradient(self.position, self.time, **order)
+        order = 2 if self.pings > 2 else 1
+        velocity = np.gradient(self.position, self.time, axis=0, edge_order=order)
         rotation = self.rotation()
-        spin = np.gradient(rotation, self.time, **order) @ np.swapaxes(rotation, 1, 2)
+        spin = np.gradient(rotation, self.time, axis=0, edge_order=order) @ np.swapaxes(rotation, 1, 2)
         spin = 0.5 * (spin - np.swapaxes(spin, 1, 2))
         return velocity, np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], -1)
 
-    def at(self, times):
+    def at(self, times: ArrayLike) -> "Track":
         """Interpolate the track: position, roll and pitch linearly, heading the short way round.
 
         Parameters
@@ -192,30 +197,30 @@ class Track:
                      pitch=np.interp(times, self.time, self.pitch), heading=heading)
 
     @property
-    def pings(self):
+    def pings(self) -> int:
         """Number of pings."""
         return self.time.size
 
     @property
-    def length(self):
+    def length(self) -> float:
         """Length of the way, summed from ping to ping [m]."""
         return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
 
     @property
-    def speed(self):
+    def speed(self) -> float:
         """Mean speed along the way [m/s]; 0 for a single ping."""
         return self.length / float(self.time[-1] - self.time[0]) if self.pings > 1 else 0.0
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, Track):
             return NotImplemented
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in FIELDS)
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(tuple((getattr(self, name) + 0.0).tobytes() for name in FIELDS))  # -0.0 equals 0.0
 
 
-def rotation_matrix(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray) -> np.ndarray:
+def rotation_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
     """Give the rotations from body to scene (..., 3, 3) at attitudes (...) [rad]; see the module's equation."""
     (sr, cr), (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in np.broadcast_arrays(roll, pitch, heading))
     north = [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr]
@@ -224,14 +229,14 @@ def rotation_matrix(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray) ->
     return np.moveaxis(np.array([east, north, up]), (0, 1), (-2, -1))
 
 
-def _array(name, value):
+def _array(name: str, value: ArrayLike) -> np.ndarray:
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"track: {name} must be numbers, got {value!r}.") from None
 
 
-def _refuse(bad, name, values, remedy):
+def _refuse(bad: np.ndarray, name: str, values: np.ndarray, remedy: str) -> None:
     """Raise for the first ping marked bad."""
     first = np.flatnonzero(bad)[:1]
     if first.size:

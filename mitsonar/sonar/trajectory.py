@@ -101,7 +101,7 @@ class Recorded(Lead):
         attitude = np.stack([track.roll, track.pitch, np.unwrap(track.heading)], -1)
         return cls(position=Smooth(track.time, track.position), attitude=Smooth(track.time, attitude), **heights)
 
-    def at(self, times, since):
+    def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         position = self.position(times)
         if self.height is not None:
             position[..., 2] = self.height(times)
@@ -127,7 +127,7 @@ class Sailed(Lead):
     speed: float
     height: Smooth
 
-    def at(self, times, since):
+    def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self.course.has_arcs:
             place, heading = self.course.rounded(self.speed * times, self.speed * ROUNDED)
         else:

@@ -6,6 +6,7 @@ s after its start at heading h, the chord is s sinc(κ s / 2) long and heads for
 the way point, and the heading jumps there: a survey whose turns are not recorded.
 """
 import numpy as np
+from numpy.typing import ArrayLike
 
 __all__ = ["Course"]
 
@@ -44,7 +45,7 @@ class Course:
         itself along an arc, or two neighbouring turns do not fit on the leg between them.
     """
 
-    def __init__(self, points, turn_radius=0.0):
+    def __init__(self, points: ArrayLike, turn_radius: float = 0.0):
         points = np.array(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not 2 <= len(points) <= _MOST_POINTS:
             raise ValueError(f"way points: got {len(points) if points.ndim else 0}; give from two to {_MOST_POINTS}, "
@@ -76,7 +77,7 @@ class Course:
         self.marks = np.r_[0.0, self._begins[1:-1:2] + arcs / 2, self.length]
 
     @staticmethod
-    def _cuts(turns, lengths, radius):
+    def _cuts(turns: np.ndarray, lengths: np.ndarray, radius: float) -> np.ndarray:
         """How much of the legs on both sides of each inner way point its arc takes [m]."""
         if radius == 0:
             return np.zeros(len(turns))
@@ -95,7 +96,7 @@ class Course:
                              f"{np.floor(room * 100) / 100:g} m, or 0 for corners.")
         return radius * tangents[1:-1]
 
-    def rounded(self, distance, width):
+    def rounded(self, distance: ArrayLike, width: float) -> tuple[np.ndarray, np.ndarray]:
         """Follow the course with its curvature growing and fading over a width [m], as a vessel's rate of turn does.
 
         Parameters
@@ -135,11 +136,11 @@ class Course:
         heading[mixed] += (turned + np.pi) % (2 * np.pi) - np.pi
         return position, heading
 
-    def _part(self, distance):
+    def _part(self, distance: np.ndarray) -> np.ndarray:
         """Number of the leg or arc that distances lie on."""
         return np.clip(np.searchsorted(self._begins, distance, side="right") - 1, 0, len(self._lengths) - 1)
 
-    def at(self, distance, on=None):
+    def at(self, distance: ArrayLike, on: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Follow the course, and beyond its ends straight on.
 
         Parameters
