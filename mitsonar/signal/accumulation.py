@@ -16,16 +16,20 @@ that. So no two threads ever meet, no atomic operation is needed, and the order 
 result, depends on the hits alone. Where elements are too few to make 32 groups, rows are kept several times over, each
 for its share of the hits. On a GPU the sums are atomic, and their last bits vary from run to run.
 """
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import TypeAlias, cast
 
 import drjit as dr
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.signal.impulses import Nearest, Peterson, make_kernel
+from ..device.arrays import arrays_of, looped, upload
+from ..device.types import ArrayTypes, DrJitArray, Float, Float64, Int32, UInt32
+from .impulses import Nearest, Peterson, make_kernel
 
 __all__ = ["ImpulseResponses", "centre"]
 
+OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]    # of a hit's fields and an element's
 LANES = 1 << 14                    # of a group: Dr.Jit's largest work block
 GROUPS = 32                        # aimed at, for machines of many cores
 COPIES_BYTES = 1 << 28             # rows are not kept several times over beyond this
@@ -37,7 +41,7 @@ NOWHERE = -(1 << 30)               # sample of a hit that brings nothing
 POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell: higher ones leave the error as it is
 
 
-def centre(delay, *, start, frequency, sampling_rate):
+def centre(delay: Float64, *, start: float, frequency: float, sampling_rate: float) -> tuple[Float, Int32, Float]:
     """Split delays into carrier phase and place in the record.
 
     Parameters
@@ -57,9 +61,9 @@ def centre(delay, *, start, frequency, sampling_rate):
         Of a sample, in [0, 1).
     """
     lib = arrays_of(delay)
-    start, frequency, sampling_rate = (dr.opaque(lib.Float64, value) for value in (start, frequency, sampling_rate))
-    cycles = delay * frequency
-    place = (delay - start) * sampling_rate
+    begin, carrier, rate = (dr.opaque(lib.Float64, value) for value in (start, frequency, sampling_rate))
+    cycles = delay * carrier
+    place = (delay - begin) * rate
     sensible = abs(place) < -NOWHERE                        # false for NaN
     place = dr.select(sensible, place, 0)
     whole = dr.floor(place)
@@ -93,7 +97,8 @@ class ImpulseResponses:
     most 256 MiB for these. Neither the numbers nor the count of hits, elements or samples make a new kernel.
     """
 
-    def __init__(self, like, *, elements, samples, sampling_rate, frequency, kernel="band_limited", taps=None):
+    def __init__(self, like: DrJitArray | type, *, elements: int, samples: int, sampling_rate: float, frequency: float,
+                 kernel: str = "band_limited", taps: int | None = None):
         if elements < 1 or samples < 1:
             raise ValueError(f"impulse responses of {elements} elements and {samples} samples were asked for; both "
                              f"must be 1 or more")
@@ -119,12 +124,14 @@ class ImpulseResponses:
         self.spare = max(2 * GROUPS, self.elements)
         self.clear()
 
-    def clear(self):
+    def clear(self) -> None:
         """Set all sums to zero."""
         packets = self.spare + self.copies * self.elements * self.row
         self.sums = dr.zeros(self.lib.Float, packets * self.packet)
 
-    def add(self, *, amplitude, phase, sample, fraction, hit_fields, element_fields, difference, gain=None, rows=None):
+    def add(self, *, amplitude: tuple[Float, Float], phase: Float, sample: Int32, fraction: Float,
+            hit_fields: Sequence[Float], element_fields: Sequence[Float | np.ndarray], difference: OfPair,
+            gain: OfPair | None = None, rows: Sequence[int] | np.ndarray | None = None) -> None:
         """Add the echoes of hits at elements.
 
         Parameters
@@ -154,7 +161,7 @@ class ImpulseResponses:
         """
         lib = self.lib
         rows = np.arange(self.elements) if rows is None else np.ravel(rows)
-        fields = [field if dr.is_jit_v(field) else upload(lib.Float, np.asarray(field, np.float32))
+        fields = [cast(Float, field) if dr.is_jit_v(field) else upload(lib.Float, np.asarray(field, np.float32))
                   for field in element_fields]
         self._check(rows, fields)
         hits = [dr.detach(lib.Float(field)) for field in (*amplitude, phase, fraction, *hit_fields)]
@@ -169,7 +176,7 @@ class ImpulseResponses:
         with dr.suspend_grad():
             self._launch(count, hits, sample, fields, upload(lib.UInt32, rows.astype(np.uint32)), difference, gain)
 
-    def read(self):
+    def read(self) -> np.ndarray:
         """Give the responses (elements, samples) as complex64, their spectrum corrected; the sums stay."""
         folded = self._fold().numpy().view(np.complex64).reshape(self.elements, self.span)
         margin = self.kernel.margin
@@ -177,15 +184,15 @@ class ImpulseResponses:
 
     # -- who adds where ------------------------------------------------------------------------------------------
 
-    def _rows(self, elements):
+    def _rows(self, elements: int) -> int:
         """Rows of a group."""
         return 1 if isinstance(self.kernel, Peterson) or elements < 3 else ROWS
 
-    def _copies(self, elements):
+    def _copies(self, elements: int) -> int:
         """Private copies of the rows that make about GROUPS groups."""
         return -(-GROUPS // -(-elements // self._rows(elements)))
 
-    def _check(self, rows, fields):
+    def _check(self, rows: np.ndarray, fields: list[Float]) -> None:
         if len(rows) and not (len(np.unique(rows)) == len(rows) and 0 <= rows.min() and rows.max() < self.elements):
             raise ValueError(f"rows are {rows.min()} to {rows.max()}, {len(np.unique(rows))} different of {len(rows)}; "
                              f"give each of the elements 0 to {self.elements - 1} at most once")
@@ -194,7 +201,8 @@ class ImpulseResponses:
                 raise ValueError(f"element fields have {dr.width(field)} values for {len(rows)} elements; give one "
                                  f"value an element")
 
-    def _launch(self, count, hits, sample, fields, rows, difference, gain):
+    def _launch(self, count: int, hits: list[Float], sample: Int32, fields: list[Float], rows: UInt32,
+                difference: OfPair, gain: OfPair | None) -> None:
         lib, elements = self.lib, dr.width(rows)
         U = lib.UInt32
         together = self._rows(elements)
@@ -253,12 +261,11 @@ class ImpulseResponses:
                 scatter(ready)
                 return hit + number["step"], fresh
 
-            hit, ready = dr.while_loop((hit + number["step"], ready), lambda hit, ready: hit < end, turn,
-                                       mode="symbolic", label="hits")
+            hit, ready = looped((hit + number["step"], ready), lambda hit, ready: hit < end, turn, "hits")
             scatter(ready)
             return hit,
 
-        dr.while_loop((begin,), lambda hit: hit < end, stream, mode="symbolic", label="echoes")
+        looped((begin,), lambda hit: hit < end, stream, "echoes")
         dr.eval(self.sums)
 
     # -- one hit at one element ----------------------------------------------------------------------------------
@@ -285,7 +292,7 @@ class ImpulseResponses:
             values = [part * weight for weight in weights[k:k + step] for part in (real, imaginary)]
             yield dr.select(active, packet + k // step, group) if k else packet, *values
 
-    def _weights(self, x):
+    def _weights(self, x: Float) -> list[Float]:
         """The kernel's taps for an echo x in [0, 1) after the middle one."""
         lib, taps = self.lib, self.kernel.taps
         if taps == 1:
@@ -296,7 +303,7 @@ class ImpulseResponses:
         pairs = [_even_and_odd(lib, x, coefficients) for coefficients in _bell(self.kernel)]
         return [even + odd for even, odd in pairs] + [even - odd for even, odd in reversed(pairs)]
 
-    def _fold(self):
+    def _fold(self) -> Float:
         """Planes and copies added up: interleaved complex rows, (elements x span)."""
         lib = self.lib
         U, n = lib.UInt32, self.numbers
@@ -315,16 +322,16 @@ class ImpulseResponses:
                 total = total + dr.gather(lib.Array2f, self.sums, row + shift * plane + (column - shift), there)
             return copy + 1, total
 
-        _, total = dr.while_loop((U(0), dr.zeros(lib.Array2f, dr.width(index))), lambda copy, total: copy < copies, add,
-                                 mode="symbolic", label="fold")
-        return dr.ravel(total)
+        nothing = dr.zeros(lib.Array2f, dr.width(index))
+        _, total = looped((U(0), nothing), lambda copy, total: copy < copies, add, "fold")
+        return cast(Float, dr.ravel(total))
 
 
 def _gather(kind, field, index, active):
     return field if dr.width(field) == 1 else dr.gather(kind, field, index, active)
 
 
-def _turn(lib, cycles):
+def _turn(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
     """Cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
     x = (cycles - dr.round(cycles)) * np.pi
     x2 = x * x
@@ -357,7 +364,7 @@ def _even_and_odd(lib, x, coefficients):
     return parts[0], parts[1] * x
 
 
-def _hann_sinc(lib, x, taps):
+def _hann_sinc(lib: ArrayTypes, x: Float, taps: int) -> list[Float]:
     """Taps of the Peterson kernel for an echo x after tap taps/2 - 1."""
     turn = x * (1 / taps)
     cosine, sine = _turn(lib, turn)

@@ -15,13 +15,17 @@ acceleration a: a pulse is heard f κ T² / 8 cycles off at its ends, and is cut
 own, where that is more.
 """
 import numpy as np
+from numpy.typing import ArrayLike
+
+from ..device.types import Numbers
+from ..sonar.pulses import Pulse
 
 __all__ = ["doppler_class", "doppler_classes", "factor_tolerance", "pieces_of", "two_way_doppler"]
 
 PHASE_ERROR = 0.02                 # [cycles] at the ends of an echo
 
 
-def two_way_doppler(closing_speed, sound_speed, closing_speed_back=None):
+def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_back: Numbers | None = None) -> Numbers:
     """Give the two-way Doppler factor of echoes.
 
     Parameters
@@ -42,12 +46,13 @@ def two_way_doppler(closing_speed, sound_speed, closing_speed_back=None):
     return (sound_speed + back) / (sound_speed - closing_speed)
 
 
-def factor_tolerance(pulse, phase_error=PHASE_ERROR):
+def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR) -> float:
     """By how much a factor may be wrong for an error of phase [cycles] at the ends of a pulse, near a factor of 1."""
     return 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
 
 
-def pieces_of(pulse, speed, sound_speed, nearest, acceleration=0.0, phase_error=PHASE_ERROR):
+def pieces_of(pulse: Pulse, speed: float, sound_speed: float, nearest: float, acceleration: float = 0.0,
+              phase_error: float = PHASE_ERROR) -> int:
     """Into how many pieces of one factor each a pulse is cut.
 
     For echoes from `nearest` [m] on, at a speed [m/s] and an acceleration [m/s²].
@@ -57,7 +62,7 @@ def pieces_of(pulse, speed, sound_speed, nearest, acceleration=0.0, phase_error=
     return max(1, int(np.ceil(pulse.duration * np.sqrt(highest * bend / (8 * phase_error)))))
 
 
-def doppler_classes(pulse, lowest, highest, phase_error=PHASE_ERROR):
+def doppler_classes(pulse: Pulse, lowest: float, highest: float, phase_error: float = PHASE_ERROR) -> np.ndarray:
     """Choose the factors that stand for all echoes between two factors.
 
     Parameters
@@ -86,7 +91,7 @@ def doppler_classes(pulse, lowest, highest, phase_error=PHASE_ERROR):
     return lowest + (np.arange(count) + 0.5) * (highest - lowest) / count
 
 
-def doppler_class(doppler, classes, pulse):
+def doppler_class(doppler: ArrayLike, classes: ArrayLike, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
     """Assign echoes to classes.
 
     Parameters

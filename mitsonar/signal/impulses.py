@@ -24,9 +24,11 @@ of this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, an
 """
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import numpy as np
 import scipy.fft
+from numpy.typing import ArrayLike
 from scipy.special import i0
 
 __all__ = ["KERNELS", "BandLimited", "Nearest", "Peterson", "element_responses", "in_band_error_db", "make_kernel",
@@ -45,7 +47,7 @@ class Nearest:
     taps = 1
     margin = MARGIN
 
-    def impulse(self, x):
+    def impulse(self, x: ArrayLike) -> np.ndarray:
         """k at x samples from the echo."""
         x = np.asarray(x, float)
         return np.where((x > -0.5) & (x <= 0.5), 1.0, 0.0)
@@ -55,11 +57,11 @@ class Nearest:
         """E of the module's equation [-]."""
         return 1.0
 
-    def spectrum(self, frequency):
+    def spectrum(self, frequency: ArrayLike) -> np.ndarray:
         """Fourier transform of k at `frequency` [cycles per sample]."""
-        return np.sinc(frequency)
+        return np.sinc(np.asarray(frequency, float))
 
-    def finish(self, records):
+    def finish(self, records: np.ndarray) -> np.ndarray:
         """Give records (..., samples) their final spectrum: nothing to do for this kernel."""
         return records
 
@@ -81,11 +83,11 @@ class Peterson:
             raise ValueError(f"peterson kernel of {self.taps} taps; give a multiple of 4 from 8 to 80")
 
     @property
-    def margin(self):
+    def margin(self) -> int:
         """Samples kept before and after a record."""
         return max(MARGIN, self.taps)
 
-    def impulse(self, x):
+    def impulse(self, x: ArrayLike) -> np.ndarray:
         """k at x samples from the echo."""
         x = np.asarray(x, float)
         window = 0.5 * (1 + np.cos(2 * np.pi * x / self.taps))
@@ -97,11 +99,11 @@ class Peterson:
         nodes, weights = np.polynomial.legendre.leggauss(8 * self.taps)
         return float(self.impulse(0.5 * self.taps * nodes) ** 2 @ weights) * 0.5 * self.taps
 
-    def spectrum(self, frequency):
+    def spectrum(self, frequency: ArrayLike) -> np.ndarray:
         """Fourier transform of k at `frequency` [cycles per sample]."""
         return _transform(self, frequency)
 
-    def finish(self, records):
+    def finish(self, records: np.ndarray) -> np.ndarray:
         """Give records (..., samples) their final spectrum: nothing to do for this kernel."""
         return records
 
@@ -114,17 +116,17 @@ class BandLimited:
     margin = MARGIN
 
     @cached_property
-    def shape(self):
+    def shape(self) -> float:
         """Beatty's β for a band of two thirds of the sampling rate."""
         ratio = 0.5 / FLAT
         return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
 
-    def impulse(self, x):
+    def impulse(self, x: ArrayLike) -> np.ndarray:
         """k at x samples from the echo, before `finish`."""
         inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
         return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
 
-    def spectrum(self, frequency):
+    def spectrum(self, frequency: ArrayLike) -> np.ndarray:
         """Fourier transform of k at `frequency` [cycles per sample], before `finish`.
 
         Notes
@@ -133,7 +135,7 @@ class BandLimited:
         """
         root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
         near = np.abs(root) < 1e-6
-        return np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root)).real * self.taps / i0(self.shape)
+        return np.real(np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root))) * self.taps / i0(self.shape)
 
     @property
     def energy(self) -> float:
@@ -143,24 +145,25 @@ class BandLimited:
         aliases = sum(self.spectrum(frequency + whole) ** 2 for whole in range(-3, 4)) / self.spectrum(frequency) ** 2
         return float(0.5 * weights @ (self.response(frequency) ** 2 * aliases))
 
-    def response(self, frequency):
+    def response(self, frequency: ArrayLike) -> np.ndarray:
         """Spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine down to 0 at the half."""
         beyond = (np.abs(frequency) - FLAT) / (0.5 - FLAT)
         return 0.5 * (1 + np.cos(np.pi * np.clip(beyond, 0, 1)))
 
-    def finish(self, records):
+    def finish(self, records: np.ndarray) -> np.ndarray:
         """Divide the spectrum of records (..., samples) by the bell's, up to the roll-off; keeps their precision."""
         samples = records.shape[-1]
         length = scipy.fft.next_fast_len(samples + 2 * GUARD)
         spectrum = scipy.fft.fft(records, length, axis=-1, workers=-1)
-        spectrum *= _division(length).astype(records.real.dtype)
+        spectrum *= _division(length).astype(np.real(records).dtype)
         return scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True, workers=-1)[..., :samples]
 
 
-KERNELS = {"nearest": Nearest, "peterson": Peterson, "band_limited": BandLimited}
+Kernel: TypeAlias = Nearest | Peterson | BandLimited
+KERNELS: dict[str, type[Kernel]] = {"nearest": Nearest, "peterson": Peterson, "band_limited": BandLimited}
 
 
-def make_kernel(name, *, taps=None):
+def make_kernel(name: str, *, taps: int | None = None) -> "Kernel":
     """The kernel called `name`; `taps` only where its length is free (``peterson``)."""
     if name not in KERNELS:
         raise ValueError(f"there is no kernel {name!r}; known are {', '.join(KERNELS)}")
@@ -171,7 +174,8 @@ def make_kernel(name, *, taps=None):
     return Peterson(taps)
 
 
-def element_responses(*, delay, amplitude, frequency, sampling_rate, samples, start=0.0, kernel="band_limited"):
+def element_responses(*, delay: ArrayLike, amplitude: ArrayLike, frequency: float, sampling_rate: float, samples: int,
+                      start: float = 0.0, kernel: str | Kernel = "band_limited") -> np.ndarray:
     """Sum echoes one by one in float64: the reference of `accumulation`.
 
     Parameters
@@ -204,7 +208,8 @@ def element_responses(*, delay, amplitude, frequency, sampling_rate, samples, st
     return kernel.finish(records)[:, margin:margin + samples]
 
 
-def response_spectrum(*, delay, amplitude, frequency, offset, start=0.0):
+def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: float, offset: ArrayLike,
+                      start: float = 0.0) -> np.ndarray:
     """Exact spectrum Z of the responses, see the module.
 
     Parameters
@@ -232,7 +237,7 @@ def response_spectrum(*, delay, amplitude, frequency, offset, start=0.0):
     return total
 
 
-def in_band_error_db(responses, *, sampling_rate, offset, exact):
+def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.ndarray, exact: np.ndarray) -> float:
     """Error of responses (E, samples) within a band [dB]: rms of the difference of the spectra over rms of `exact`.
 
     Parameters
@@ -249,12 +254,12 @@ def in_band_error_db(responses, *, sampling_rate, offset, exact):
     return 20 * np.log10(np.linalg.norm(found - exact) / np.linalg.norm(exact))
 
 
-def _columns(amplitude, delay):
+def _columns(amplitude: ArrayLike, delay: np.ndarray) -> np.ndarray:
     amplitude = np.asarray(amplitude, complex)
     return np.broadcast_to(amplitude[:, None] if amplitude.ndim == 1 else amplitude, delay.shape)
 
 
-def _transform(kernel, frequency):
+def _transform(kernel: "Kernel", frequency: ArrayLike) -> np.ndarray:
     nodes, weights = np.polynomial.legendre.leggauss(8 * kernel.taps)
     half = 0.5 * kernel.taps
     values = kernel.impulse(half * nodes) * weights * half
@@ -262,6 +267,6 @@ def _transform(kernel, frequency):
 
 
 @lru_cache(maxsize=8)
-def _division(length):
+def _division(length: int) -> np.ndarray:
     kernel, frequency = BandLimited(), scipy.fft.fftfreq(length)
     return kernel.response(frequency) / kernel.spectrum(frequency)

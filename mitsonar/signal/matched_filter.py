@@ -7,14 +7,17 @@ sweep. An echo of amplitude a and delay τ peaks at τ with the value a. Without
 leaves with the power N0 / E, E the pulse's energy (Turin 1960, IRE Trans. Inf. Theory 6, 311).
 """
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import fft
 
+from ..sonar.pulses import Pulse, Window
 from .reception import band_filter, check_record, padded_length
 
 __all__ = ["matched_filter"]
 
 
-def matched_filter(signals, pulse, sampling_rate, window=None, doppler=1.0):
+def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
+                   doppler: float = 1.0) -> np.ndarray:
     """Compress the pulses in baseband signals.
 
     Parameters

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..device.chance import Salt
 from ..units import db_from_power, power_from_db
@@ -23,7 +24,7 @@ BLOCK = 4096                       # samples drawn and mixed at a time
 LEAST_OWN_NOISE = 1e-9             # of the ambient power: keeps C of crowded arrays positive definite
 
 
-def isotropic_coherence(position, wavelength):
+def isotropic_coherence(position: ArrayLike, wavelength: float) -> np.ndarray:
     """Give the coherence of noise from all directions between elements.
 
     Parameters
@@ -80,7 +81,7 @@ class ElementNoise:
         object.__setattr__(self, "position", position)
 
     @cached_property
-    def covariance(self):
+    def covariance(self) -> np.ndarray:
         """C, (E, E) [µPa²]."""
         ambient, own = (0.0 if level is None else float(power_from_db(level)) * self.sampling_rate
                         for level in (self.ambient_db, self.self_noise_db))
@@ -88,11 +89,11 @@ class ElementNoise:
         return ambient * isotropic_coherence(self.position, self.wavelength) + own * np.eye(len(self.position))
 
     @property
-    def level_db(self):
+    def level_db(self) -> float:
         """Level at one element over the band of the sampling rate [dB re 1 µPa]; -inf without noise."""
         return float(db_from_power(self.covariance[0, 0]))
 
-    def beam_level_db(self, weight):
+    def beam_level_db(self, weight: ArrayLike) -> np.ndarray:
         """Give the level after a beamformer.
 
         Parameters
@@ -110,7 +111,7 @@ class ElementNoise:
         power = np.einsum("...i,ij,...j->...", weight, self.covariance, weight.conj()).real
         return db_from_power(power / np.sum(np.abs(weight), -1) ** 2)
 
-    def drawn(self, samples, seed, ping):
+    def drawn(self, samples: int, seed: int, ping: int) -> np.ndarray:
         """Draw the noise of one ping.
 
         Parameters
@@ -138,5 +139,5 @@ class ElementNoise:
         return noise
 
     @cached_property
-    def _mixing(self):
+    def _mixing(self) -> np.ndarray:
         return np.linalg.cholesky(0.5 * self.covariance)

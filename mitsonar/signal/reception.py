@@ -9,10 +9,14 @@ s_b -> ``pulse``, η -> ``doppler``, w, d -> ``weight``, ``delay`` of transmit e
 receiver's filter: 1 up to 0.4 of the sampling rate, falling as cos² to 0 at 0.5, so that echoes ring for a few samples
 only. All convolutions are padded: nothing wraps round the ends of a record.
 """
+from collections.abc import Callable, Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import fft
 
-from mitsonar.units import amplitude_from_db
+from ..sonar.pulses import Pulse
+from ..units import amplitude_from_db
 
 __all__ = ["absorbed", "band_filter", "check_record", "delayed", "received", "received_classes", "transmitted"]
 
@@ -21,13 +25,13 @@ FLAT = 0.4                         # of the sampling rate
 INTERPOLATION_ERROR = 1e-4         # of the absorption's amplitude between two filters
 
 
-def band_filter(frequency, sampling_rate):
+def band_filter(frequency: np.ndarray, sampling_rate: float) -> np.ndarray:
     """Give the receiver's filter F, (N,) [-], at frequencies (N,) [Hz] from the carrier."""
     skirt = np.clip((np.abs(frequency) / sampling_rate - FLAT) / (0.5 - FLAT), 0, 1)
     return np.cos(0.5 * np.pi * skirt) ** 2
 
 
-def check_record(pulse, sampling_rate, samples, doppler=1.0):
+def check_record(pulse: Pulse, sampling_rate: float, samples: int, doppler: float = 1.0) -> None:
     """Refuse records a pulse does not fit into.
 
     Raises
@@ -46,7 +50,7 @@ def check_record(pulse, sampling_rate, samples, doppler=1.0):
                          f"{samples / sampling_rate:g} s; shorten the pulse or lengthen the record.")
 
 
-def received(response, pulse, sampling_rate, doppler=1.0):
+def received(response: ArrayLike, pulse: Pulse, sampling_rate: float, doppler: float = 1.0) -> np.ndarray:
     """Give the signals elements receive.
 
     Parameters
@@ -72,7 +76,8 @@ def received(response, pulse, sampling_rate, doppler=1.0):
     return received_classes(np.asarray(response)[None], pulse, sampling_rate, (doppler,))
 
 
-def received_classes(responses, pulse, sampling_rate, doppler):
+def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
+                     doppler: Sequence[float] | np.ndarray) -> np.ndarray:
     """Give the sum of signals with several Doppler factors; see `received`.
 
     Parameters
@@ -96,20 +101,20 @@ def received_classes(responses, pulse, sampling_rate, doppler):
         check_record(pulse, sampling_rate, samples, factor)
     length = padded_length(samples, pulse.duration / min(doppler), sampling_rate)
     keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
-    total = 0
+    total: np.ndarray | int = 0
     for response, factor in zip(responses, doppler):
         transfer = keep * pulse.spectrum(sampling_rate, length, factor)
         spectrum = fft.fft(response, length)
         total = total + spectrum * transfer.astype(spectrum.dtype)
-    return fft.ifft(total, overwrite_x=True)[..., :samples]
+    return fft.ifft(np.asarray(total), overwrite_x=True)[..., :samples]
 
 
-def padded_length(samples, longest, sampling_rate):
+def padded_length(samples: int, longest: float, sampling_rate: float) -> int:
     """Give the length of an FFT that holds a record of `samples` and a filter of `longest` [s], without wrapping."""
     return fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
 
 
-def delayed(signals, delay, sampling_rate, frequency):
+def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequency: float) -> np.ndarray:
     """Delay baseband signals by any fraction of a sample, carrier included.
 
     Parameters
@@ -132,7 +137,8 @@ def delayed(signals, delay, sampling_rate, frequency):
     return fft.ifft(spectrum * shift, overwrite_x=True)[..., :samples]
 
 
-def transmitted(response, weight, delay, sampling_rate, frequency):
+def transmitted(response: ArrayLike, weight: ArrayLike, delay: ArrayLike, sampling_rate: float,
+                frequency: float) -> np.ndarray:
     """Combine the responses of all transmit elements to that of one transmission, steered or focused.
 
     Parameters
@@ -159,7 +165,8 @@ def transmitted(response, weight, delay, sampling_rate, frequency):
     return fft.ifft(spectrum.sum(-3), overwrite_x=True)[..., :samples]
 
 
-def _shifted(signals, delay, sampling_rate, frequency):
+def _shifted(signals: np.ndarray, delay: np.ndarray, sampling_rate: float,
+             frequency: float) -> tuple[np.ndarray, np.ndarray]:
     """Padded spectrum of the signals, and the phases that delay it."""
     longest = float(np.max(np.abs(delay), initial=0))
     length = padded_length(signals.shape[-1], longest, sampling_rate)
@@ -168,7 +175,8 @@ def _shifted(signals, delay, sampling_rate, frequency):
     return spectrum, np.exp(-2j * np.pi * cycles).astype(spectrum.dtype)
 
 
-def absorbed(response, sampling_rate, frequency, absorption_db, sound_speed, start=0.0):
+def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
+             absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float = 0.0) -> np.ndarray:
     """Let absorption differ across the band, for echoes that hold the loss at the carrier already.
 
     Parameters
@@ -197,7 +205,7 @@ def absorbed(response, sampling_rate, frequency, absorption_db, sound_speed, sta
     """
     response = np.asarray(response)
     response = response.astype(np.result_type(response, np.complex64), copy=False)
-    real, samples = response.real.dtype, response.shape[-1]
+    real, samples = np.real(response).dtype, response.shape[-1]
     probe = np.linspace(-0.5, 0.5, 65) * sampling_rate
     rate = np.abs(_excess_rate(probe, sampling_rate, frequency, absorption_db, sound_speed)).max()
     # linear interpolation of exp(-κt) over steps Δ is wrong by (κΔ)²/8 at most, relative to it
@@ -217,7 +225,8 @@ def absorbed(response, sampling_rate, frequency, absorption_db, sound_speed, sta
     return sums[..., step + GUARD:step + GUARD + samples]
 
 
-def _excess_rate(offset, sampling_rate, frequency, absorption_db, sound_speed):
+def _excess_rate(offset: np.ndarray, sampling_rate: float, frequency: float,
+                 absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float) -> np.ndarray:
     """Loss beyond that at the carrier, [Np/s] of two-way time, at offsets [Hz] from it."""
     alpha = np.asarray(absorption_db(np.maximum(frequency + offset, 0.0)), float)
     excess = (alpha - float(absorption_db(np.array([frequency]))[0])) * band_filter(offset, sampling_rate)

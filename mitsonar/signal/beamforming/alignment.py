@@ -8,14 +8,16 @@ in float32, against a whole sample and a phase that are exact:
     |P - R| - |P| = q / (|P - R| + |P|),   q = |R|² - 2 P·R                        (no cancellation)
 """
 import importlib
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import drjit as dr
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, upload
-
+from ...device.arrays import arrays_of, looped, upload
+from ...device.types import Array4f, ArrayTypes, DrJitArray, Float, Int32, UInt32
 from .interpolation import MARGIN, RATE, corrected, interpolation_named
+from .recording import Recording
 
 __all__ = ["ElementSignals", "Focus", "dealt", "device_arrays", "to_complex"]
 
@@ -23,21 +25,19 @@ TOGETHER = 4                       # foci a thread works on at once: 2.0 instead
 TINY = 1e-12                       # [m], so that an element at its own focus divides by something
 
 
-def device_arrays(like=None):
+def device_arrays(like: DrJitArray | type | None = None) -> ArrayTypes:
     """Dr.Jit namespace of `like` (array or type), or of the best backend that works here: CUDA, then LLVM."""
-    if like is None:
-        like = importlib.import_module("drjit.auto.ad").Float
-    return arrays_of(like)
+    return arrays_of(importlib.import_module("drjit.auto.ad").Float if like is None else like)
 
 
 class Focus(NamedTuple):
     """Points on the device, and where their echoes lie in the record of an element at the centre."""
 
-    point: list                    # three Floats, from the centre [m]
-    distance: object               # Float, their length [m]
-    sample: object                 # Int32, whole stored samples
-    fraction: object               # Float, further stored samples
-    phase: object                  # Float [cycles], to be undone
+    point: list[Float]             # three Floats, from the centre [m]
+    distance: Float                # Float, their length [m]
+    sample: Int32                  # Int32, whole stored samples
+    fraction: Float                # Float, further stored samples
+    phase: Float                   # Float [cycles], to be undone
 
 
 class ElementSignals:
@@ -53,7 +53,7 @@ class ElementSignals:
         Adding to 1.
     """
 
-    def __init__(self, lib, recording, interpolation, weights):
+    def __init__(self, lib: ArrayTypes, recording: Recording, interpolation: str, weights: np.ndarray):
         self.lib, self.recording = lib, recording
         self.kernel = interpolation_named(interpolation)
         self.weights = weights.astype(np.float32)
@@ -66,7 +66,7 @@ class ElementSignals:
         self.samples_per_metre = dr.opaque(lib.Float, RATE * recording.sampling_rate / recording.sound_speed)
         self.cycles_per_metre = dr.opaque(lib.Float, recording.frequency / recording.sound_speed)
 
-    def load(self, ping, centre):
+    def load(self, ping: int, centre: np.ndarray) -> None:
         """Bring a ping to the device; positions count from centre (3,) [m]."""
         lib, recording = self.lib, self.recording
         shaded = recording.values[ping] * self.weights[:, None]
@@ -76,12 +76,12 @@ class ElementSignals:
         self.place = upload(lib.Float, table.astype(np.float32))
         dr.eval(self.values, self.place)
 
-    def detour(self, point, distance, place):
+    def detour(self, point: Sequence[Float], distance: Float, place: Sequence[Float] | Array4f) -> Float:
         """|P - R| - |P| [m] of points (three Floats) at a distance |P| and elements (x, y, z, |R|²)."""
         q = dr.fma(-2 * point[0], place[0], dr.fma(-2 * point[1], place[1], dr.fma(-2 * point[2], place[2], place[3])))
         return q / dr.maximum(dr.sqrt(dr.maximum(dr.fma(distance, distance, q), 0)) + distance, TINY)
 
-    def heard(self, row, place, focus):
+    def heard(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[Float, Float]:
         """Weighted signal (re, im) of an element at the instants the echoes of foci reach it.
 
         Parameters
@@ -105,11 +105,11 @@ class ElementSignals:
             re, im = dr.fma(tap, value.x, re), dr.fma(tap, value.y, im)
         return dr.fma(re, cos, -im * sin), dr.fma(re, sin, im * cos)
 
-    def element(self, number):
+    def element(self, number: UInt32) -> Array4f:
         """Place (x, y, z, |R|²) of elements."""
         return dr.gather(self.lib.Array4f, self.place, number)
 
-    def summed(self, foci):
+    def summed(self, foci: Iterable[Sequence[Focus]]) -> np.ndarray:
         """Sum what all elements heard.
 
         Parameters
@@ -123,9 +123,9 @@ class ElementSignals:
         complex64 (total size of a transmitter's foci,)
         """
         lib = self.lib
-        total = None
+        total: list[Float] = []
         for tx, group in enumerate(foci):
-            if total is None:
+            if not total:
                 total = [dr.zeros(lib.Float, dr.width(focus.distance)) for focus in group for _ in range(2)]
             offset = dr.opaque(lib.UInt32, tx * self.recording.values.shape[2])
 
@@ -134,17 +134,17 @@ class ElementSignals:
                 parts = [part for focus in group for part in self.heard(offset + n, place, focus)]
                 return n + self.one, *(old + new for old, new in zip(total, parts, strict=True))
 
-            _, *total = dr.while_loop((lib.UInt32(0), *total), lambda n, *_: n < self.elements, body, mode="symbolic")
+            _, *total = looped((lib.UInt32(0), *total), lambda n, *_: n < self.elements, body)
             dr.eval(total)
         return np.concatenate([to_complex(*total[k:k + 2]) for k in range(0, len(total), 2)])
 
 
-def to_complex(re, im):
+def to_complex(re: Float, im: Float) -> np.ndarray:
     """NumPy complex64 of two Floats."""
     return re.numpy() + 1j * im.numpy()
 
 
-def dealt(count):
+def dealt(count: int) -> np.ndarray:
     """Deal `count` numbers out to groups of one size that are worked on together: int (groups, size).
 
     The last group may repeat the last number; in order, what comes first counts.

@@ -9,14 +9,18 @@ centre; noise that is independent from element to element goes down by Σw²/(Σ
 The water is homogeneous here, at ``sound_speed``. Directions are as seen by the array at reception: an array that moves
 on at v meanwhile hears a target up to 2 v/c from where it stood at transmission.
 """
+from collections.abc import Iterator
+
 import drjit as dr
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 
-from mitsonar.device.arrays import upload
-
+from ...device.arrays import upload
+from ...device.types import DrJitArray
 from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
 from .interpolation import RATE
-from .recording import beam_signals, look_directions, point_signals, read_recording, weights_of
+from .recording import Recording, Shading, beam_signals, look_directions, point_signals, read_recording, weights_of
 
 __all__ = ["aligned", "backproject", "delay_and_sum", "focus"]
 
@@ -24,7 +28,8 @@ BLOCK = 1 << 22                    # values computed at once
 FAR = 2.0 ** 30                    # samples; what lies further off is outside of any record
 
 
-def delay_and_sum(signals, directions, *, window=None, interpolation="band_limited", like=None):
+def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shading = None,
+                  interpolation: str = "band_limited", like: DrJitArray | type | None = None) -> xr.DataArray:
     """Form beams along directions, focused at every range.
 
     Parameters
@@ -69,7 +74,7 @@ def delay_and_sum(signals, directions, *, window=None, interpolation="band_limit
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
 
 
-def aligned(heard, vector, transmitter):
+def aligned(heard: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) -> np.ndarray:
     """Element signals of a ping brought into line for one look direction, their sum being `delay_and_sum`.
 
     Parameters
@@ -90,7 +95,8 @@ def aligned(heard, vector, transmitter):
     return to_complex(*heard.heard(number, heard.element(number), foci)).reshape(elements, samples)
 
 
-def focus(signals, points, *, window=None, interpolation="band_limited", like=None):
+def focus(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None, interpolation: str = "band_limited",
+          like: DrJitArray | type | None = None) -> xr.DataArray:
     """Focus every ping at points.
 
     Parameters
@@ -118,7 +124,8 @@ def focus(signals, points, *, window=None, interpolation="band_limited", like=No
     return point_signals(recording, values.astype(np.complex64), points, "focus")
 
 
-def backproject(signals, points, *, window=None, interpolation="band_limited", like=None):
+def backproject(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None,
+                interpolation: str = "band_limited", like: DrJitArray | type | None = None) -> xr.DataArray:
     """Focus all pings together at points: a synthetic aperture.
 
     Parameters
@@ -145,7 +152,7 @@ def backproject(signals, points, *, window=None, interpolation="band_limited", l
     return whole.drop_vars([name for name, value in whole.coords.items() if "ping" in value.dims]).isel(ping=0)
 
 
-def _points(points):
+def _points(points: ArrayLike) -> np.ndarray:
     points = np.atleast_2d(np.asarray(points, float))
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise ValueError(f"points to focus at have shape {points.shape}; give (points, 3) in metres")
@@ -154,7 +161,8 @@ def _points(points):
     return points
 
 
-def _images(recording, points, window, interpolation, like):
+def _images(recording: Recording, points: np.ndarray, window: Shading, interpolation: str,
+            like: DrJitArray | type | None) -> Iterator[np.ndarray]:
     """Yield the focused values complex (P,) of ping after ping."""
     lib = device_arrays(like)
     heard = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
@@ -171,7 +179,7 @@ def _images(recording, points, window, interpolation, like):
         yield np.concatenate(image) / transmitters
 
 
-def _point_foci(heard, points, centre, transmitter):
+def _point_foci(heard: ElementSignals, points: np.ndarray, centre: np.ndarray, transmitter: np.ndarray) -> Focus:
     """Points (P, 3) seen from the centre of the elements, the echo's place and phase there by float64."""
     lib, recording = heard.lib, heard.recording
     column = [upload(lib.Float64, axis) for axis in points.T]
@@ -193,7 +201,7 @@ def _point_foci(heard, points, centre, transmitter):
     return foci
 
 
-def _beam_foci(heard, vectors, transmitter):
+def _beam_foci(heard: ElementSignals, vectors: np.ndarray, transmitter: np.ndarray) -> Focus:
     """Where beams (B, 3) are focused at their samples, beam by beam; phases count from an echo by way of the origin."""
     lib, recording = heard.lib, heard.recording
     samples = recording.values.shape[-1]

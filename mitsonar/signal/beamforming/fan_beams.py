@@ -9,12 +9,13 @@ every f: a chirp-z transform over the elements per frequency (Rabiner, Schafer &
 of s. Both hold beyond some 2 L²/λ; nearer, use `delay_and_sum`.
 """
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 from scipy import fft
 
-from mitsonar.sonar.axes import axis_vector
-from mitsonar.units import khz_from_hertz
-
-from .recording import beam_signals, read_recording, uniform_line, weights_of
+from ...sonar.axes import axis_vector
+from ...units import khz_from_hertz
+from .recording import Shading, beam_signals, read_recording, uniform_line, weights_of
 
 __all__ = ["fan_beams", "fft_beams"]
 
@@ -23,7 +24,8 @@ STRAY = 0.02                       # cosine of `facing` with the line
 SLACK = 1e-6                       # relative, for pitches of exactly the limit
 
 
-def fft_beams(signals, facing, *, widest=np.pi / 3, size=None, window=None):
+def fft_beams(signals: xr.DataArray, facing: str | ArrayLike, *, widest: float = np.pi / 3, size: int | None = None,
+              window: Shading = None) -> xr.DataArray:
     """Form a narrow-band fan by an FFT over the elements.
 
     Parameters
@@ -66,7 +68,8 @@ def fft_beams(signals, facing, *, widest=np.pi / 3, size=None, window=None):
     return fan.labelled(values, sines, "fft_beams")
 
 
-def fan_beams(signals, facing, *, beams=None, widest=np.pi / 3, window=None):
+def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | None = None, widest: float = np.pi / 3,
+              window: Shading = None) -> xr.DataArray:
     """Form a wide-band fan by a chirp-z transform over the elements, frequency by frequency.
 
     Parameters
@@ -117,7 +120,7 @@ def fan_beams(signals, facing, *, beams=None, widest=np.pi / 3, window=None):
 class _Fan:
     """A uniform line, the side it looks to, and the shading of its elements."""
 
-    def __init__(self, signals, facing, widest, window):
+    def __init__(self, signals: xr.DataArray, facing: str | ArrayLike, widest: float, window: Shading):
         self.recording = recording = read_recording(signals)
         transmitters = recording.values.shape[1]
         if transmitters != 1:
@@ -133,7 +136,7 @@ class _Fan:
         self._check_lobes(widest)
         self.weights = weights_of(window, recording)
 
-    def _side(self, facing):
+    def _side(self, facing: str | ArrayLike) -> np.ndarray:
         facing = axis_vector("facing", facing)
         along = facing @ self.axis
         if abs(along) > STRAY:
@@ -143,7 +146,7 @@ class _Fan:
         facing = facing - along * self.axis
         return facing / np.linalg.norm(facing)
 
-    def _check_lobes(self, widest):
+    def _check_lobes(self, widest: float) -> None:
         if not 0 <= widest <= np.pi / 2:
             raise ValueError(f"beams reach {np.degrees(widest):.4g}° from broadside; give widest from 0 to π/2 rad")
         wavelength, pitch = self.recording.wavelength, self.pitch
@@ -158,15 +161,15 @@ class _Fan:
         raise ValueError(f"rx element spacing is {pitch:.4g} m = {pitch / wavelength:.3g} wavelengths "
                          f"at {khz_from_hertz(self.recording.frequency):g} kHz; {what}")
 
-    def vectors(self, sines):
+    def vectors(self, sines: np.ndarray) -> np.ndarray:
         """Unit vectors (B, 3) of beams."""
         return np.outer(sines, self.axis) + np.outer(np.sqrt(1 - sines ** 2), self.facing)
 
-    def offset(self, sines):
+    def offset(self, sines: np.ndarray) -> np.ndarray:
         """How much nearer a far target is by way of transmitter and first element than of the origin [m], (B,)."""
         return self.vectors(sines) @ self.first
 
-    def labelled(self, values, sines, method):
+    def labelled(self, values: np.ndarray, sines: np.ndarray, method: str) -> xr.DataArray:
         return beam_signals(self.recording, values, self.vectors(sines), method, sine=sines, angle=np.arcsin(sines))
 
 
@@ -182,7 +185,7 @@ class _ChirpZ:
     elements : int
     """
 
-    def __init__(self, cycles, sines, elements):
+    def __init__(self, cycles: np.ndarray, sines: np.ndarray, elements: int):
         step = sines[1] - sines[0] if len(sines) > 1 else 0.0
         n, b = np.arange(elements), np.arange(len(sines))
         self.size = fft.next_fast_len(elements + len(sines) - 1)
@@ -200,7 +203,7 @@ class _ChirpZ:
         self.kernel = fft.fft(kernel, axis=1)
         self.after = chirp(b).conj()
 
-    def __call__(self, rows):
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Transform complex64 (F, E) to (F, B)."""
         spread = fft.fft(rows * self.before, n=self.size, axis=1) * self.kernel
         return fft.ifft(spread, axis=1)[:, :self.beams] * self.after

@@ -12,11 +12,14 @@ mean square at every frequency; what remains is the images of φ, at frequency f
 The idea is the gridding of Jackson et al. (1991, IEEE Trans. Med. Imaging 10, 473), run backwards.
 """
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy import fft
 from scipy.special import i0
+
+from ...device.types import Numbers
 
 __all__ = ["INTERPOLATIONS", "MARGIN", "RATE", "KaiserBessel", "Linear", "corrected", "interpolation_named"]
 
@@ -32,11 +35,11 @@ class Linear:
 
     first = 0                      # the first tap's sample, relative to the whole part of the place
 
-    def taps(self, fraction):
+    def taps(self, fraction: Numbers) -> list[Numbers]:
         """Weights of the samples at 0 and 1, of the fractional part of the place in [0, 1)."""
         return [1 - fraction, fraction]
 
-    def spectrum(self, frequency):
+    def spectrum(self, frequency: np.ndarray) -> np.ndarray:
         """φ̂ at a frequency in cycles per sample."""
         return np.sinc(frequency) ** 2
 
@@ -55,10 +58,10 @@ class KaiserBessel:
             fitted = Polynomial.fit(nodes, self._kernel(centre + nodes), self.degree, domain=[-1, 1]).coef
             self.pairs.append((fitted[0::2], fitted[1::2]))
 
-    def _kernel(self, x):
+    def _kernel(self, x: np.ndarray) -> np.ndarray:
         return i0(self.beta * np.sqrt(np.maximum(1 - (x / 2) ** 2, 0))) / i0(self.beta)
 
-    def taps(self, fraction):
+    def taps(self, fraction: Numbers) -> list[Numbers]:
         """Weights of the samples at -1, 0, 1, 2, of the fractional part of the place in [0, 1)."""
         v = fraction - 0.5
         square = v * v
@@ -66,30 +69,31 @@ class KaiserBessel:
                                                   for even, odd in self.pairs)
         return [outer + outer_odd, inner + inner_odd, inner - inner_odd, outer - outer_odd]
 
-    def spectrum(self, frequency):
+    def spectrum(self, frequency: np.ndarray) -> np.ndarray:
         """φ̂ at a frequency in cycles per sample."""
         root = np.sqrt((self.beta ** 2 - (4 * np.pi * np.asarray(frequency)) ** 2).astype(complex))
         return 4 / i0(self.beta) * np.real(np.sinc(1j * root / np.pi))
 
 
-def _horner(coefficients, x):
+def _horner(coefficients: np.ndarray, x: Numbers) -> Numbers:
     total = float(coefficients[-1])
     for coefficient in coefficients[-2::-1]:
         total = total * x + float(coefficient)
     return total
 
 
-INTERPOLATIONS = {"linear": Linear(), "band_limited": KaiserBessel()}
+Interpolation: TypeAlias = Linear | KaiserBessel
+INTERPOLATIONS: dict[str, Interpolation] = {"linear": Linear(), "band_limited": KaiserBessel()}
 
 
-def interpolation_named(name):
+def interpolation_named(name: str) -> Interpolation:
     """Give the kernel of a name in `INTERPOLATIONS`."""
     if name not in INTERPOLATIONS:
         raise ValueError(f"there is no interpolation {name!r}; choose one of {', '.join(INTERPOLATIONS)}")
     return INTERPOLATIONS[name]
 
 
-def corrected(kernel, values):
+def corrected(kernel: Interpolation, values: np.ndarray) -> np.ndarray:
     """Filter signals for a kernel.
 
     Parameters

@@ -13,9 +13,12 @@ For L of E elements there are 2 (E - L + 1) (2 K + 1) snapshots, of which those 
 elements. L <= E / 2 resolves up to E / 2 coherent echoes; smaller L and larger δ lean towards delay-and-sum.
 """
 import numpy as np
+import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
+from ...device.types import DrJitArray
 from .alignment import ElementSignals, device_arrays
 from .delay_and_sum import aligned
 from .recording import beam_signals, look_directions, read_recording, uniform_line
@@ -25,7 +28,9 @@ __all__ = ["mvdr"]
 COVARIANCE_BYTES = 1 << 26         # of the samples worked on at once
 
 
-def mvdr(signals, directions, *, subarray=None, half_width=2, loading=0.01, interpolation="band_limited", like=None):
+def mvdr(signals: xr.DataArray, directions: ArrayLike, *, subarray: int | None = None, half_width: int = 2,
+         loading: float = 0.01, interpolation: str = "band_limited",
+         like: DrJitArray | type | None = None) -> xr.DataArray:
     """Form adaptive beams along directions, focused at every range.
 
     Parameters
@@ -77,7 +82,7 @@ def mvdr(signals, directions, *, subarray=None, half_width=2, loading=0.01, inte
     return beam_signals(recording, beams, vectors, "mvdr")
 
 
-def _adapted(lined, length, half_width, loading):
+def _adapted(lined: np.ndarray, length: int, half_width: int, loading: float) -> np.ndarray:
     """Adaptive sum complex (S,) of aligned signals (S, E)."""
     samples, elements = lined.shape
     at_once = max(1, COVARIANCE_BYTES // (16 * length * (length + elements)))
@@ -89,7 +94,7 @@ def _adapted(lined, length, half_width, loading):
     return out
 
 
-def _capon(lined, length, half_width, loading):
+def _capon(lined: np.ndarray, length: int, half_width: int, loading: float) -> np.ndarray:
     parts = sliding_window_view(lined, length, axis=1)       # (sample, subarray, element)
     covariance = np.swapaxes(parts, 1, 2) @ parts.conj()
     covariance += covariance[:, ::-1, ::-1].conj()           # forwards and backwards

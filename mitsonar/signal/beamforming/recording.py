@@ -5,15 +5,18 @@ counted from the ping's transmission. Positions are in the body frame (x forward
 array's centre, or for synthetic apertures in any frame that elements and focal points share.
 """
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
-from mitsonar.sonar.axes import body_direction
-from mitsonar.sonar.shading import window_weights
+from ...sonar.axes import body_direction
+from ...sonar.shading import window_weights
 
 __all__ = ["Recording", "beam_signals", "directions", "look_directions", "read_recording", "uniform_line", "weights_of"]
 
+Shading: TypeAlias = None | str | tuple | ArrayLike
 DIMENSIONS = ("ping", "tx", "rx", "sample")
 STRAIGHTNESS = 0.02                # wavelengths an element of a uniform line may lie off its place
 
@@ -45,17 +48,17 @@ class Recording:
     signals: xr.DataArray
 
     @property
-    def wavelength(self):
+    def wavelength(self) -> float:
         """Wavelength at the centre frequency [m]."""
         return self.sound_speed / self.frequency
 
     @property
-    def time(self):
+    def time(self) -> np.ndarray:
         """Time of the samples [s], float64 (sample,)."""
         return self.start + np.arange(self.values.shape[-1]) / self.sampling_rate
 
 
-def directions(azimuth, elevation=0.0):
+def directions(azimuth: ArrayLike, elevation: ArrayLike = 0.0) -> np.ndarray:
     """Make unit vectors in the body frame.
 
     Parameters
@@ -77,7 +80,7 @@ def directions(azimuth, elevation=0.0):
     return body_direction(azimuth, -np.asarray(elevation, float))
 
 
-def look_directions(vectors):
+def look_directions(vectors: ArrayLike) -> np.ndarray:
     """Check look directions and normalise them: float64 (B, 3)."""
     vectors = np.atleast_2d(np.asarray(vectors, float))
     if vectors.ndim != 2 or vectors.shape[1] != 3 or not len(vectors):
@@ -89,7 +92,7 @@ def look_directions(vectors):
     return vectors / length[:, None]
 
 
-def read_recording(signals):
+def read_recording(signals: xr.DataArray) -> Recording:
     """Read and check element signals.
 
     Parameters
@@ -129,7 +132,7 @@ def read_recording(signals):
                      start=start, sampling_rate=rate, signals=signals, **numbers)
 
 
-def _positive(signals, name):
+def _positive(signals: xr.DataArray, name: str) -> float:
     value = signals.attrs.get(name)
     if value is None:
         raise ValueError(f"element signals have no attribute {name!r}; set signals.attrs[{name!r}]")
@@ -138,7 +141,7 @@ def _positive(signals, name):
     return float(value)
 
 
-def _time_axis(signals):
+def _time_axis(signals: xr.DataArray) -> tuple[float, float]:
     """Start [s] and sampling rate [Hz] of the coordinate `time`."""
     if "time" not in signals.coords or signals["time"].dims != ("sample",):
         raise ValueError("element signals have no coordinate 'time' over sample; a beamformer needs the time of every "
@@ -152,7 +155,7 @@ def _time_axis(signals):
     return float(time[0]), 1 / step
 
 
-def _positions(signals, which):
+def _positions(signals: xr.DataArray, which: str) -> np.ndarray:
     """Positions of `rx` or `tx`, float64 (ping, elements, 3) [m]."""
     count, pings = signals.sizes[which], signals.sizes["ping"]
     names = [f"{which}_{axis}" for axis in "xyz"]
@@ -176,32 +179,33 @@ def _positions(signals, which):
     return position
 
 
-def beam_signals(recording, values, vectors, method, **coordinates):
+def beam_signals(recording: Recording, values: np.ndarray, vectors: np.ndarray, method: str,
+                 **coordinates: np.ndarray) -> xr.DataArray:
     """Label beams (ping, beam, sample) by the unit vectors (B, 3) they look along."""
     x, y, z = vectors.T
     beams = _labelled(recording, values, ("ping", "beam", "sample"), method)
-    return beams.assign_coords(
-        time=("sample", recording.signals["time"].values, {"units": "s"}),
-        beam_x=("beam", x), beam_y=("beam", y), beam_z=("beam", z),
-        azimuth=("beam", np.arctan2(y, x), {"units": "rad"}),
-        elevation=("beam", -np.arcsin(np.clip(z, -1, 1)), {"units": "rad"}),
-        **{name: ("beam", value) for name, value in coordinates.items()})
+    return beams.assign_coords({
+        "time": ("sample", recording.signals["time"].values, {"units": "s"}),
+        "beam_x": ("beam", x), "beam_y": ("beam", y), "beam_z": ("beam", z),
+        "azimuth": ("beam", np.arctan2(y, x), {"units": "rad"}),
+        "elevation": ("beam", -np.arcsin(np.clip(z, -1, 1)), {"units": "rad"}),
+        **{name: ("beam", value) for name, value in coordinates.items()}})
 
 
-def point_signals(recording, values, points, method):
+def point_signals(recording: Recording, values: np.ndarray, points: np.ndarray, method: str) -> xr.DataArray:
     """Label focused values (ping, point) by the points (P, 3)."""
     return _labelled(recording, values, ("ping", "point"), method).assign_coords(
         {f"point_{axis}": ("point", column, {"units": "m"}) for axis, column in zip("xyz", points.T, strict=True)})
 
 
-def _labelled(recording, values, dims, method):
+def _labelled(recording: Recording, values: np.ndarray, dims: tuple[str, ...], method: str) -> xr.DataArray:
     given = recording.signals
     kept = {name: value for name, value in given.coords.items() if value.dims in ((), ("ping",))}
     attrs = {**given.attrs, "beamformer": method}
     return type(given)(values, dims=dims, coords=kept, name=given.name, attrs=attrs)     # beams can do what signals can
 
 
-def uniform_line(position, wavelength):
+def uniform_line(position: np.ndarray, wavelength: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Find the line that elements stand on in equal steps.
 
     Parameters
@@ -245,7 +249,7 @@ def uniform_line(position, wavelength):
     return centre + steps[0], axis, float(pitch)
 
 
-def weights_of(window, recording):
+def weights_of(window: Shading, recording: Recording) -> np.ndarray:
     """Weights of the receive elements, their sum 1.
 
     Parameters
