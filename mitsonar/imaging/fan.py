@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 import xarray
 
-from ..sonar.array import Array
-from ..sonar.pulses import Pulse
 from ..signal.beamforming import delay_and_sum
 from ..signal.matched_filter import matched_filter
 from ..signal.reception import delayed
+from ..sonar.array import Array
+from ..sonar.pulses import Pulse
 from . import truth
 from .energy_record import EnergyRecord
 

@@ -9,9 +9,12 @@
 rays as its levels. Within a shadow an object's dark side is often all that is heard; and what lies in the lee of a
 ripple has no echo that an object could hide. Neither is what a picture shows.
 """
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
+import xarray as xr
 from scipy import ndimage
 
 __all__ = ["ObjectBins", "check_labelled", "object_bins"]
@@ -40,7 +43,7 @@ class ObjectBins:
     shadow: np.ndarray
 
 
-def check_labelled(dataset, name="the dataset"):
+def check_labelled(dataset: xr.Dataset, name: str = "the dataset") -> None:
     """Refuse a dataset without the labels that are needed here.
 
     Raises
@@ -55,7 +58,8 @@ def check_labelled(dataset, name="the dataset"):
                          "this version of mitsonar rendered.")
 
 
-def object_bins(dataset, *, threshold=0.5, above_noise_db=0.0, smallest=1):
+def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: float = 0.0,
+                smallest: int = 1) -> Iterator[ObjectBins]:
     """Find the highlight and the shadow of every object.
 
     Parameters
@@ -129,7 +133,7 @@ def _without_specks(mask, dims, smallest):
             neighbours &= np.arange(3).reshape(-1, *[1] * (mask.ndim - axis - 1)) == 1
     kept = np.zeros_like(mask)
     where, = ndimage.find_objects(mask.view(np.uint8))
-    pieces, count = ndimage.label(mask[where], neighbours)
+    pieces, count = cast("tuple[np.ndarray, int]", ndimage.label(mask[where], neighbours))
     sizes = np.bincount(pieces.ravel(), minlength=count + 1)
     kept[where] = mask[where] & (sizes >= max(smallest, SPECK_SHARE * sizes[1:].max()))[pieces]
     return kept

@@ -1,7 +1,9 @@
 """Beam patterns: what a beamformer made of a point target, against the closed form of the array."""
 import numpy as np
+import numpy.typing as npt
+import xarray as xr
 
-from ..io.files import check_writable
+from ..io.files import FilePath, check_writable
 from ..units import db_from_power
 from . import canvas
 
@@ -11,7 +13,8 @@ FLOOR_DB = -60.0                   # lowest level drawn
 COMPARED_DB = -40.0                # lowest closed form that a difference is drawn for
 
 
-def beam_pattern(beams, path, *, expected=None, along="azimuth", ping=0, time=None, title=""):
+def beam_pattern(beams: xr.DataArray, path: FilePath, *, expected: npt.ArrayLike | None = None, along: str = "azimuth",
+                 ping: int = 0, time: float | None = None, title: str = "") -> None:
     """Draw the levels of all beams at one time, relative to the highest.
 
     Parameters

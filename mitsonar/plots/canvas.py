@@ -1,14 +1,23 @@
 """The sheet a picture stands on: figures made without pyplot (no global state), colours, axes in metres, scale bar."""
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal, cast
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
+from scipy import ndimage
 
-from ..io.files import replacing
+from ..io.files import FilePath, replacing
+from .grid import Grid
 
 DPI = 110
 PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
@@ -21,7 +30,7 @@ COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
 FORMATS = ("png", "pdf", "svg")
 
 
-def file_format(path):
+def file_format(path: FilePath) -> str:
     """Give the format that a file name asks for, or refuse it."""
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
@@ -29,7 +38,7 @@ def file_format(path):
     return suffix
 
 
-def save(figure, path):
+def save(figure: Figure, path: FilePath) -> None:
     """Write a figure, whole or not at all; a PNG has no date in it."""
     kind = file_format(path)
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
@@ -37,14 +46,17 @@ def save(figure, path):
         figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata, facecolor=figure.get_facecolor())
 
 
-def sheet(width, height, colour="white"):
+def sheet(width: float, height: float, colour: str = "white") -> Figure:
     """Make an empty figure of that many picture elements."""
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=colour)
     FigureCanvasAgg(figure)
     return figure
 
 
-def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar="", bar_extend="both", keys=()):
+def picture(grid: Grid, image: np.ndarray, title: str, *, subtitle: str = "", colours: Colormap = COPPER,
+            limits: tuple[float, float] | None = None, bar: str = "",
+            bar_extend: Literal["neither", "both", "min", "max"] = "both",
+            keys: Sequence[Artist] = ()) -> tuple[Figure, Axes]:
     """Draw an image (height, width) over the ground it covers, a picture element a pixel.
 
     Parameters
@@ -69,27 +81,52 @@ def picture(grid, image, title, *, subtitle="", colours=COPPER, limits=None, bar
     if keys:
         right += legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
     figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
-    box = np.array([left, bottom, grid.width, grid.height]) / np.tile(figure.get_size_inches() * DPI, 2)
-    axes = figure.add_axes(box, facecolor=PAPER)
+    axes = figure.add_axes(shares_of(figure, left, bottom, grid.width, grid.height), facecolor=PAPER)
     low, high = limits or (None, None)
     drawn = axes.imshow(image, origin="lower", aspect="auto", interpolation="nearest", cmap=colours, vmin=low,
-                        vmax=high, extent=[grid.across[0], grid.across[-1], grid.along[0], grid.along[-1]])
-    figure.text(box[0], 1 - 30 / figure.bbox.height, title, color=INK, fontsize=14, fontweight="bold", va="center")
-    figure.text(box[0], 1 - 54 / figure.bbox.height, subtitle, color=INK, fontsize=10.5, va="center")
+                        vmax=high, extent=(grid.across[0], grid.across[-1], grid.along[0], grid.along[-1]))
+    headings(figure, left, title, subtitle)
     _metres(grid, axes)
     scale_bar(grid, axes)
     if keys:
         legend(axes, keys, grid.height)
     if bar:
-        room = figure.add_axes([box[0] + box[2] + 18 / figure.bbox.width, box[1], 16 / figure.bbox.width, box[3]])
-        key = figure.colorbar(drawn, cax=room, extend=bar_extend, extendfrac=0.02)
-        key.set_label(bar, color=INK, fontsize=10.5)
-        room.tick_params(colors=INK, labelsize=10)
-        key.outline.set_edgecolor(FAINT)
+        key = colour_bar(drawn, axes, bar, bar_extend)
+        key.outline.set_edgecolor(FAINT)               # pyright: ignore[reportCallIssue]  a patch, declared as any artist
     return figure, axes
 
 
-def legend(axes, keys, height):
+def shares_of(figure: Figure, left: float, bottom: float, width: float,
+              height: float) -> tuple[float, float, float, float]:
+    """Give a box in picture elements as shares of the sheet, as axes are placed."""
+    across, up = figure.bbox.width, figure.bbox.height
+    return left / across, bottom / up, width / across, height / up
+
+
+def headings(figure: Figure, left: float, title: str, subtitle: str) -> None:
+    """Write both titles at the top of a sheet, from a place [picture elements] on."""
+    x, top = left / figure.bbox.width, figure.bbox.height
+    figure.text(x, 1 - 30 / top, title, color=INK, fontsize=14, fontweight="bold", va="center")
+    figure.text(x, 1 - 54 / top, subtitle, color=INK, fontsize=10.5, va="center")
+
+
+def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neither", "both", "min", "max"]) -> Colorbar:
+    """Put a bar of an image's colours beside its axes."""
+    figure, box = cast(Figure, axes.figure), axes.get_position(original=True)
+    across = figure.bbox.width
+    room = figure.add_axes((box.x1 + 18 / across, box.y0, 16 / across, box.height))
+    bar = figure.colorbar(drawn, cax=room, extend=extend, extendfrac=0.02)
+    bar.set_label(label, color=INK, fontsize=10.5)
+    room.tick_params(colors=INK, labelsize=10)
+    return bar
+
+
+def outline(mask: np.ndarray) -> np.ndarray:
+    """Give the picture elements around those of a mask, which stay to be seen."""
+    return np.asarray(ndimage.binary_dilation(mask, iterations=2), bool) & ~mask
+
+
+def legend(axes: Axes, keys: Sequence[Artist], height: float) -> Legend:
     """Put a legend to the right of the axes, in as many columns as that height asks for."""
     columns = -(-len(keys) * KEY_HEIGHT // height)
     return axes.legend(handles=list(keys), loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=1.0, fontsize=10,
@@ -110,7 +147,7 @@ def _metres(grid, axes):
     axes.axvline(0, color=INK, linewidth=0.5, alpha=0.35)
 
 
-def scale_bar(grid, axes):
+def scale_bar(grid: Grid, axes: Axes) -> None:
     """Draw bars of round lengths across and along the track below the picture, and say how their scales differ."""
     figure = axes.figure
     pixel_x, pixel_y = ((edges[-1] - edges[0]) / size
@@ -141,7 +178,7 @@ def _write(figure, x, y, words, **style):
     figure.text(*_on_sheet(figure, x, y), words, **style)
 
 
-def round_length(length):
+def round_length(length: float) -> float:
     """Give the largest of 1, 2, 5 x 10^n that is no longer than ``length``."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))

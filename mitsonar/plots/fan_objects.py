@@ -2,17 +2,19 @@
 from collections import Counter
 
 import numpy as np
+import xarray as xr
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch
 
 from ..imaging.objects import object_bins
+from ..io.files import FilePath
 from .fans import fan_picture
 from .truth import LEGEND, SHADOW_COLOUR, SPECK, class_colours
 
 __all__ = ["fan_objects"]
 
 
-def fan_objects(dataset, path, *, ping=0, tvg=True):
+def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: bool = True) -> None:
     """Draw one ping of what `mitsonar.render` gives of an array, with outlines of objects and of their shadows.
 
     Parameters

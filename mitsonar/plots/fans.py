@@ -4,13 +4,16 @@ A sample at time t of the beam at angle α lies r = c t / 2 from the array, r si
 middle: to starboard and ahead for a level fan, whose α is the azimuth; to starboard and below for one that looks down.
 """
 import os
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+import xarray as xr
+from matplotlib.artist import Artist
 from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
-from scipy import ndimage
+from matplotlib.typing import ColorType
 
-from ..io.files import check_writable
+from ..io.files import FilePath, check_writable
 from . import canvas
 
 __all__ = ["fan", "fan_picture", "looks_down"]
@@ -22,7 +25,8 @@ TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "po
            "up": "above"}
 
 
-def fan(beams, path, *, ping=0, tvg=True, limits=None, title="", subtitle=""):
+def fan(beams: xr.DataArray, path: FilePath, *, ping: int = 0, tvg: bool = True,
+        limits: tuple[float, float] | None = None, title: str = "", subtitle: str = "") -> None:
     """Draw the levels of a fan of beams: from above where they are level, from the end where they look down.
 
     Parameters
@@ -53,7 +57,8 @@ def fan(beams, path, *, ping=0, tvg=True, limits=None, title="", subtitle=""):
           facing=facing, right=right)
 
 
-def fan_picture(dataset, path, *, ping=0, tvg=True, what="", marks=(), keys=()):
+def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: bool = True, what: str = "",
+                marks: Iterable[tuple[np.ndarray, ColorType]] = (), keys: Sequence[Artist] = ()) -> None:
     """Draw one ping of what `mitsonar.render` gives of an array: its `fan`, or the levels of a single beam over range.
 
     Parameters
@@ -92,7 +97,7 @@ def fan_picture(dataset, path, *, ping=0, tvg=True, what="", marks=(), keys=()):
           marks=marks if what else None, keys=keys)
 
 
-def looks_down(dataset):
+def looks_down(dataset: xr.Dataset) -> bool:
     """Tell whether a dataset of beams is drawn from the end, ranges growing downwards."""
     return "beam_z" in dataset.coords and _way(_directions(dataset).mean(0)) == "down"
 
@@ -130,8 +135,7 @@ def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle,
     if keys:
         behind = 60 + canvas.legend(canvas.sheet(1, 1).add_subplot(), keys, height).get_window_extent().width
     figure = canvas.sheet(before + width + behind, under + height + over, canvas.PAPER)
-    box = np.array([before, under, width, height]) / np.tile(figure.get_size_inches() * canvas.DPI, 2)
-    axes = figure.add_axes(box, facecolor=canvas.PAPER)
+    axes = figure.add_axes(canvas.shares_of(figure, before, under, width, height), facecolor=canvas.PAPER)
     if marks is not None:
         image = _marked(angle, slant_range, np.clip((image - low) / max(high - low, 1e-6), 0, 1), marks)
     drawn = axes.imshow(image, origin="lower", extent=edges, cmap=canvas.COPPER, vmin=low, vmax=high,
@@ -145,18 +149,13 @@ def _draw(angle, slant_range, level, path, *, tvg, limits=None, title, subtitle,
     axes.tick_params(colors=canvas.INK, labelsize=10)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    figure.text(box[0], 1 - 30 / figure.bbox.height, title, color=canvas.INK, fontsize=14, fontweight="bold",
-                va="center")
-    figure.text(box[0], 1 - 54 / figure.bbox.height, subtitle, color=canvas.INK, fontsize=10.5, va="center")
+    canvas.headings(figure, before, title, subtitle)
     if keys:
         canvas.legend(axes, keys, height).set_bbox_to_anchor((1 + 30 / width, 1.0))       # beside the rings' lengths
     if marks is not None:
         canvas.save(figure, path)
         return
-    room = figure.add_axes([box[0] + box[2] + 18 / figure.bbox.width, box[1], 16 / figure.bbox.width, box[3]])
-    key = figure.colorbar(drawn, cax=room, extend="both", extendfrac=0.02)
-    key.set_label("level [dB re 1 µPa]" + (" + 30 log R" if tvg else ""), color=canvas.INK, fontsize=10.5)
-    room.tick_params(colors=canvas.INK, labelsize=10)
+    canvas.colour_bar(drawn, axes, "level [dB re 1 µPa]" + (" + 30 log R" if tvg else ""), "both")
     canvas.save(figure, path)
 
 
@@ -166,7 +165,7 @@ def _marked(angle, slant_range, grey, marks):
     picture = np.where(inside[..., None], np.nan_to_num(grey)[..., None], to_rgb(canvas.PAPER))
     for mask, colour in marks:
         marked = np.nan_to_num(_from_above(angle, slant_range, mask.astype(float))[1]) > 0
-        picture[ndimage.binary_dilation(marked, iterations=2) & ~marked & inside] = colour
+        picture[canvas.outline(marked) & inside] = colour
     return picture
 
 
@@ -202,7 +201,7 @@ def _levels(beams, ping):
     return angle[order], slant_range, 20 * np.log10(np.maximum(pressure[order], 1e-10)), facing, right
 
 
-def _from_above(azimuth, slant_range, level):
+def _from_above(azimuth, slant_range, level) -> tuple[tuple[float, float, float, float], np.ndarray]:
     """Edges (left, right, bottom, top) [m] and picture of the fan; NaN outside it."""
     rim = np.stack([np.sin(azimuth), np.cos(azimuth)])
     reach = np.concatenate([rim * slant_range[0], rim * slant_range[-1]], axis=1)

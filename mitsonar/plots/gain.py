@@ -6,12 +6,16 @@
 R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, the bed taken as level, where the
 altitude is known. The pattern of the beam is not divided out.
 """
-import numpy as np
+from typing import Literal
 
+import numpy as np
+import xarray as xr
+
+Tvg = Literal["seabed", "target"] | None      # which gain a picture has
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
 
 
-def display_gain(dataset, tvg):
+def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
     """Give the gain to add to the levels of a picture, and its formula in words.
 
     Parameters
@@ -47,7 +51,7 @@ def display_gain(dataset, tvg):
     return gain - 20 * np.log10(sine), " + 30 log R + 2αR − 20 log sin θ"
 
 
-def display_window(values):
+def display_window(values: np.ndarray) -> tuple[float, float]:
     """Give the levels of black and white of a picture.
 
     Parameters

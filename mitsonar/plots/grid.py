@@ -5,9 +5,11 @@ of the sonar, the newest ping on top, so that port is left and starboard right o
 element that covers several bins shows their mean, each weighted with the share of the element it covers; one that is
 smaller than a bin shows the bin.
 """
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from scipy.sparse import csr_array
 
 WIDEST, LOWEST = 1400, 420  # picture elements
@@ -26,16 +28,16 @@ class Grid:
     height: int
 
     @property
-    def stretch(self):
+    def stretch(self) -> float:
         """Along-track scale over across-track scale; 1 where an element is square on the ground."""
         return (self.height / (self.along[-1] - self.along[0])) / (self.width / (self.across[-1] - self.across[0]))
 
-    def edges(self):
+    def edges(self) -> tuple[np.ndarray, np.ndarray]:
         """Give the edges of the picture's rows and columns, in the units of ``along`` and ``across``."""
         return (np.linspace(self.along[0], self.along[-1], self.height + 1),
                 np.linspace(self.across[0], self.across[-1], self.width + 1))
 
-    def mean(self, dataset, values):
+    def mean(self, dataset: xr.Dataset, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
         """Average over the picture elements, leaving out NaN.
 
         Parameters
@@ -62,7 +64,7 @@ class Grid:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(weight > 1e-9 * weight.max(initial=0), total / weight, np.nan)
 
-    def largest(self, dataset, values):
+    def largest(self, dataset: xr.Dataset, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
         """Give the largest of the values that meet in each picture element, (height, width); arguments as `mean`."""
         first_row, first_column = (
             np.clip(np.searchsorted(source, target[:-1], side="right") - 1, 0, source.size - 2)
@@ -72,14 +74,14 @@ class Grid:
         return np.maximum.reduceat(np.concatenate(rows), first_row, axis=0)
 
 
-def stretches(dataset):
+def stretches(dataset: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
     """Cut a dataset along the track into pieces of bounded memory: pairs of first ping and piece, sides in order."""
     pings = max(1, LARGEST // (2 * dataset.sizes["range"]))
     for first in range(0, dataset.sizes["ping"], pings):
         yield first, dataset.isel(ping=slice(first, first + pings)).transpose("ping", "side", "range", ...)
 
 
-def make_grid(dataset):
+def make_grid(dataset: xr.Dataset) -> Grid:
     """Lay out the picture of a sidescan dataset.
 
     Raises

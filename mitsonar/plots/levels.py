@@ -5,10 +5,12 @@ first return is therefore raised by a gain of its own, in steps of 5 dB, where a
 be dark. Records that do not say where the bed is seen, or what is noise, are shown without.
 """
 import numpy as np
+import xarray as xr
 from scipy import ndimage
 
 from ..units import db_from_power, power_from_db
-from .gain import display_gain, display_window
+from .gain import Tvg, display_gain, display_window
+from .grid import Grid
 
 __all__ = ["NOTHING_DB", "shown_levels"]
 
@@ -19,7 +21,7 @@ WHOLLY = 0.999  # of an element: one that the bed has a part in is the bed's
 DARK, BRIGHT = 0.5, 0.8  # shares of the way from black to white: raised from below the first to the second
 
 
-def shown_levels(dataset, grid, tvg):
+def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray, tuple[float, float], str, float]:
     """Give a sidescan's levels with their gain for display.
 
     Parameters
@@ -52,7 +54,8 @@ def shown_levels(dataset, grid, tvg):
         shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
         if "seabed_depth" in dataset:
             # one beside the bed's holds the skirts of its first return
-            column = ndimage.binary_erosion(grid.mean(dataset, _in_the_water) > WHOLLY, np.ones((1, 3)))
+            water = grid.mean(dataset, _in_the_water) > WHOLLY
+            column = np.asarray(ndimage.binary_erosion(water, np.ones((1, 3))), bool)
     bed = shown & ~column
     limits = display_window(image[bed if bed.any() else shown if shown.any() else ...])
     column_db = _column_gain(dataset, grid, image, column, limits) if column.any() and bed.any() else 0.0

@@ -1,19 +1,21 @@
 """What stands above a picture."""
 import numpy as np
+import xarray as xr
 
 from ..units import khz_from_hertz
+from .grid import Grid
 
 __all__ = ["subtitle", "title"]
 
 
-def title(dataset):
+def title(dataset: xr.Dataset) -> str:
     """Name the sonar and its frequency."""
     frequency = dataset.attrs.get("frequency")
     words = f" {khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
     return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
 
 
-def subtitle(dataset, grid, column_db=0.0):
+def subtitle(dataset: xr.Dataset, grid: Grid, column_db: float = 0.0) -> str:
     """Say how many pings and how far, how long the bins are, the altitude, and the gain [dB] of the water column."""
     pings = dataset.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,

@@ -1,11 +1,11 @@
 """Views of what is known of objects: outlines on the waterfall, classes, shares, what they hide, layover."""
 from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.patches import Patch
-from scipy import ndimage
 
 from ..imaging.objects import object_bins
 from . import canvas
@@ -21,7 +21,7 @@ BRIGHT = ("#ff9f1c", "#4cd137", "#ff5252", "#b98cff", "#ffe14d", "#ff7ad9", "#1e
 LEGEND = 24  # classes named at most
 
 
-def class_colours(classes):
+def class_colours(classes: Iterable[str]) -> dict[str, tuple[float, float, float]]:
     """Give every class a colour of its own.
 
     Parameters
@@ -50,8 +50,7 @@ def _objects(dataset, grid, *, tvg):
             if bins.any():
                 marked = dataset[["level"]].assign(marked=(dims, bins.astype(np.uint8)))
                 mask = grid.largest(marked, lambda part: part["marked"].values) > 0
-                # around it, so that the object itself stays to be seen
-                picture[ndimage.binary_dilation(mask, iterations=2) & ~mask] = colour
+                picture[canvas.outline(mask)] = colour
     keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})")
             for name, count in sorted(counts.items()) if count]
     return canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid, column_db),
@@ -68,7 +67,7 @@ def _class(dataset, grid):
     rank[order] = np.arange(len(order))
     image = grid.largest(dataset, lambda part: rank[part["class"].values])
     own = class_colours(names.values())
-    colours = ["#000000" if number == 0 else own.get(names.get(number), to_rgb("#ffffff")) for number in order]
+    colours = ["#000000" if number == 0 else own.get(names.get(number, ""), to_rgb("#ffffff")) for number in order]
     keys = [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=names.get(number, "none"))
             for number, colour in zip(order[:LEGEND], colours, strict=False)]
     return canvas.picture(grid, image, f"{title(dataset)}: classes", subtitle=subtitle(dataset, grid),

@@ -6,16 +6,18 @@ depend on its size.
 from collections import Counter
 
 import numpy as np
+import xarray as xr
 from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from ..io.files import check_writable
+from ..io.files import FilePath, check_writable
 from ..spelling import meant
 from ..units import db_from_power, power_from_db
 from . import canvas
 from .fan_objects import fan_objects
 from .fans import fan_picture
+from .gain import Tvg
 from .grid import make_grid, stretches
 from .levels import NOTHING_DB, shown_levels
 from .titles import subtitle, title
@@ -25,7 +27,7 @@ LEGEND = 24  # labels named at most
 FANS = {"waterfall": fan_picture, "objects": fan_objects}  # the plots of an array's beams
 
 
-def preview(dataset, path, *, tvg="seabed"):
+def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None:
     """Draw the waterfall of a sidescan as sonar software shows it, or the fan of an array's first ping.
 
     Parameters
@@ -47,7 +49,7 @@ def preview(dataset, path, *, tvg="seabed"):
     plot(dataset, "waterfall", path, tvg=tvg)
 
 
-def plot(dataset, what, path, *, tvg="seabed", ping=None):
+def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed", ping: int | None = None) -> None:
     """Draw one of the plots named in `PLOTS`.
 
     Parameters

@@ -3,13 +3,15 @@
 What a scene holds is kept as it was loaded: Dr.Jit's arrays are never written in place while somebody else holds them,
 so keeping them costs no copy, and one that is still the same variable needs no look at its numbers.
 """
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
 __all__ = ["altered", "held"]
 
 
-def held(scene: "mi.Scene") -> dict:
+def held(scene: "mi.Scene") -> dict[str, Any]:
     """Keep every value that ``mi.traverse`` shows, by its name."""
     parameters = mi.traverse(scene)
     values = ((name, _numbers(parameters[name])) for name in parameters.keys())
@@ -17,7 +19,7 @@ def held(scene: "mi.Scene") -> dict:
     return {name: type(value)(value) if dr.is_array_v(value) else value for name, value in values}
 
 
-def altered(scene: "mi.Scene", before: dict) -> list[str]:
+def altered(scene: "mi.Scene", before: dict[str, Any]) -> list[str]:
     """Names of the values that are not as they were.
 
     Parameters

@@ -26,7 +26,7 @@ _RAISED = re.compile(r"^(?P<kind>[A-Za-z_][\w.]*?)(?:: (?P<what>.*))?$", re.DOTA
 _USER_ERRORS = ("ValueError", "RuntimeError")
 
 
-def plain(error):
+def plain(error: BaseException) -> str:
     """Say in one sentence what an exception raised by loading or rendering a scene means.
 
     Parameters
@@ -63,7 +63,7 @@ def plain(error):
     return shortened(f"{place}: {sentence}" if place else sentence)
 
 
-def as_exception(error):
+def as_exception(error: BaseException) -> ValueError | KeyboardInterrupt:
     """Make the exception to raise instead of one that Mitsuba raised: a `ValueError`, or the Ctrl-C that it wraps."""
     sentence, cause = plain(error), error
     while cause is not None and not isinstance(cause, KeyboardInterrupt):

@@ -7,6 +7,8 @@ before any object is made.
 """
 import os
 import re
+from collections.abc import Mapping
+from typing import Any
 from xml.etree import ElementTree
 
 import mitsuba as mi
@@ -23,7 +25,7 @@ MOST_WAYS = 100_000
 TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
 
 
-def check(path, values):
+def check(path: str, values: Mapping[str, str]) -> None:
     """Check every file that a scene names.
 
     Parameters
@@ -46,14 +48,15 @@ def check(path, values):
     Files that are not there are left to who opens them.
     """
     scenes.check(path, values)
-    former = mi.file_resolver()
-    resolver = mi.FileResolver(former)
+    mitsuba: Any = mi                              # whose declarations know no resolver of files
+    former = mitsuba.file_resolver()
+    resolver = mitsuba.FileResolver(former)
     resolver.prepend(os.path.dirname(path))
-    mi.set_file_resolver(resolver)
+    mitsuba.set_file_resolver(resolver)
     try:
         state = _parsed(path, values)
     finally:
-        mi.set_file_resolver(former)
+        mitsuba.set_file_resolver(former)
     _check_ways(state, path)
     for index, node in enumerate(state.nodes):
         kind = node.props.plugin_name()
@@ -69,7 +72,7 @@ def check(path, values):
 
 
 def _parsed(path, values):
-    config = mi.parser.ParserConfig(mi.variant())
+    config = mi.parser.ParserConfig(mi.variant() or "")
     if not set(TAKEN) & set(values):
         return mi.parser.parse_file(config, path, **values)
     around = ElementTree.Element("scene", version="3.0.0")
@@ -106,7 +109,8 @@ def _check_node(node, resolver):
 def _check_ways(state, path):
     """Refuse objects that hold others in too many ways: Mitsuba takes memory for each way down, and asks each."""
     places = {node.props.id(): index for index, node in enumerate(state.nodes) if node.props.id()}
-    ways, waiting = {}, [(0, None)]
+    ways: dict[int, int] = {}
+    waiting: list[tuple[int, list[int] | None]] = [(0, None)]
     while waiting:
         index, held = waiting.pop()
         if index in ways:
@@ -141,4 +145,4 @@ def _name(state, index):
 
 def _place(state, node):
     found = re.fullmatch(r"(.*) \(line (\d+), col \d+\)(?: \[.*\])?", mi.parser.file_location(state, node), re.DOTALL)
-    return f"{found[1]}, line {found[2]}"
+    return f"{found[1]}, line {found[2]}" if found else "the scene"

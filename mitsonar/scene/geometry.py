@@ -1,4 +1,6 @@
 """A Mitsuba scene's facets and what they are called, gathered once for the tracer."""
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -38,7 +40,7 @@ class Geometry:
         Registry index and shape of what is not made of facets.
     """
 
-    def __init__(self, scene):
+    def __init__(self, scene: mi.Scene):
         shapes = scene.shapes()
         if not shapes:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
@@ -47,7 +49,9 @@ class Geometry:
         self.scene = scene
         self.named = ShapeLabels(shapes)
         self.labels = self.named.names
-        registry = dr.reinterpret_array(mi.UInt32, scene.shapes_dr()).numpy()
+        pointers: Any = scene.shapes_dr()
+        numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
+        registry = numbers.numpy()
         # Mitsuba's own materials may read textures; those of sonar say whether they do
         self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
         # label, first face, is a mesh, has texture coordinates
@@ -56,7 +60,7 @@ class Geometry:
         self.meshes, self.others = [], []
         for index, shape in zip(registry, shapes):
             rows[index, 0] = self.named.of(shape)
-            parameters = mi.traverse(shape)
+            parameters: Any = mi.traverse(shape)
             if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
                 self.others.append((int(index), shape))
                 continue
@@ -97,13 +101,13 @@ class Geometry:
         self.local_origin = np.asarray(known[0].local_origin, float) if known else None
         self.crs = getattr(known[0], "crs", None) if known else None
 
-    def mesh(self, first, count):
+    def mesh(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (V, 3) [m] and corners of faces (count, 3) of a mesh with these rows in `faces`."""
         faces = self.faces.numpy().reshape(-1, 4)[first:first + count, :3]
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
-    def targets(self):
+    def targets(self) -> list[tuple[np.ndarray, float, int]]:
         """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
         return [(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]

@@ -6,8 +6,14 @@ attribute ``seabed``, or is of a class such as "seabed", is seabed; ``sea_surfac
 objects.
 """
 import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
 
 __all__ = ["ShapeLabels"]
 
@@ -38,7 +44,7 @@ class ShapeLabels:
         Numbers of all else.
     """
 
-    def __init__(self, shapes):
+    def __init__(self, shapes: "Sequence[mi.Shape]"):
         names = sorted({name for shape in shapes for name in _names(shape)})
         self.names = dict(enumerate(names, 1))
         self._number = {name: number for number, name in self.names.items()}
@@ -54,32 +60,32 @@ class ShapeLabels:
         return len(self.names)
 
     @property
-    def hides(self):
+    def hides(self) -> bool:
         """Whether there are objects that may hide a seabed."""
         return bool(self.objects) and bool(self.seabed)
 
-    def of(self, shape):
+    def of(self, shape: "mi.Shape") -> int:
         """Number of a shape, of its first part where it has parts."""
         return self._number[_names(shape)[0]]
 
-    def of_faces(self, shape, faces):
+    def of_faces(self, shape: "mi.Shape", faces: int) -> np.ndarray:
         """Numbers of a mesh's `faces` faces, uint32 (faces,)."""
         numbers = np.array([self._number[name] for name in _names(shape)], np.uint32)
         return numbers[part_of_face(shape)] if hasattr(shape, "part_names") else np.full(faces, numbers[0])
 
-    def label_kinds(self):
+    def label_kinds(self) -> np.ndarray:
         """Kind of every number from 0, uint32: 1 seabed, 2 object, 0 neither."""
         kinds = np.zeros(len(self.names) + 1, np.uint32)
         kinds[list(self.seabed)], kinds[list(self.objects)] = 1, 2
         return kinds
 
 
-def class_name(name):
+def class_name(name: str) -> str:
     """Class of an instance."""
     return name.partition(".")[0] or name
 
 
-def classes_of(names):
+def classes_of(names: Mapping[int, str]) -> tuple[dict[int, str], dict[int, int]]:
     """Number the classes of instances.
 
     Parameters
@@ -98,12 +104,12 @@ def classes_of(names):
     return classes, {number: number_of[class_name(name)] for number, name in names.items()}
 
 
-def part_of_face(shape):
+def part_of_face(shape: "mi.Shape") -> np.ndarray:
     """Part that each face of a mesh with several belongs to, (F,)."""
-    return np.asarray(shape.part_of_face).astype(np.int64).ravel()
+    return np.asarray(getattr(shape, "part_of_face")).astype(np.int64).ravel()
 
 
-def fingerprint(meshes):
+def fingerprint(meshes: Iterable[tuple[np.ndarray, np.ndarray]]) -> str:
     """Hash of the geometry of meshes given as (vertices, faces), in any order: 16 hexadecimal digits."""
     digests = sorted(hashlib.sha256(np.ascontiguousarray(vertices, np.float32).tobytes()
                                     + np.ascontiguousarray(faces, np.uint32).tobytes()).hexdigest()

@@ -2,12 +2,13 @@
 import functools
 import os
 import threading
+from collections.abc import Mapping
 from xml.etree import ElementTree
 
 import mitsuba as mi
 
 from ..io.errors import shortened
-from ..io.files import check_readable
+from ..io.files import FilePath, check_readable
 from ..io.scenes import filled, find, root, text
 from ..spelling import meant
 from . import files as scene_files
@@ -20,7 +21,7 @@ TAKEN = ("path", "parallel", "optimize")       # arguments of Mitsuba's own load
 _LOADING = threading.RLock()       # the folder in which files are looked for is Mitsuba's, one for all threads
 
 
-def prepare():
+def prepare() -> None:
     """Set a JIT variant if none is set: LLVM on all cores, or CUDA where there is a GPU but no libLLVM.
 
     Raises
@@ -35,7 +36,7 @@ def prepare():
 
     with plugins.LOCK:                         # of several threads, the first prepares and the others wait
         plugins.install()                      # Mitsuba can be seen before its first import has come to that
-        if mi.variant() is None or mi.variant().startswith("scalar"):
+        if (mi.variant() or "scalar").startswith("scalar"):
             llvm.check()
             mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
         plugins.register(mi.variant())         # another thread may have set the variant just now
@@ -43,7 +44,7 @@ def prepare():
             dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves for ever
 
 
-def load_file(path, /, **parameters):
+def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     """Load a scene file.
 
     Parameters
@@ -102,7 +103,7 @@ def load_file(path, /, **parameters):
     return scene
 
 
-def resolved(path, parameters):
+def resolved(path: FilePath, parameters: Mapping[str, str]) -> str:
     """Text of a scene file with its parameters filled in, so that it renders the same beside the original.
 
     Parameters
@@ -126,7 +127,8 @@ def resolved(path, parameters):
         for key, template in element.attrib.items():
             element.set(key, filled(template, values))
         if element.tag == "default":
-            values.setdefault(element.get("name"), element.get("value"))     # the first one, or who loads it, wins
+            # the first one, or who loads it, wins
+            values.setdefault(element.get("name", ""), element.get("value", ""))
     for element in elements:
         for default in element.findall("default"):
             element.remove(default)
@@ -148,7 +150,7 @@ def _naming_parameters(error, path):
     """The same error; where it is about an unknown parameter, with the names of the known ones."""
     if "the scene has no parameter" not in str(error):
         return error
-    names = sorted({element.get("name") for element in root(path).iter("default")})
+    names = sorted({element.get("name", "") for element in root(path).iter("default")})
     hint = meant(str(error).partition("the scene has no parameter ")[2].partition(";")[0], names)
     return ValueError(shortened(f"{path}: {str(error).replace(';', f'{hint};', 1)} Known: "
                                 f"{', '.join(names) or 'none'}."))

@@ -1,5 +1,6 @@
 """What an image says about the things in its scene: the boxes of objects, and which seabed they lie on."""
 import warnings
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -32,7 +33,7 @@ def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, in
     return image.assign_attrs(unseen=unseen(image))
 
 
-def described(geometry):
+def described(geometry: Geometry) -> dict[str, Any]:
     """Describe a scene's objects and its seabed.
 
     Parameters
@@ -73,7 +74,7 @@ def described(geometry):
     return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
 
 
-def unseen(image):
+def unseen(image: xr.Dataset) -> list[str]:
     """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning.
 
     Parameters
@@ -98,7 +99,7 @@ def unseen(image):
 
 def _whole(shape):
     """Numbers that tell a shape without facets from others, and those of its kind's name."""
-    known = mi.traverse(shape)
+    known: Any = mi.traverse(shape)
     matrix = known["to_world"].matrix if "to_world" in known else ()
     # entry by entry: of the whole a kernel would be compiled, another for every matrix
     numbers = [float(entry[0]) for row in matrix for entry in row]

@@ -8,12 +8,16 @@ x, y, z in the shape's own frame, where radii and lengths are 1. A quad (i, j) o
 up to a sagitta below it: l²/8R of a facet l long on a radius R.
 """
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+
+if TYPE_CHECKING:
+    from ..device.types import Array3f64
 
 __all__ = ["FINEST_SAGITTA", "Grid", "Grids", "grid_of"]
 
@@ -46,11 +50,11 @@ class Grid:
     texcoords: np.ndarray
     faces: np.ndarray
     kind: int
-    size: tuple
+    size: tuple[int, int]
     to_object: np.ndarray
 
 
-def grid_of(shape, sagitta=FINEST_SAGITTA):
+def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> Grid:
     """Cut a shape into facets.
 
     Parameters
@@ -72,7 +76,8 @@ def grid_of(shape, sagitta=FINEST_SAGITTA):
     if kind is None:
         raise ValueError(f"the shape \"{shape.id()}\" is of the kind {shape.class_name().lower()}, which has no facets "
                          "to carry fixed scatterers; put a mesh (ply, obj) in its place")
-    to_world = np.array(mi.traverse(shape)["to_world"].matrix, float).reshape(4, 4)
+    parameters: Any = mi.traverse(shape)
+    to_world = np.array(parameters["to_world"].matrix, float).reshape(4, 4)
     axes = np.linalg.norm(to_world[:3, :3], axis=0)
     radius = axes[:2].max()
     # over the diagonal of a sphere's quad the sagittas of both sides add up
@@ -123,7 +128,7 @@ class Grids:
         Registry indices there are, at least.
     """
 
-    def __init__(self, rows, size):
+    def __init__(self, rows: list[tuple[int, Grid, int]], size: int):
         self.lib = arrays_of(mi.Float)
         size = max([size, *(index + 1 for index, *_ in rows)])
         table, to_object = np.zeros((size, 4), np.uint32), np.zeros((size, 3, 4))
@@ -133,7 +138,7 @@ class Grids:
         self._table, self._to_object = upload(mi.UInt32, table), upload(mi.Float64, to_object)
         dr.eval(self._table, self._to_object)
 
-    def first_of(self, registry, point, active):
+    def first_of(self, registry: mi.UInt32, point: "Array3f64", active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """First facet of the quad that points (R,), Array3f64, lie in, and whether their shape has a grid."""
         lib = self.lib
         row = dr.gather(lib.Array4u, self._table, registry, active)
