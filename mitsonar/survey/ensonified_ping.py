@@ -9,15 +9,31 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..device.chance import ping_key
+from ..echoes.element_beams import ElementBeams
 from ..echoes.ensonification import Ensonification
 from ..echoes.record import Echoes
+from ..echoes.scatterers import Scatterers
 from .array_survey import ArraySurvey
 from .elements.ping_source import PingSource
 
-__all__ = ["EnsonifiedPing", "KEPT_ECHOES"]
+__all__ = ["EnsonifiedPing", "KEPT_ECHOES", "ensonification_of"]
 
+BAND = 0.75                        # c / 2B of two thirds of the sampling rate
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are made again
 BY_CHANCE = -1                     # number of the source of what is drawn by chance
+
+
+def ensonification_of(survey: ArraySurvey) -> Ensonification:
+    """Make what ensonifies the scatterers of a survey's scene."""
+    end = survey.time[-1]
+    moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
+                     for rate in (survey.velocity, survey.voyage.turn_rate))
+    return Ensonification(
+        Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption, frequency=survey.frequency,
+        window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
+        lighting=survey.ensonification, rays=survey.rays,
+        beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
+        volume=survey.volume, resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
 
 
 class EnsonifiedPing:
@@ -70,7 +86,8 @@ class EnsonifiedPing:
         if kept is not None:
             self._kept[number] = kept
 
-    def _made(self, number, source, progress):
+    def _made(self, number: int, source: PingSource, progress: Callable[[float], None] | None) -> Iterator[Echoes]:
+        """Make the echoes from a source."""
         key = ping_key(self.seed, self.ping, max(number, 0))
         below = float(self.survey.depth_below[self.ping])
         if number == BY_CHANCE:

@@ -19,9 +19,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..echoes.element_beams import ElementBeams
 from ..echoes.ensonification import Ensonification
-from ..echoes.scatterers import Scatterers
 from ..signal.accumulation import ImpulseResponses
 from ..sonar.pulses import Pulse
 from .array_survey import ArraySurvey
@@ -32,12 +30,11 @@ from .elements.eigenrays import EigenrayDelays
 from .elements.guarded import GuardedDelays
 from .elements.ping_source import PingSource
 from .elements.vectors import GUARD, VectorDelays
-from .ensonified_ping import EnsonifiedPing
+from .ensonified_ping import EnsonifiedPing, ensonification_of
 
 __all__ = ["PressureRecord"]
 
 SUMS_BYTES = 1 << 30               # of the sums of one ping
-BAND = 0.75                        # c / 2B of two thirds of the sampling rate
 
 Progress = Callable[[float], None]
 
@@ -73,17 +70,7 @@ class PressureRecord:
     @cached_property
     def ensonification(self) -> Ensonification:
         """What makes the echoes of the survey's scatterers; made when it is first asked for."""
-        survey, end = self.survey, self.survey.time[-1]
-        reach = survey.radius + survey.receive.radius
-        moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
-                         for rate in (survey.velocity, survey.voyage.turn_rate))
-        return Ensonification(
-            Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption,
-            frequency=survey.frequency, window=(survey.start, end), margin=reach + moved,
-            lighting=survey.ensonification, rays=survey.rays,
-            beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned),
-            max_depth=survey.max_depth, volume=survey.volume,
-            resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
+        return ensonification_of(self.survey)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
         """Make the responses of all pairs of elements to one ping.
@@ -137,7 +124,7 @@ class PressureRecord:
         begin, pulse = piece or (0.0, self.survey.pulse)
         whole = len(doppler) == 1 and pulse is self.survey.pulse
         classes = OneClass(doppler[0]) if whole else DopplerClasses(doppler, begin, pulse)
-        senders, left, done = np.flatnonzero(weight), list(range(len(doppler))), 0.0
+        senders, left, done = np.flatnonzero(weight).tolist(), list(range(len(doppler))), 0.0
         while left:
             # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
             first = self.sums()
