@@ -3,8 +3,8 @@
 The stages of one ping, in order:
 
     ensonify         echoes of scatterers that are connected to a source, with amplitudes    `ensonified_ping`
-    transmit         delay and pattern of one transmit element after the other               `vectors`
-    return, sum      every echo at all receive elements, where they are then                 `vectors`
+    transmit         delay and pattern of one transmit element after the other               `elements.vectors`
+    return, sum      every echo at all receive elements, where they are then                 `elements.vectors`
 
 A source is a point that rays are traced from; `RaySources` says which there are, and which share of each transmit
 element they stand for. Elements' patterns are taken at the frequency of the carrier.
@@ -20,6 +20,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..echoes.ensonification import Ensonification
+from ..echoes.record import Echoes
 from ..signal.accumulation import ImpulseResponses
 from ..sonar.pulses import Pulse
 from .array_survey import ArraySurvey
@@ -69,7 +70,7 @@ class PressureRecord:
 
     @cached_property
     def ensonification(self) -> Ensonification:
-        """What makes the echoes of the survey's scatterers; made when it is first asked for."""
+        """Makes the echoes of the survey's scatterers."""
         return ensonification_of(self.survey)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
@@ -89,12 +90,14 @@ class PressureRecord:
         out = np.empty((elements, survey.receive.elements, survey.samples), np.complex64)
         sums = self.sums()
         for element in range(elements):
+            def within(share: float, before: int = element) -> None:
+                if progress is not None:
+                    progress(before + share, elements)
+
             sums.clear()
-            within = None if progress is None else _scaled(lambda share: progress(share, elements), element, 1.0)
             self._add({0: sums}, OneClass(), ping, element, progress=within)
             out[element] = sums.read()
-            if progress is not None:
-                progress(element + 1, elements)
+            within(1.0)
         return out
 
     def transmissions(self, ping: int, doppler: np.ndarray, *, piece: tuple[float, Pulse] | None = None,
@@ -135,7 +138,7 @@ class PressureRecord:
             for element in senders:
                 occurring |= self._add(sums, classes, ping, element, weight=weight[element],
                                        delay=float(transmit.delay[element]),
-                                       progress=None if progress is None else _scaled(progress, done, part))
+                                       progress=_of_a_part(progress, done, part))
                 done += part
             for number in now:
                 if number in occurring:
@@ -153,23 +156,25 @@ class PressureRecord:
 
         Gives the numbers of the classes that have echoes.
         """
-        survey, occurring = self.survey, set()
-        ensonified, sender = self.ensonified(ping), survey.transmit.position[element]
+        sender, occurring = self.survey.transmit.position[element], set()
+        ensonified = self.ensonified(ping)
         shares = ensonified.shares(element)
+        with_cells = len(shares) - 1       # the last source, of what is drawn by chance, knows no cells
         for done, (number, share) in enumerate(shares):
-            # The last source, of what is drawn by chance, does not count: it knows no cells.
-            within = None if progress is None else _scaled(progress, done / (len(shares) - 1), 1 / (len(shares) - 1))
             source = ensonified.source(number)
             delays = self.delays(source)
-            for echoes in ensonified.echoes(number, source, within):
-                if self.paths is not None and echoes.path not in self.paths:
-                    continue
-                for rows, middle in classes.receiver_groups(source, echoes, survey.receive.position):
+            blocks = ensonified.echoes(number, source, _of_a_part(progress, done / with_cells, 1 / with_cells))
+            for echoes in filter(self._counts, blocks):
+                for rows, middle in classes.receiver_groups(source, echoes, self.survey.receive.position):
                     for one, some, late in classes.sort(source, echoes, sums, sender=sender, receiver=middle,
                                                         delay=delay):
                         occurring.add(one)
                         delays.add(sums[one], some, element, weight=float(weight * share), late=late, rows=rows)
         return occurring
+
+    def _counts(self, echoes: Echoes) -> bool:
+        """Whether echoes came by one of the paths asked for."""
+        return self.paths is None or echoes.path in self.paths
 
     def ensonified(self, ping: int) -> EnsonifiedPing:
         """Give a ping's sources and echoes; those of the last one are kept."""
@@ -181,7 +186,7 @@ class PressureRecord:
         """Make what carries echoes from a source to the elements."""
         survey = self.survey
         guarded = GuardedDelays(source=source, transmit=survey.transmit, receive=survey.receive,
-                                   wavelength=survey.wavelength, sampling=survey.sampling, counts=self.counts)
+                                wavelength=survey.wavelength, sampling=survey.sampling, counts=self.counts)
         if self.return_path == "vector":
             return guarded
         if self.return_path == "eigenray":
@@ -189,6 +194,6 @@ class PressureRecord:
         return replace(guarded.changed_to(VectorDelays), method=self.return_path)
 
 
-def _scaled(progress: Progress, before: float, part: float) -> Progress:
-    """Make what calls `progress` with the whole's share from a part's, where `before` was done already."""
-    return lambda share: progress(before + part * share)
+def _of_a_part(progress: Progress | None, before: float, part: float) -> Progress | None:
+    """Make the progress of a part out of that of the whole, of which a share `before` is done already."""
+    return None if progress is None else lambda share: progress(before + part * share)

@@ -1,4 +1,4 @@
-"""Echoes from one source of rays at the elements of an array: what every way to find their delays starts from."""
+"""Delays of echoes between one source of rays and the elements of an array: what all ways to find them share."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -23,14 +23,14 @@ Kind = TypeVar("Kind", bound="ElementDelays")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ElementDelays(ABC):
-    """The echoes from one source of rays at the elements of an array.
+    """A way to find delays, and to sum echoes with them. Subclasses say which: `vectors`, `eigenrays`, `guarded`.
 
     Attributes
     ----------
     source : PingSource
     transmit, receive : Array
     wavelength : float [m]
-        At which elements' patterns are taken.
+        Of the carrier, for which elements' patterns are taken.
     sampling : Sampling
         Of the record.
     counts : ArrivalCounts
@@ -52,12 +52,12 @@ class ElementDelays(ABC):
         Parameters
         ----------
         responses : ImpulseResponses
-            To which they are added.
+            They are added here.
         echoes : Echoes
         element : int
-            That transmits.
+            The transmit element.
         weight : float [-]
-            Of its pressure.
+            Of what it transmits.
         late : Float64 (R,) or (1,) [s]
             By how much echoes are heard later, in their phase as in their place.
         rows : slice

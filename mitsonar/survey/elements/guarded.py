@@ -37,7 +37,7 @@ class GuardedDelays(ElementDelays):
                 exact, rest = dr.compress(doubtful), dr.compress(~doubtful)
                 self.counts.judge(dr.width(doubtful), dr.width(exact))
                 self.changed_to(EigenrayDelays).add(responses, echoes.chosen(exact), element, weight=weight,
-                                                       late=dr.gather(mi.Float64, late, exact), rows=rows)
+                                                   late=dr.gather(mi.Float64, late, exact), rows=rows)
                 if not dr.width(rest):
                     return
                 echoes, late = echoes.chosen(rest), dr.gather(mi.Float64, late, rest)
