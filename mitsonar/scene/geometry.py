@@ -1,4 +1,6 @@
 """A Mitsuba scene's facets and what they are called, gathered once for the tracer."""
+from __future__ import annotations
+
 from typing import Any
 
 import drjit as dr

@@ -1,4 +1,6 @@
 """Load a scene file as mitsonar means it: variant set, ids kept, parameters filled in."""
+from __future__ import annotations
+
 import functools
 import os
 import threading

@@ -7,6 +7,8 @@ x, y, z in the shape's own frame, where radii and lengths are 1. A quad (i, j) o
 (a, c, d), a at (i, j), b at (i + 1, j), c at (i + 1, j + 1), d at (i, j + 1). Corners lie on the true surface, facets
 up to a sagitta below it: l²/8R of a facet l long on a radius R.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 

@@ -1,8 +1,8 @@
 """The energy record of both kinds of rows: the sides of a sidescan, and the beams of an array.
 
-What holds of any rows goes through the same tests. Levels of sides are tested in `sonars/test_sidescan_levels`. Those of
-beams are tested here, against the sonar equation of a level Lambert bed in water of one sound speed. A fan of beams ahead
-of a baffle, from -Ψ to Ψ about its athwart axis, receives of the bed at slant range R
+What holds of any rows goes through the same tests. Levels of sides are tested in `sonars/test_sidescan_levels`. Those
+of beams are tested here, against the sonar equation of a level Lambert bed in water of one sound speed. A fan of
+beams ahead of a baffle, from -Ψ to Ψ about its athwart axis, receives of the bed at slant range R
 
     p² = 10^(SL/10) μ (H/R)² Δφ R ΔR / R⁴ 10^(-2 α R / 10),    Δφ = 2 arcsin(min(1, R sin Ψ / √(R² - H²)))
 """
