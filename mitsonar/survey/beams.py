@@ -7,6 +7,7 @@ the array is and looks when that echo is back (`underway`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import final
 
 import drjit as dr
 import mitsuba as mi
@@ -33,6 +34,7 @@ BEAM = 1e-4                        # [sr] that the unit of energy is reckoned by
 SLACK = 0.8, 1.25                  # of the record's ends: bent rays do not come back when straight ones would
 
 
+@final
 class Beams:
     """A fan of beams of an array; see `rows.Rows`.
 

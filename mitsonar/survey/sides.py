@@ -7,6 +7,7 @@ alone makes the record, sends more rays there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import final
 
 import drjit as dr
 import mitsuba as mi
@@ -36,6 +37,7 @@ TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where e
 MOST_SUMS = 1 << 32                # what an index reaches
 
 
+@final
 class Sides:
     """Both sides of a sidescan; see `rows.Rows`.
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mitsonar
+import mitsonar.scene.loading
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert
 from mitsonar.survey.pressure import PressureRecord
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
+import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.io import exr
 from mitsonar.dataset.labels import Labels, write

@@ -7,6 +7,7 @@ from track_files import write_track
 
 import mitsuba as mi
 import mitsonar
+import mitsonar.scene.loading
 from mitsonar.imaging.sidescan import pulse_shares
 from mitsonar.io import exr
 from mitsonar.validation.scenes import bed, lambert, sidescan

@@ -19,6 +19,7 @@ from track_files import write_track
 from mitsonar.propagation import eigenray, return_time
 from mitsonar.survey.energy import record
 from mitsonar.survey.sides import Sides
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import bed, buried_bed, sidescan
 
@@ -143,7 +144,7 @@ def test_levels_of_a_bed_are_those_of_the_beams_at_transmission_and_reception(na
     way = WAYS[name]
     scene = scene_of(way, tmp_path, {"seabed": bed(40.0)}, film={"bins": 50}, rays=400_000)
     dataset, _, _ = render(scene)
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     edges = np.arange(51) * 4.0 / C
     found = 10 ** (dataset["mean_level"].values.astype(float) / 10)
     for ping, side in ((0, 0), (1, 1), (3, 1)):

@@ -13,7 +13,7 @@ from mean_intensity import render
 import numpy as np
 import pytest
 
-import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
+import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.validation.scenes import bed, lambert, sidescan
 import mitsuba as mi
 

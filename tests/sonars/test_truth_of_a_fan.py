@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from track_files import write_track
 
-import mitsonar.scene  # tells Dr.Jit its libraries before Mitsuba is imported
+import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 import mitsuba as mi
 from mitsonar.imaging.fan import fan_directions
 from mitsonar.survey.beams import Beams
@@ -132,11 +132,9 @@ def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
 
 
 def test_pictures_that_do_not_fit_into_memory_are_refused_before_any_signal(monkeypatch):
-    import mitsonar.plugins.integrators.sonar_path as path
-
     made = array_sonar({"seabed": bed(20, size=200.0)}, sensor={**SONAR, "pings": 1000}, film={"range": 20.0})
-    monkeypatch.setattr(path, "_memory", lambda: 4e9)
-    monkeypatch.setattr(path, "received_signals", lambda *_, **__: pytest.fail("signals were made"))
+    monkeypatch.setattr("mitsonar.survey.limits._memory", lambda: 4e9)
+    monkeypatch.setattr("mitsonar.survey.array.received_signals", lambda *_, **__: pytest.fail("signals were made"))
     with pytest.raises(ValueError, match="1000 pings .* take fewer pings"):
         mitsonar.render(made)
 
