@@ -1,4 +1,4 @@
-"""Where the echoes of a time bin come from: integer sums beside those of `signal.echoes`, of the same rays.
+"""Where the echoes of a time bin come from: integer sums beside those of `energy_sums`, of the same rays.
 
 For every bin the sums hold the mean place of the seabed that the main lobe sees there, weighted by echo energy; what
 the seabed behind objects would send if the objects were not there, by object; and from which sectors rays of the main
