@@ -1,8 +1,8 @@
 """One ping of an array: its sources of rays, and the echoes of the scatterers that each of them ensonifies.
 
-The echoes of scatterers that are there are the same for every transmit element that a source stands for. Echoes that
-are drawn by chance, paths of more bounces and the water, are the same for all transmit elements only if they are drawn
-from one place: the array's centre.
+Scatterers have phases of their own, so their echoes are the same for every transmit element that a source stands for.
+Other echoes are drawn by chance: those of paths of more bounces, and those of the water. They are drawn from one place,
+the array's centre, so that they too are the same for all transmit elements.
 """
 from collections.abc import Callable, Iterator
 
@@ -37,7 +37,7 @@ def ensonification_of(survey: ArraySurvey) -> Ensonification:
 
 
 class EnsonifiedPing:
-    """Make the echoes of a ping, and keep them for the next transmit element while they are not too many.
+    """Make the echoes of a ping. Unless they are too many, they are kept for the next transmit element.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ class EnsonifiedPing:
     def __init__(self, survey: ArraySurvey, ensonification: Ensonification, ping: int, seed: int):
         self.survey, self.ensonification, self.ping, self.seed = survey, ensonification, int(ping), int(seed)
         self._rotation = survey.track.rotation()[ping]
+        self._sources: dict[int, PingSource] = {}
         self._kept: dict[int, list[Echoes]] = {}
 
     def shares(self, element: int) -> list[tuple[int, float]]:
@@ -58,19 +59,20 @@ class EnsonifiedPing:
 
     def source(self, number: int) -> PingSource:
         """Give a source by its number."""
-        position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
-        return PingSource(position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
-                          travel=self.survey.travel(self.ping, position), water=self.ensonification.free_rays.table)
+        if number not in self._sources:
+            position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
+            self._sources[number] = PingSource(
+                position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
+                travel=self.survey.travel(self.ping, position), water=self.ensonification.free_rays.table)
+        return self._sources[number]
 
-    def echoes(self, number: int, source: PingSource,
-               progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
+    def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
         """Yield the echoes from a source in blocks.
 
         Parameters
         ----------
         number : int
-        source : PingSource
-            Of that number.
+            Of the source.
         progress : callable(share) or None
             Called with the share of the cells that are done, block by block.
         """
@@ -79,15 +81,16 @@ class EnsonifiedPing:
             return
         room = KEPT_ECHOES - sum(block.count for blocks in self._kept.values() for block in blocks)
         kept = []
-        for block in self._made(number, source, progress):
+        for block in self._made(number, progress):
             room -= block.count
             kept = kept + [block] if kept is not None and room >= 0 else None
             yield block
         if kept is not None:
             self._kept[number] = kept
 
-    def _made(self, number: int, source: PingSource, progress: Callable[[float], None] | None) -> Iterator[Echoes]:
+    def _made(self, number: int, progress: Callable[[float], None] | None) -> Iterator[Echoes]:
         """Make the echoes from a source."""
+        source = self.source(number)
         key = ping_key(self.seed, self.ping, max(number, 0))
         below = float(self.survey.depth_below[self.ping])
         if number == BY_CHANCE:

@@ -163,7 +163,7 @@ class PressureRecord:
         for done, (number, share) in enumerate(shares):
             source = ensonified.source(number)
             delays = self.delays(source)
-            blocks = ensonified.echoes(number, source, _of_a_part(progress, done / with_cells, 1 / with_cells))
+            blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
             for echoes in filter(self._counts, blocks):
                 for rows, middle in classes.receiver_groups(source, echoes, self.survey.receive.position):
                     for one, some, late in classes.sort(source, echoes, sums, sender=sender, receiver=middle,
