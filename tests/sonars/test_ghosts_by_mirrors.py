@@ -7,12 +7,13 @@ Sonar at the origin, 10 m deep, omnidirectional. A leg by way of the wall is str
     e² = Σ_p Σ_q (sin_p,in / l_0²) (μ_p sin_p,out sin_q,in / l_1²) (μ_q sin_q,out / l_2²) 10^(-α (l_0 + l_1 + l_2)/10)
 
 over points p, q of bed and board. The wall may come first, last, or between, where three bounces without it add to
-what is heard; each is heard once. The gate is 34 to 38 m of half the way; both are Monte-Carlo sums: 0.4 dB is four
-standard errors.
+what is heard; each is heard once. The gate is 34 to 38 m of half the way. The record is a Monte-Carlo sum: 0.4 dB is
+four standard errors.
 """
 from itertools import product
 
 import numpy as np
+from scipy.stats import qmc
 
 from mitsonar.validation.scenes import array_sonar
 
@@ -32,13 +33,14 @@ def leg(start, end, mirrored):
     return length, way / length, sign * way / length
 
 
-def expected(mirrored, n=2_000_000):
-    """Energies in gates, of paths whose legs go by way of the wall or not."""
-    rng, total = np.random.default_rng(3), 0
+def expected(mirrored, points=1 << 17):
+    """Energies in gates, of paths whose legs go by way of the wall or not; evenly spread points leave 0.03 dB."""
+    drawn = qmc.Sobol(2 * (len(mirrored) - 1), seed=3).random(points).T.reshape(-1, 2, points)
+    total = 0
     for faces in product(FACES.values(), repeat=len(mirrored) - 1):
-        energy, length, before, strength, normal = 1 / n, 0, SOURCE, 1.0, None
-        for face, by_wall in zip((*faces, None), mirrored):
-            place = SOURCE if face is None else np.array(face[0](*rng.random((2, n))))
+        energy, length, before, strength, normal = 1 / points, 0, SOURCE, 1.0, None
+        for face, by_wall, uv in zip((*faces, None), mirrored, (*drawn, None)):
+            place = SOURCE if face is None else np.array(face[0](*uv))
             way, begin, end = leg(before, place, by_wall)
             length = length + way
             energy = energy / way ** 2

@@ -47,7 +47,8 @@ def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, wh
 
     The cw envelope is as high as the echo once it is in whole; 1.5 dB are left to the band of the samples.
     """
-    scene = sidescan({"bed": buried_bed(40.0, size=800.0), "ball": point_target(where, -12.0)})
+    scene = sidescan({"bed": buried_bed(40.0, size=800.0), "ball": point_target(where, -12.0)},
+                     integrator={"cell": 4.0})
     sonar = scene.sensors()[0].sonar(20.0)
     signals = mitsonar.element_signals(scene)
     assert dict(signals.sizes) | {"sample": 0} == {"ping": 1, "tx": 1, "rx": 2, "sample": 0}
