@@ -13,6 +13,7 @@ Numbers: TypeAlias = Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from types import ModuleType
 
     import numpy as np
     from drjit import ArrayBase
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
         def __call__(self, kind: Any, values: np.ndarray, /) -> Any: ...
 
-    class ArrayTypes(Protocol):
+    class ArrayTypes(ModuleType):
         """The array types of one backend, such as the module `drjit.llvm.ad`."""
 
         Bool: type[ad.Bool]

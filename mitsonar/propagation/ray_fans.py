@@ -13,6 +13,9 @@ the arcs; every vertex carries (r, z) and d(r, z)/dθ0, so that a launch angle b
 their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neighbouring rays part company.
 """
 
+from collections.abc import Callable
+from typing import Any, cast
+
 import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +32,10 @@ __all__ = ["FEWEST_VERTICES", "Fans", "build_fans"]
 HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
 LOOKUP_PER_ROW = 2
 FEWEST_VERTICES = 16               # room for those of a row, to begin with
+# as Dr.Jit's, with types that a checker need not work out of a loop's
+_select: Callable[[Bool, Any, Any], Float64] = cast(Any, dr.select)
+_select_number: Callable[[Bool, UInt32, UInt32], UInt32] = cast(Any, dr.select)
+_fma: Callable[[Any, Any, Any], Float64] = cast(Any, dr.fma)
 NARROWEST = 2e-7                   # [rad] rows below this are not told apart in float32
 
 
@@ -221,7 +228,7 @@ def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float
     s, cosine = dr.sincos(angle)
     k = first_layer(table, depth, s)
     z_k, c_k, g_k, _ = table.shape(U(k))
-    c0 = dr.fma(g_k, depth - z_k, c_k)
+    c0 = _fma(g_k, depth - z_k, c_k)
     p = cosine / c0
     launch = s / c0
     row = dr.arange(U, dr.width(angle))
@@ -247,21 +254,21 @@ def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float
         v2 = wavefront_step(v, s, s2, descent, c1, c2, g, p, launch)
         # a ray leaves the region on a straight piece: cut it there, long chords cost precision
         cut = dr.minimum((max_range - r) / dr.maximum(advance, 1e-9),
-                         dr.minimum((slab_bottom - z) / dr.select(z2 > slab_bottom, z2 - z, 1e-9),
-                                    (z - surface) / dr.select(z2 < surface, z - z2, 1e-9)))
+                         dr.minimum((slab_bottom - z) / _select(z2 > slab_bottom, z2 - z, 1e-9),
+                                    (z - surface) / _select(z2 < surface, z - z2, 1e-9)))
         leaves = (r2 > max_range) | (z2 > slab_bottom) | (z2 < surface)
-        cut = dr.select(active & leaves & (cut > 0), dr.minimum(cut, 1), 1)
-        r2, z2 = dr.fma(cut, advance, r), dr.select(cut < 1, dr.fma(cut, z2 - z, z), z2)
-        v2 = dr.fma(cut, v2 - v, v)
+        cut = _select(active & leaves & (cut > 0), dr.minimum(cut, 1), 1)
+        r2, z2 = _fma(cut, advance, r), _select(cut < 1, _fma(cut, z2 - z, z), z2)
+        v2 = _fma(cut, v2 - v, v)
         vr, vz = -v2 * s2, v2 * p * c2
         # entry into the slab
         enters = ~started & (z2 >= slab_top)
-        f = dr.clip((slab_top - z) / dr.select(abs(z2 - z) > 1e-12, z2 - z, 1), 0, 1)
-        r_p = dr.select(enters, dr.fma(f, r2 - r, r), r_p)
-        z_p = dr.select(enters, slab_top, z_p)
-        vr_p = dr.select(enters, dr.fma(f, vr - vr_p, vr_p), vr_p)
-        vz_p = dr.select(enters, dr.fma(f, vz - vz_p, vz_p), vz_p)
-        r_a, z_a = dr.select(enters, r_p, r_a), dr.select(enters, z_p, z_a)
+        f = dr.clip((slab_top - z) / _select(abs(z2 - z) > 1e-12, z2 - z, 1), 0, 1)
+        r_p = _select(enters, _fma(f, r2 - r, r), r_p)
+        z_p = _select(enters, slab_top, z_p)
+        vr_p = _select(enters, _fma(f, vr - vr_p, vr_p), vr_p)
+        vz_p = _select(enters, _fma(f, vz - vz_p, vz_p), vz_p)
+        r_a, z_a = _select(enters, r_p, r_a), _select(enters, z_p, z_a)
         started |= enters
         fresh |= enters
         # does the new point still lie in the open door?
@@ -269,22 +276,22 @@ def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float
         shut = started & ~fresh & ((lo_r * dz - lo_z * dx < 0) | (dx * hi_z - dz * hi_r < 0))
         emit = first | enters | shut
         _put(lib, vertex, base + m, r_p, z_p, vr_p, vz_p, emit)
-        m = dr.select(emit, m + 1, m)
+        m = _select_number(emit, m + 1, m)
         first = lib.Bool(False)
-        r_a, z_a = dr.select(shut, r_p, r_a), dr.select(shut, z_p, z_a)
+        r_a, z_a = _select(shut, r_p, r_a), _select(shut, z_p, z_a)
         fresh |= shut
         # narrow the door by the directions that pass within ±tolerance of the new point
         dx, dz = r2 - r_a, z2 - z_a
-        w = tolerance * dr.rsqrt(dr.maximum(dr.fma(dx, dx, dz * dz), 1e-18))
+        w = tolerance * dr.rsqrt(dr.maximum(_fma(dx, dx, dz * dz), 1e-18))
         narrow = (w < 0.7) & started
-        w = dr.select(narrow, w, 0.7)
+        w = _select(narrow, w, 0.7)
         cw = dr.sqrt(1 - w * w)
         ax, az = dx * cw + dz * w, dz * cw - dx * w
         bx, bz = dx * cw - dz * w, dz * cw + dx * w
         lower = narrow & (fresh | (lo_r * az - lo_z * ax > 0))
         upper = narrow & (fresh | (bx * hi_z - bz * hi_r > 0))
-        lo_r, lo_z = dr.select(lower, ax, lo_r), dr.select(lower, az, lo_z)
-        hi_r, hi_z = dr.select(upper, bx, hi_r), dr.select(upper, bz, hi_z)
+        lo_r, lo_z = _select(lower, ax, lo_r), _select(lower, az, lo_z)
+        hi_r, hi_z = _select(upper, bx, hi_r), _select(upper, bz, hi_z)
         fresh &= ~narrow
         r_p, z_p, vr_p, vz_p = F(r2), F(z2), F(vr), F(vz)
         r, z, s, k, v = F(r2), F(z2), F(s2), k2, F(v2)
@@ -294,7 +301,7 @@ def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float
         active = active & within & room
     started &= wanted
     _put(lib, vertex, base + m, r_p, z_p, vr_p, vz_p, started)
-    m = dr.select(started, m + 1, m)
+    m = _select_number(started, m + 1, m)
     dr.scatter(size, m, row)
     return full
 

@@ -5,6 +5,7 @@ it is Lagrange's cubic through four of them. One α for all makes one row of the
 with respect to q and to α; both are within 2e-4 of F (4e-5 from γ = 2.8 on).
 """
 from functools import lru_cache
+from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -30,7 +31,8 @@ def _row(index: int) -> np.ndarray:
     """Cubics of ln F over a step of ln q, as float32 (COLUMNS, 4), lowest power first."""
     alpha = 1 / (1 + np.exp(-(MIDDLE + (FIRST + index) * STEP_Y)))
     log_q = LOW + STEP * np.arange(COLUMNS + 1)
-    spline = CubicSpline(log_q, log_lobe(log_q, alpha), bc_type=((1, 1 + 1 / alpha), (1, 0.0)))
+    slopes: Any = (1, 1 + 1 / alpha), (1, 0.0)
+    spline = CubicSpline(log_q, log_lobe(log_q, alpha), bc_type=slopes)
     return (spline.c[::-1] * STEP ** np.arange(4)[:, None]).T.astype(np.float32)
 
 

@@ -12,6 +12,7 @@ In between it is computed on u = s e^(iφ), where both factors decay, as Re ∫ 
 straight lines, the two limits, run on from its ends, so that I has continuous slopes everywhere.
 """
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -70,4 +71,5 @@ def _table(alpha: float) -> tuple[CubicSpline, float, float]:
     weight = hankel1(0, s * np.exp(1j * phase)) * np.exp(2j * phase) * s**2 * step
     decay = s ** (2 * alpha) * np.exp(2j * alpha * phase)
     value = [(weight * np.exp(-q * decay)).sum().real for q in np.exp(log_q)]
-    return CubicSpline(log_q, np.log(value), bc_type=((1, 1.0), (1, -1 / alpha))), low, high
+    slopes: Any = (1, 1.0), (1, -1 / alpha)
+    return CubicSpline(log_q, np.log(value), bc_type=slopes), low, high

@@ -11,6 +11,7 @@ W (1 - T^2), where T is what the splines make of a wave, near 1 below the survey
     T = t(kx Dx) t(ky Dy),   t(p) = sinc(p / 2)^4 / (2/3 + cos(p) / 3)          (Unser 1999, cardinal cubic spline)
 """
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import fft
@@ -53,7 +54,7 @@ class Fractal(Relief):
         reach = self.spectrum.outer_scale if self.surveyed is None else min(
             self.spectrum.outer_scale, _SPLINE_REACH * max(self.surveyed))
         margin = [int(np.ceil(reach / d)) for d in steps]
-        padded = [fft.next_fast_len(len(axis) + 2 * m, real=True) for axis, m in zip((y, x), margin)]
+        padded: list[Any] = [fft.next_fast_len(len(axis) + 2 * m, real=True) for axis, m in zip((y, x), margin)]
         if padded[0] * padded[1] > _MOST_NODES:
             raise ValueError(f"fractal: waves of up to {reach} m about {len(y)} x {len(x)} nodes "
                              f"at {steps[1]:.3g} m needs {padded[0]} x {padded[1]} nodes, more than {_MOST_NODES}; "
@@ -66,7 +67,7 @@ class Fractal(Relief):
         if self.surveyed is not None:
             t_x, t_y = _spline_response(k_x * self.surveyed[0]), _spline_response(k_y * self.surveyed[1])
             gain *= np.sqrt(np.maximum(1 - np.square(t_x * t_y[:, None]), 0))
-        heights = fft.irfft2(fft.rfft2(noise) * gain, s=padded, overwrite_x=True)
+        heights = np.asarray(fft.irfft2(fft.rfft2(noise) * gain, s=padded, overwrite_x=True))
         return heights[margin[0]:margin[0] + len(y), margin[1]:margin[1] + len(x)].copy()
 
 
