@@ -24,8 +24,8 @@ CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `t
 CLOSE_BY = 1e-4                # [m] as it does here: the carrying errs by nanoseconds where rays graze a level
 
 
-def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fan: UInt32, x: Float64, z: Float64,
-        active: Bool) -> tuple[Float64, Float64, Bool]:
+def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
+        x: Float64, z: Float64, active: Bool) -> tuple[Float64, Float64, Bool]:
     """Find the launch angle of the ray from a source to a point.
 
     Parameters
@@ -33,7 +33,7 @@ def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fa
     table : LayerTable
     lib : Dr.Jit namespace
     source : SourceState
-    fan : UInt32 (R,)
+    source_index : UInt32 (R,)
         Source of each ray.
     x, z : Float64 (R,) [m]
         Horizontal distance and depth of the point.
@@ -47,7 +47,7 @@ def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fa
         False where no such ray is found, in a shadow zone say.
     """
     F = lib.Float64
-    z0, c0, moments0 = source.gather(lib, fan)
+    z0, c0, moments0 = source.gather(lib, source_index)
     c, moments = table.at(z)
     height = abs(z - z0)
     close = height < LEVEL * x

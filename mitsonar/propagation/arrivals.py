@@ -47,8 +47,8 @@ class Arrival:
     sound_speed: Float64
 
 
-def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, fan: UInt32, x: Float64, z: Float64,
-             active: Bool) -> Arrival:
+def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
+             x: Float64, z: Float64, active: Bool) -> Arrival:
     """Find the earliest direct or once-turned ray from sources to points; evaluates it.
 
     Parameters
@@ -56,7 +56,7 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
     table : LayerTable
     lib : Dr.Jit namespace
     source : SourceState or PointState
-    fan : UInt32 (R,)
+    source_index : UInt32 (R,)
         Source of each ray.
     x, z : Float64 (R,) [m]
         Horizontal distance and depth of the points.
@@ -67,10 +67,10 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
     Arrival
     """
     active &= dr.isfinite(x) & dr.isfinite(z)
-    sine0, cosine0, found = aim(table, lib, source, fan, x, z, active)
-    time, arc, area, p, sine, c = to_hit(table, lib, source, fan, sine0, cosine0, x, z, found,
+    sine0, cosine0, found = aim(table, lib, source, source_index, x, z, active)
+    time, arc, area, p, sine, c = to_hit(table, lib, source, source_index, sine0, cosine0, x, z, found,
                                          dr.opaque(lib.Float64, CLOSE_ENOUGH))
-    z0, _, _ = source.gather(lib, fan)
+    z0, _, _ = source.gather(lib, source_index)
     found &= dr.isfinite(time) & dr.isfinite(p)
     unsure = active & ~(found & (x < table.sole_range(z0, z)))
     state = {"found": found, "travel_time": time, "arc_length": arc, "spreading_area": area, "ray_parameter": p,

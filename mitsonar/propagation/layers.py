@@ -25,7 +25,7 @@ from ..water import SoundSpeedProfile
 
 
 class Pass(NamedTuple):
-    """Sums over the layers of a pass, each (N,); sines are those at the stations, (N, stations)."""
+    """Sums over the layers of a pass, each (N,); sines are those at the D depths it was cut at, (N, D)."""
 
     range_per_parameter: np.ndarray  # x / p [m^2/s]
     range_slope: np.ndarray  # dx/dp [m^2/s]
@@ -36,7 +36,7 @@ class Pass(NamedTuple):
 
 @dataclass(frozen=True)
 class Layers:
-    """Hold the layers that N rays cross from station to station, every one downwards.
+    """Hold the layers that N rays cross from depth to depth, every one downwards.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class Layers:
         The largest speed of the pass.
     passes : array (L,) [-]
         How often a ray crosses each layer.
-    stations : list of int
-        The edges at which the stations lie.
+    ends : list of int
+        The edges at which these depths lie.
     """
 
     thickness: np.ndarray
@@ -59,14 +59,14 @@ class Layers:
     deficit: np.ndarray
     fastest: np.ndarray
     passes: np.ndarray
-    stations: list[int]
+    ends: list[int]
 
     @classmethod
-    def between(cls, profile: SoundSpeedProfile, *stations: np.ndarray, passes: Sequence[int] = (1,)) -> "Layers":
-        """Cut the profile at stations (N,) [m] that go downwards; the k-th stretch is crossed ``passes[k]`` times."""
+    def between(cls, profile: SoundSpeedProfile, *depths: np.ndarray, passes: Sequence[int] = (1,)) -> "Layers":
+        """Cut the profile at depths (N,) [m] that go downwards; the k-th stretch is crossed ``passes[k]`` times."""
         gradients = np.r_[0.0, np.diff(profile.sound_speed) / np.diff(profile.depth), 0.0]
-        edges, slopes, repeats, ends = [stations[0][:, None]], [], [], [0]
-        for upper, lower, count in zip(stations, stations[1:], passes):
+        edges, slopes, repeats, ends = [depths[0][:, None]], [], [], [0]
+        for upper, lower, count in zip(depths, depths[1:], passes):
             first, last = np.searchsorted(profile.depth, [upper.min(), lower.max()])
             edges += [np.clip(profile.depth[first:last], upper[:, None], lower[:, None]), lower[:, None]]
             slopes.append(gradients[first:last + 1])
@@ -77,14 +77,14 @@ class Layers:
         rise = np.zeros((thickness.shape[0], thickness.shape[1] + 1))
         np.cumsum(thickness * np.concatenate(slopes), axis=1, out=rise[:, 1:])
         below_fastest = rise.max(axis=1, keepdims=True) - rise
-        speed = profile.at(stations[0])[:, None] + rise
+        speed = profile.at(depths[0])[:, None] + rise
         fastest = speed[:, :1] + below_fastest[:, :1]
         deficit = below_fastest * (fastest + speed) / fastest**2
         return cls(thickness, speed, deficit, fastest[:, 0], np.array(repeats, float), ends)
 
     def __getitem__(self, rays: np.ndarray | slice) -> "Layers":
         return Layers(self.thickness[rays], self.speed[rays], self.deficit[rays], self.fastest[rays], self.passes,
-                      self.stations)
+                      self.ends)
 
     def sines(self, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
         """Give the sines (N, L+1) at all edges."""
@@ -111,7 +111,7 @@ class Layers:
         bend = (cosine / self.fastest)[:, None] * step / (upper + lower)
         length = 2 * self.thickness / (upper + lower) * atan_ratio(bend)
         return Pass(stretch @ self.passes, (stretch / (upper * lower)) @ self.passes, time @ self.passes,
-                    length @ self.passes, sines[:, self.stations])
+                    length @ self.passes, sines[:, self.ends])
 
 
 SERIES_LIMIT = 0.003  # of y^2: the first term left out of the series is 1e-19 there

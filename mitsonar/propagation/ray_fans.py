@@ -1,4 +1,4 @@
-"""Fans of exact rays from given source depths, stored as polylines a triangle tracer can follow.
+"""Ray fans: exact rays from given source depths, stored as polylines a triangle tracer can follow.
 
 Inside a layer a ray is a circular arc. With p = cos θ / c constant along the ray, g = dc/dz, s = sin θ (positive down),
 κ = p g the curvature (the ray turns towards slower water, dθ/dl = -κ):
@@ -8,8 +8,8 @@ Inside a layer a ray is a circular arc. With p = cos θ / c constant along the r
     V2  = (s2/s1) V1 + (s0/c0) dz (c1 + c2) / (s1 (s1 + s2))     wavefront displacement per launch radian
 
 (physics of plane-stratified media, e.g. Jensen et al., Computational Ocean Acoustics, ch. 3; the last line keeps V
-finite through turning points). A row of a fan is one exact ray, simplified to chords that stay within `tolerance` of
-the arcs; every vertex carries (r, z) and d(r, z)/dθ0, so that a launch angle between rows moves the vertices along
+finite through turning points). A row of a ray fan is one exact ray, simplified to chords that stay within `tolerance`
+of the arcs; every vertex carries (r, z) and d(r, z)/dθ0, so that a launch angle between rows moves the vertices along
 their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neighbouring rays part company.
 """
 
@@ -27,7 +27,7 @@ from ..device.types import ArrayTypes, Bool, Float, Float64, Int32, UInt32
 from ..water import SoundSpeedProfile
 from .layer_table import LayerTable
 
-__all__ = ["FEWEST_VERTICES", "Fans", "build_fans"]
+__all__ = ["FEWEST_VERTICES", "RayFans", "build_ray_fans"]
 
 HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
 LOOKUP_PER_ROW = 2
@@ -39,10 +39,10 @@ _fma: Callable[[Any, Any, Any], Float64] = cast(Any, dr.fma)
 NARROWEST = 2e-7                   # [rad] rows below this are not told apart in float32
 
 
-class Fans(Record):
-    """Polylines of D fans, one a source depth.
+class RayFans(Record):
+    """Polylines of D ray fans, one a source depth.
 
-    ``vertex`` holds (r, z, dr/dθ0, dz/dθ0) of vertex v of row j of fan d at index ((d R + j) V + v), float32 [m,
+    ``vertex`` holds (r, z, dr/dθ0, dz/dθ0) of vertex v of row j of ray fan d at index ((d R + j) V + v), float32 [m,
     m/rad].
     """
 
@@ -58,14 +58,14 @@ class Fans(Record):
     bins: UInt32                  # UInt32 (1,): L
     bins_per_radian: Float
 
-    def row(self, fan: UInt32, launch_angle: Float) -> tuple[UInt32, Float]:
-        """Flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
+    def row(self, source_index: UInt32, launch_angle: Float) -> tuple[UInt32, Float]:
+        """Give the flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
         lib = self.lib
         launch_angle = held(launch_angle, float(-HALF_SPAN), float(HALF_SPAN))
         cell = held((launch_angle + float(HALF_SPAN)) * self.bins_per_radian, 0, lib.Float(self.bins) - 1)
-        j = dr.gather(lib.UInt32, self.lookup, fan * self.bins + lib.UInt32(cell))
-        j = _step_rows(lib, self.edge, fan * (self.rows + 1), j, launch_angle)
-        j += fan * self.rows
+        j = dr.gather(lib.UInt32, self.lookup, source_index * self.bins + lib.UInt32(cell))
+        j = _step_rows(lib, self.edge, source_index * (self.rows + 1), j, launch_angle)
+        j += source_index * self.rows
         return j, launch_angle - dr.gather(lib.Float, self.middle, j)
 
 
@@ -78,10 +78,10 @@ def _step_rows(lib: ArrayTypes, edge: Float, first: UInt32, j: UInt32, angle: Fl
     return j
 
 
-def build_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: ArrayLike, *, slab: tuple[float, float],
+def build_ray_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: ArrayLike, *, slab: tuple[float, float],
                max_range: float, tolerance: float = 0.008, rows: int = 3072,
-               max_vertices: int = FEWEST_VERTICES) -> Fans:
-    """Trace and simplify one fan of exact rays per source depth.
+               max_vertices: int = FEWEST_VERTICES) -> RayFans:
+    """Trace and simplify one ray fan per source depth.
 
     Parameters
     ----------
@@ -96,13 +96,13 @@ def build_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: Arra
     tolerance : float [m]
         Largest distance between chord and arc.
     rows : int
-        Rows per fan before the split at critical angles.
+        Rows per ray fan before the split at critical angles.
     max_vertices : int
-        Room for the vertices of a row, doubled as often as a row needs it; what other fans needed saves trials.
+        Room for the vertices of a row, doubled as often as a row needs it; what other ray fans needed saves trials.
 
     Returns
     -------
-    Fans
+    RayFans
     """
     lib = table.lib
     source_depth = np.atleast_1d(np.asarray(source_depth, float))
@@ -131,7 +131,7 @@ def build_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: Arra
         if not dr.any(full):
             break
         max_vertices *= 2                                   # a duct bends rays many times: give the rows more room
-    fans = Fans(lib=lib, source_depth=source_depth, rows=dr.opaque(lib.UInt32, count), vertex=vertex, size=size,
+    fans = RayFans(lib=lib, source_depth=source_depth, rows=dr.opaque(lib.UInt32, count), vertex=vertex, size=size,
                 stride=stride, middle=upload(lib.Float, middle.astype(np.float32)), edge=upload(lib.Float, edge32),
                 lookup=upload(lib.UInt32, lookup.astype(np.uint32)), bins=dr.opaque(lib.UInt32, bins),
                 bins_per_radian=dr.opaque(lib.Float, bins / (2 * HALF_SPAN)))
@@ -140,7 +140,7 @@ def build_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: Arra
 
 
 def _row_edges(profile: SoundSpeedProfile, source_depth: np.ndarray, rows: int) -> np.ndarray:
-    """Equal rows, cut at the launch angles that just reach the speed of a node."""
+    """Make equal rows, cut at the launch angles that just reach the speed of a node."""
     equal = np.linspace(-HALF_SPAN, HALF_SPAN, rows + 1)
     ratio = profile.at(source_depth)[:, None] / np.asarray(profile.sound_speed)[None]         # (D, node)
     critical = np.arccos(np.clip(ratio, -1, 1))                                 # 0 where the node is slower
@@ -152,9 +152,9 @@ def _row_edges(profile: SoundSpeedProfile, source_depth: np.ndarray, rows: int) 
 
 
 def _row_lookup(edges: np.ndarray, bins: int) -> np.ndarray:
-    """First row that can hold an angle of each equal bin; one bin early, for rounding."""
+    """Find the first row that can hold an angle of each equal bin; one bin early, for rounding."""
     start = -HALF_SPAN + 2 * HALF_SPAN * (np.arange(bins) - 0.01) / bins
-    offset = 10.0 * np.arange(len(edges))[:, None]          # one sorted search for all fans
+    offset = 10.0 * np.arange(len(edges))[:, None]          # one sorted search for all ray fans
     found = np.searchsorted((edges + offset).ravel(), (start + offset).ravel(), side="right")
     row = found.reshape(len(edges), bins) - 1 - np.arange(len(edges))[:, None] * edges.shape[1]
     return np.clip(row, 0, edges.shape[1] - 2)
@@ -203,7 +203,7 @@ def arc_step(table: LayerTable, k: Int32, z: Float64, s: Float64, p: Float64, lo
 
 def wavefront_step(v: Float64, s1: Float64, s2: Float64, dz: Float64, c1: Float64, c2: Float64, g: Float64, p: Float64,
                    launch: Float64) -> Float64:
-    """Displacement V after an arc; `launch` = s0/c0. The second form holds where s changes sign (turning)."""
+    """Give the displacement V after an arc; `launch` = s0/c0. The second form holds where s changes sign (turning)."""
     total = s1 + s2
     plain = abs(total) > 1e-3 * abs(s1 - s2)
     s1 = dr.select(abs(s1) > 1e-12, s1, 1e-12)
@@ -213,7 +213,7 @@ def wavefront_step(v: Float64, s1: Float64, s2: Float64, dz: Float64, c1: Float6
 
 
 def first_layer(table: LayerTable, z: Float64, s: Float64) -> Int32:
-    """Layer a ray starts in: at a node, the one it is heading into."""
+    """Find the layer that a ray starts in: at a node, the one it is heading into."""
     k = table.lib.Int32(table.find(z))
     z_k, _, _, _ = table.shape(table.lib.UInt32(k))
     return dr.select((s < 0) & (z <= z_k), k - 1, k)
@@ -223,7 +223,7 @@ def first_layer(table: LayerTable, z: Float64, s: Float64) -> Int32:
 def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float64, wanted: Bool, tolerance: Float64,
                 max_range: Float64, slab_top: Float64, slab_bottom: Float64, vertex: Float, size: UInt32,
                 stride: UInt32) -> Bool:
-    """One row a lane: exact arcs, simplified by the swing-door rule within ±tolerance."""
+    """Trace one row a lane along exact arcs, simplified by the swing-door rule within ±tolerance."""
     F, U = lib.Float64, lib.UInt32
     s, cosine = dr.sincos(angle)
     k = first_layer(table, depth, s)

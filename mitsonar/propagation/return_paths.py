@@ -75,7 +75,7 @@ class ReturnPaths(Record):
         return error
 
 
-def return_paths(table: LayerTable, source: SourceState | PointState, fan: UInt32, displacement: Vector64,
+def return_paths(table: LayerTable, source: SourceState | PointState, source_index: UInt32, displacement: Vector64,
                  travel_time: Float64, ray_parameter: Float64, spreading_area: Float, launch_sine: Float, *,
                  travel: Travel, method: Literal["vector", "paper"] = "vector",
                  elapsed: Float64 | None = None) -> ReturnPaths:
@@ -85,7 +85,7 @@ def return_paths(table: LayerTable, source: SourceState | PointState, fan: UInt3
     ----------
     table : LayerTable
     source : SourceState
-    fan : UInt32 (H,)
+    source_index : UInt32 (H,)
         Source of each hit.
     displacement : Array3f64 (H,) [m]
         From the origin to the hit, scene coordinates.
@@ -106,7 +106,7 @@ def return_paths(table: LayerTable, source: SourceState | PointState, fan: UInt3
     lib = table.lib
     F, wide = lib.Float, lib.Float64
     elapsed = travel_time if elapsed is None else elapsed
-    z0, c0, moments0 = source.gather(lib, fan)
+    z0, c0, moments0 = source.gather(lib, source_index)
     up = dr.select(launch_sine >= 0, wide(1), wide(-1))          # a ray launched down comes up again
     x = dr.sqrt(dr.fma(displacement.x, displacement.x, displacement.y * displacement.y))
     y, e, g, rough = _integrals(table, z0, c0, moments0, z0 - displacement.z, x, ray_parameter,

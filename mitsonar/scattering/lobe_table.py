@@ -59,7 +59,7 @@ class LobeTable:
             self.table = upload(lib.Float, np.stack([_row(index) for index in range(ROWS)]))
         dr.eval(self.table)
 
-    def __call__(self, log_q: Float, alpha: Float) -> Float:
+    def look_up(self, log_q: Float, alpha: Float) -> Float:
         """Give ln F for Float arrays; ``alpha`` is that of the table where this has one for all."""
         place = (held(log_q, LOW, HIGH) - LOW) / STEP
         column = dr.minimum(self.lib.UInt32(place), COLUMNS - 1)
@@ -93,7 +93,7 @@ class RatioTable:
         self.table = upload(lib.Float, corners)
         dr.eval(self.table)
 
-    def __call__(self, log_m: Float, log_width: Float) -> Float:
+    def look_up(self, log_m: Float, log_width: Float) -> Float:
         """Give the logarithm of the ratio, Float; linear between the nodes."""
         y, x = ((held(value, low, high - 1e-4) - low) / RATIO_STEP
                 for value, low, high in ((log_m, LOW_M, HIGH_M), (log_width, LOW_T, HIGH_T)))

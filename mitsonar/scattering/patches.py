@@ -70,7 +70,7 @@ class Patches:
         self._cells = upload(lib.Float, gamma_cells(self.shape, 1 << CELL_BITS).astype(np.float32))
         dr.eval(self._cells)
 
-    def __call__(self, x: Float, y: Float, active: Bool | bool = True) -> Float:
+    def at(self, x: Float, y: Float, active: Bool | bool = True) -> Float:
         """Give g [-], Float (R,), at places x and y [m] Float (R,)."""
         lib = self.lib
         i, j = (lib.UInt32(lib.Int32(dr.floor(v * self._per_metre))) for v in (x, y))

@@ -11,7 +11,7 @@ that takes part in class k is shifted so that the middles of both pulses coincid
 
 which leaves the error at the ends alone (two-way factor: e.g. Urick 1983, ch. 9; the rest is kinematics). As a platform
 passes at a speed v and a range r, 1/η grows by κ = 2 v² / (r c) a second, and by up to 2 a / c with its own
-acceleration a: a pulse is heard f κ T² / 8 cycles off at its ends, and is cut into pieces, each with a factor of its
+acceleration a: a pulse arrives f κ T² / 8 cycles off at its ends, and is cut into pieces, each with a factor of its
 own, where that is more.
 """
 import numpy as np

@@ -74,10 +74,10 @@ class Sidescan:
         """Length of the longer face [m], a wavelength at least."""
         return max(self.transmit.length, self.receive.length, self.wavelength)
 
-    def along_intensity(self, u: Numbers, heard: Numbers | None = None) -> Numbers:
-        """Two-way intensity pattern along the platform, of the cosine u; `heard` at reception, where that differs."""
-        heard = u if heard is None else heard
-        return (self.transmit.along(u, self.wavelength) * self.receive.along(heard, self.wavelength)) ** 2
+    def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:
+        """Two-way intensity pattern along the platform, of the cosine u; `u_back` at reception, where that differs."""
+        back = u if u_back is None else u_back
+        return (self.transmit.along(u, self.wavelength) * self.receive.along(back, self.wavelength)) ** 2
 
     def across_intensity(self, v: Numbers) -> Numbers:
         """Two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""

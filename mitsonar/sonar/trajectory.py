@@ -55,7 +55,7 @@ class Smooth:
         self._spline = CubicSpline(time, values, bc_type="not-a-knot")
         self._slope = self._spline.derivative()
 
-    def __call__(self, times: np.ndarray) -> np.ndarray:
+    def at(self, times: np.ndarray) -> np.ndarray:
         """Give the values at times (...) [s]: (..., *values.shape[1:])."""
         inside = np.clip(times, self.first, self.last)
         beyond = np.reshape(times - inside, np.shape(inside) + (1,) * (self._spline.c.ndim - 2))
@@ -102,12 +102,12 @@ class Recorded(Lead):
         return cls(position=Smooth(track.time, track.position), attitude=Smooth(track.time, attitude), **heights)
 
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        position = self.position(times)
+        position = self.position.at(times)
         if self.height is not None:
-            position[..., 2] = self.height(times)
+            position[..., 2] = self.height.at(times)
         if self.heave is not None:
-            position[..., 2] += self.heave(times)
-        attitude = self.attitude(times)
+            position[..., 2] += self.heave.at(times)
+        attitude = self.attitude.at(times)
         attitude[..., 2] %= 2 * np.pi
         return position, attitude
 
@@ -133,7 +133,7 @@ class Sailed(Lead):
         else:
             place, heading, _ = self.course.at(self.speed * times, on=self.speed * since)
         level = np.zeros(np.shape(times))
-        return (np.concatenate([place, self.height(times)[..., None]], -1), np.stack([level, level, heading], -1))
+        return (np.concatenate([place, self.height.at(times)[..., None]], -1), np.stack([level, level, heading], -1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,6 @@
 """Bent rays against a Mitsuba scene: the one room of physics that knows Mitsuba.
 
-Each ray follows the chords of its fan row (`propagation.fans`), one triangle query a chord, until the first hit. The
+Each ray follows the chords of its row (`propagation.ray_fans`), one triangle query a chord, until the first hit. The
 hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would cost 1e-5 m), and the exact
 eigenray to that point gives time, spreading and angles (`propagation.two_point`).
 """
@@ -12,7 +12,7 @@ import numpy as np
 from ..device.arrays import arrays_of
 from ..device.record import Record
 from ..propagation.layer_table import layer_table
-from ..propagation.ray_fans import FEWEST_VERTICES, build_fans
+from ..propagation.ray_fans import FEWEST_VERTICES, build_ray_fans
 from ..propagation.two_point import source_state, to_hit
 from ..scene.geometry import Geometry
 from ..scene.labels import OBJECT, SEABED
@@ -28,7 +28,7 @@ BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on,
 
 
 class Sources(Record):
-    """Fans and medium of the depths that a block's pings are sent from."""
+    """Ray fans and medium of the depths that a block's pings are sent from."""
 
     fans: object
     state: object
@@ -61,7 +61,7 @@ class Tracer:
         source_depth = np.atleast_1d(np.asarray(source_depth, float))
         key = source_depth.tobytes()
         if self._known[0] != key:
-            fans = build_fans(self.table, self.profile, source_depth, slab=self.geometry.depth_range,
+            fans = build_ray_fans(self.table, self.profile, source_depth, slab=self.geometry.depth_range,
                               max_range=self.max_range, tolerance=self.tolerance, max_vertices=self._room)
             self._room = int(fans.stride[0])        # found by trials; the next depths will need as much
             self._known = key, Sources(fans=fans, state=source_state(self.table, source_depth))

@@ -38,8 +38,8 @@ class Absorption:
         self.c2 = dr.opaque(lib.Float, c_r ** 2)
         dr.eval(self.table)
 
-    def __call__(self, z0: Float, z1: Float, arc_length: Float, ray_parameter: Float) -> Float:
-        """Loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
+    def two_way_db(self, z0: Float, z1: Float, arc_length: Float, ray_parameter: Float) -> Float:
+        """Give the loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
         a, b = self._at(z0), self._at(z1)
         apart = z1 - z0
         far = abs(apart) > 0.5                              # nearer, float32 differences are worse than α itself
@@ -50,6 +50,8 @@ class Absorption:
         mean += 0.5 * square / flat * (mean_product - mean * e)
         mean = dr.select(far, mean, 0.5 * (a[3] + b[3]))
         return 2 * mean * arc_length
+
+    __call__ = two_way_db
 
     def _at(self, z):
         place = held((z - self.top) * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)

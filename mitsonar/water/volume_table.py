@@ -25,16 +25,18 @@ class VolumeTable(Record):
     pieces: Float         # Float (4 (E + 1),): a, b, c, z_0
     count: UInt32         # UInt32 (1,): E
 
-    def __call__(self, depth: Float, active: Bool | bool = True) -> Float:
+    def at(self, depth: Float, active: Bool | bool = True) -> Float:
         """Give s_v [1/m], Float (R,), at depths [m] Float (R,)."""
         piece = _pieces_above(self.lib, self.edges, self.count, depth, active)
         row = dr.gather(self.lib.Array4f, self.pieces, piece, active)
         return row[2] + dr.exp(dr.fma(row[1], depth - row[3], row[0]))
 
+    __call__ = at
+
 
 @dr.syntax
 def _pieces_above(lib, edges, count, depth, active):
-    """How many edges lie at or above each depth, by bisection."""
+    """Count the edges that lie at or above each depth, by bisection."""
     low, high = lib.UInt32(0), lib.UInt32(count)
     more = (low < high) & lib.Bool(active)
     while more:

@@ -67,7 +67,7 @@ class Material(mi.BSDF):
     def patchy_strength(self, si, wi, wo, frequency, sound_speed, active=True):
         """Give σ [-] where it is met: that of the law times what the patch there is to the mean."""
         strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
-        return strength if self.patches is None else strength * self.patches(si.p.x, si.p.y, active)
+        return strength if self.patches is None else strength * self.patches.at(si.p.x, si.p.y, active)
 
     def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
         """Draw a direction that sound goes on in: Vector3f (R,), from Float and Point2f in [0, 1)."""

@@ -92,9 +92,9 @@ class SedimentBed(Material):
     def _tabulate(self):
         gamma = self.parameters["gamma"]
         alpha = None if gamma.textured or gamma.classes > 1 else 0.5 * gamma.value - 1
-        self.log_lobe = LobeTable(self.lib, upload, alpha)
+        self.log_lobe = LobeTable(self.lib, upload, alpha).look_up
         if self.mesh_resolution:
-            self.log_ratio = RatioTable(self.lib, upload, float(gamma.value.numpy()[0]))
+            self.log_ratio = RatioTable(self.lib, upload, float(gamma.value.numpy()[0])).look_up
             self.cut = dr.opaque(mi.Float, cut(self.mesh_resolution))
 
     def traverse(self, callback):

@@ -19,7 +19,7 @@ import drjit as dr
 from mitsonar.device.lookups import held
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.propagation.exact_returns import exact_return
-from mitsonar.propagation.ray_fans import build_fans
+from mitsonar.propagation.ray_fans import build_ray_fans
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.travel import steady
 from mitsonar.propagation.two_point import source_state, to_hit, walk
@@ -98,7 +98,7 @@ def _returns():
 
 def _fan_rows():
     table = layer_table(PROFILE, Float)
-    fans = build_fans(table, PROFILE, [5.0, 20.0], slab=(0, 50), max_range=60, rows=64)
+    fans = build_ray_fans(table, PROFILE, [5.0, 20.0], slab=(0, 50), max_range=60, rows=64)
     row, off = fans.row(dr.full(UInt32, 1, len(WILD)), wild(Float))
     rows = dr.width(fans.size) // 2
     assert ((row.numpy() >= rows) & (row.numpy() < 2 * rows)).all()
@@ -108,11 +108,11 @@ def _fan_rows():
 def _absorption():
     column = AbsorptionColumn(np.array([0.0, 50.0]), np.array([0.03, 0.02]))
     a, b = pairs(Float)
-    return Absorption(column, PROFILE, 50.0, Float)(a, b, Float(10), Float(6e-4))
+    return Absorption(column, PROFILE, 50.0, Float).two_way_db(a, b, Float(10), Float(6e-4))
 
 
 def _volume():
-    return volume_table(VolumeScattering([0.0, 10.0, 30.0], [-80.0, -70.0, -75.0]), Float)(wild(Float))
+    return volume_table(VolumeScattering([0.0, 10.0, 30.0], [-80.0, -70.0, -75.0]), Float).at(wild(Float))
 
 
 def _sectors():
@@ -123,11 +123,11 @@ def _sectors():
 
 def _lobes():
     log_q, alpha = pairs(Float)
-    return LobeTable(arrays_of(Float), upload)(log_q, alpha)
+    return LobeTable(arrays_of(Float), upload).look_up(log_q, alpha)
 
 
 def _ratios():
-    return RatioTable(arrays_of(Float), upload, 3.2)(*pairs(Float))
+    return RatioTable(arrays_of(Float), upload, 3.2).look_up(*pairs(Float))
 
 
 def _quantiles():

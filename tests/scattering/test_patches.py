@@ -25,7 +25,7 @@ def drawn(patches, count=1000):
 
     index = dr.arange(mi.UInt32, count * count)
     x, y = (mi.Float(mi.Int32(v) - count // 2) + 0.5 for v in (index // count, index % count))
-    return patches(x * patches.size, y * patches.size).numpy().astype(float)
+    return patches.at(x * patches.size, y * patches.size).numpy().astype(float)
 
 
 @pytest.mark.parametrize("shape", [0.1, 0.3, 0.5, 1.0, 2.0, 5.0, 50.0, 1000.0])
@@ -61,7 +61,7 @@ def test_a_patch_is_a_square_of_its_size(patches):
     x, y = mi.Float([0.1, 2.4, 2.6, 0.1, -0.1, 0.1]), mi.Float([0.1, 2.4, 0.1, 2.6, 0.1, -0.1])
     g = field(x, y).numpy()
     assert g[0] == g[1] and len(set(g)) == 5
-    np.testing.assert_array_equal(patches(1.0, 2.5)(x, y).numpy(), g)
+    np.testing.assert_array_equal(patches(1.0, 2.5).at(x, y).numpy(), g)
 
 
 @pytest.mark.parametrize("shape, size", [(0.0, 1.0), (2000.0, 1.0), (np.nan, 1.0), (1.0, 0.0), (1.0, np.inf)])

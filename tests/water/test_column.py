@@ -17,7 +17,7 @@ SUMMER = SoundSpeedProfile(DEPTH, 1450 + 3.4 * TEMPERATURE)
 def loss_db(column, profile, z0, z1, length, p):
     absorption = Absorption(column, profile, 80.0, Float)
     one = [upload(Float, np.array([v], np.float32)) for v in (z0, z1, length, p)]
-    return absorption(*one).numpy()[0]
+    return absorption.two_way_db(*one).numpy()[0]
 
 
 @pytest.mark.parametrize("pair", [(0.0, 60.0), (3.0, 18.0), (18.0, 3.0), (20.0, 20.0), (20.0, 20.2), (55.0, 75.0)])

@@ -49,7 +49,7 @@ def test_device_agrees(variant, volume):
 
     depth = np.concatenate([np.linspace(-10, 120, 100_001), volume.edges]).astype(np.float32)
     for some in (volume, VolumeScattering(0.0, -80.0), VolumeScattering(layers=volume.layers)):
-        found = volume_table(some, mi.Float)(mi.Float(depth)).numpy()
+        found = volume_table(some, mi.Float).at(mi.Float(depth)).numpy()
         np.testing.assert_allclose(found, some.at(depth.astype(float)), rtol=1e-5)
 
 

@@ -81,7 +81,7 @@ class ElementSignals:
         q = dr.fma(-2 * point[0], place[0], dr.fma(-2 * point[1], place[1], dr.fma(-2 * point[2], place[2], place[3])))
         return q / dr.maximum(dr.sqrt(dr.maximum(dr.fma(distance, distance, q), 0)) + distance, TINY)
 
-    def heard(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[Float, Float]:
+    def read(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[Float, Float]:
         """Weighted signal (re, im) of an element at the instants the echoes of foci reach it.
 
         Parameters
@@ -110,7 +110,7 @@ class ElementSignals:
         return dr.gather(self.lib.Array4f, self.place, number)
 
     def summed(self, foci: Iterable[Sequence[Focus]]) -> np.ndarray:
-        """Sum what all elements heard.
+        """Sum the signals of all elements.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ class ElementSignals:
 
             def body(n, *total, group=group, offset=offset):
                 place = self.element(n)
-                parts = [part for focus in group for part in self.heard(offset + n, place, focus)]
+                parts = [part for focus in group for part in self.read(offset + n, place, focus)]
                 return n + self.one, *(old + new for old, new in zip(total, parts, strict=True))
 
             _, *total = looped((lib.UInt32(0), *total), lambda n, *_: n < self.elements, body)

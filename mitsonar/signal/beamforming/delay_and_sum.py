@@ -60,26 +60,26 @@ def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shadi
     recording = read_recording(signals)
     vectors = look_directions(directions)
     lib = device_arrays(like)
-    heard = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
+    array = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
     pings, transmitters, _, samples = recording.values.shape
     beams = np.empty((pings, len(vectors), samples), np.complex64)
     together = max(1, BLOCK // samples)
     for ping in range(pings):
-        heard.load(ping, np.zeros(3))
+        array.load(ping, np.zeros(3))
         for begin in range(0, len(vectors), together):
             block = vectors[begin:begin + together]
-            foci = ([_beam_foci(heard, block[group], transmitter) for group in dealt(len(block))]
+            foci = ([_beam_foci(array, block[group], transmitter) for group in dealt(len(block))]
                     for transmitter in recording.transmitters[ping])
-            beams[ping, begin:begin + together] = heard.summed(foci).reshape(-1, samples)[:len(block)]
+            beams[ping, begin:begin + together] = array.summed(foci).reshape(-1, samples)[:len(block)]
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
 
 
-def aligned(heard: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) -> np.ndarray:
+def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) -> np.ndarray:
     """Element signals of a ping brought into line for one look direction, their sum being `delay_and_sum`.
 
     Parameters
     ----------
-    heard : ElementSignals
+    array : ElementSignals
         With the ping loaded, positions from the origin.
     vector : (3,)
     transmitter : (3,) [m]
@@ -89,10 +89,10 @@ def aligned(heard: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) 
     complex64 (rx, sample)
         Times the weights of the elements.
     """
-    _, _, elements, samples = heard.recording.values.shape
-    foci = _beam_foci(heard, np.tile(vector, (elements, 1)), transmitter)
-    number = dr.arange(heard.lib.UInt32, elements * samples) // dr.opaque(heard.lib.UInt32, samples)
-    return to_complex(*heard.heard(number, heard.element(number), foci)).reshape(elements, samples)
+    _, _, elements, samples = array.recording.values.shape
+    foci = _beam_foci(array, np.tile(vector, (elements, 1)), transmitter)
+    number = dr.arange(array.lib.UInt32, elements * samples) // dr.opaque(array.lib.UInt32, samples)
+    return to_complex(*array.read(number, array.element(number), foci)).reshape(elements, samples)
 
 
 def focus(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None, interpolation: str = "band_limited",
@@ -165,23 +165,23 @@ def _images(recording: Recording, points: np.ndarray, window: Shading, interpola
             like: DrJitArray | type | None) -> Iterator[np.ndarray]:
     """Yield the focused values complex (P,) of ping after ping."""
     lib = device_arrays(like)
-    heard = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
+    array = ElementSignals(lib, recording, interpolation, weights_of(window, recording))
     transmitters = recording.values.shape[1]
     for ping in range(recording.values.shape[0]):
         centre = recording.receivers[ping].mean(axis=0)      # near it float32 differences are small and exact
-        heard.load(ping, centre)
+        array.load(ping, centre)
         image = []
         for begin in range(0, len(points), BLOCK):
             block = points[begin:begin + BLOCK]
-            foci = ([_point_foci(heard, block[group], centre, transmitter) for group in dealt(len(block))]
+            foci = ([_point_foci(array, block[group], centre, transmitter) for group in dealt(len(block))]
                     for transmitter in recording.transmitters[ping])
-            image.append(heard.summed(foci)[:len(block)])
+            image.append(array.summed(foci)[:len(block)])
         yield np.concatenate(image) / transmitters
 
 
-def _point_foci(heard: ElementSignals, points: np.ndarray, centre: np.ndarray, transmitter: np.ndarray) -> Focus:
+def _point_foci(array: ElementSignals, points: np.ndarray, centre: np.ndarray, transmitter: np.ndarray) -> Focus:
     """Points (P, 3) seen from the centre of the elements, the echo's place and phase there by float64."""
-    lib, recording = heard.lib, heard.recording
+    lib, recording = array.lib, array.recording
     column = [upload(lib.Float64, axis) for axis in points.T]
 
     def seen_from(place):
@@ -201,9 +201,9 @@ def _point_foci(heard: ElementSignals, points: np.ndarray, centre: np.ndarray, t
     return foci
 
 
-def _beam_foci(heard: ElementSignals, vectors: np.ndarray, transmitter: np.ndarray) -> Focus:
+def _beam_foci(array: ElementSignals, vectors: np.ndarray, transmitter: np.ndarray) -> Focus:
     """Where beams (B, 3) are focused at their samples, beam by beam; phases count from an echo by way of the origin."""
-    lib, recording = heard.lib, heard.recording
+    lib, recording = array.lib, array.recording
     samples = recording.values.shape[-1]
     index = dr.arange(lib.UInt32, len(vectors) * samples)
     beam = index // dr.opaque(lib.UInt32, samples)
@@ -212,8 +212,8 @@ def _beam_foci(heard: ElementSignals, vectors: np.ndarray, transmitter: np.ndarr
     distance = dr.gather(lib.Float, upload(lib.Float, ranges.astype(np.float32)), sample)
     point = [distance * dr.gather(lib.Float, upload(lib.Float, axis.astype(np.float32)), beam) for axis in vectors.T]
     place = [dr.opaque(lib.Float, float(v)) for v in (*transmitter, transmitter @ transmitter)]
-    further = heard.detour(point, distance, place)
-    foci = Focus(point, distance, lib.Int32(RATE * sample), further * heard.samples_per_metre,
-                 further * heard.cycles_per_metre)
+    further = array.detour(point, distance, place)
+    foci = Focus(point, distance, lib.Int32(RATE * sample), further * array.samples_per_metre,
+                 further * array.cycles_per_metre)
     dr.eval(foci)
     return foci

@@ -112,7 +112,7 @@ def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | No
     values = np.empty((recording.values.shape[0], beams, samples), np.complex64)
     for ping, one in enumerate(recording.values[:, 0]):
         spectra = fft.fft(one * fan.weights[:, None].astype(np.float32), n=padded, axis=-1)
-        steered = transform(np.ascontiguousarray(spectra.T)) * turned    # (frequency, beam)
+        steered = transform.transformed(np.ascontiguousarray(spectra.T)) * turned    # (frequency, beam)
         values[ping] = fft.ifft(np.ascontiguousarray(steered.T), axis=-1)[:, :samples]
     return fan.labelled(values, sines, "fan_beams")
 
@@ -203,7 +203,7 @@ class _ChirpZ:
         self.kernel = fft.fft(kernel, axis=1)
         self.after = chirp(b).conj()
 
-    def __call__(self, rows: np.ndarray) -> np.ndarray:
+    def transformed(self, rows: np.ndarray) -> np.ndarray:
         """Transform complex64 (F, E) to (F, B)."""
         spread = fft.fft(rows * self.before, n=self.size, axis=1) * self.kernel
         return fft.ifft(spread, axis=1)[:, :self.beams] * self.after

@@ -73,11 +73,11 @@ def mvdr(signals: xr.DataArray, directions: ArrayLike, *, subarray: int | None =
     if not (np.isfinite(loading) and loading > 0):
         raise ValueError(f"loading is {loading}; give a number > 0, 0.01 of the diagonal is usual")
     beams = np.empty((pings, len(vectors), samples), np.complex64)
-    heard = ElementSignals(device_arrays(like), recording, interpolation, np.ones(elements))
+    array = ElementSignals(device_arrays(like), recording, interpolation, np.ones(elements))
     for ping in range(pings):
-        heard.load(ping, np.zeros(3))
+        array.load(ping, np.zeros(3))
         for beam, vector in enumerate(vectors):
-            lined = aligned(heard, vector, recording.transmitters[ping, 0])
+            lined = aligned(array, vector, recording.transmitters[ping, 0])
             beams[ping, beam] = _adapted(lined.T, length, half_width, loading)
     return beam_signals(recording, beams, vectors, "mvdr")
 
