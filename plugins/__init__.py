@@ -19,17 +19,18 @@ __all__ = ["LOCK", "install", "register"]
 
 LOCK = threading.RLock()            # of registration, and of setting the variant that it is for
 
-MODULES = ("media.seawater", "films.sonar_film", "bsdfs.material", "bsdfs.lambert", "bsdfs.sediment",
-           "bsdfs.elastic", "bsdfs.empirical", "bsdfs.smooth", "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance",
-           "bsdfs.windy_sea", "sensors.sonar_sensor", "sensors.sidescan", "sensors.array_sonar",
+BASES = ("bsdfs.material", "bsdfs.smooth", "sensors.sonar_sensor")         # what plugins of a kind share
+PLUGINS = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "bsdfs.sediment", "bsdfs.elastic", "bsdfs.empirical",
+           "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance", "bsdfs.windy_sea", "sensors.sidescan", "sensors.array_sonar",
            "integrators.sonar_path", "shapes.seabed", "shapes.bathymetry", "shapes.capped_cylinder",
            "shapes.point_target", "shapes.sea_surface", "shapes.targets")
+MODULES = (*BASES, *PLUGINS)
 
 _installed = False
 _registered = None                  # the variant
 
 
-def install():
+def install() -> None:
     """Register every plugin for the present variant, if there is one, and for those set from now on."""
     global _installed
     import mitsuba as mi        # where this is the first import, it installs by itself (see mitsonar/__init__)
@@ -43,7 +44,7 @@ def install():
             register(mi.variant())
 
 
-def register(variant):
+def register(variant: str) -> None:
     """Register every plugin for a variant, unless that is done: whoever set the variant may not have come to it yet."""
     global _registered
     with LOCK:

@@ -17,8 +17,10 @@ def add(commands):
     listed = commands.add_parser("scenes", help="list the scenes that come with mitsonar")
     listed.set_defaults(run=_scenes)
     describe = commands.add_parser("describe", help="say which parameters a scene, or which attributes a plugin takes")
-    name = describe.add_argument("name", metavar="SCENE|PLUGIN", help="a scene's name or file, or one such as sidescan")
+    name = describe.add_argument("name", metavar="SCENE|PLUGIN", nargs="?",
+                                 help="a scene's name or file, or one such as sidescan")
     name.complete = SCENES
+    describe.add_argument("--markdown", action="store_true", help="print the reference page of all plugins")
     describe.set_defaults(run=_describe)
 
 
@@ -31,15 +33,19 @@ def _scenes(arguments):
 
 
 def _describe(arguments):
-    from ..plugins import reference as attributes
+    from ..plugins import page, reference
 
     name = arguments.name
-    if name in attributes.plugins():
+    if arguments.markdown != (name is None):
+        raise ValueError("describe takes the name of a scene or a plugin, or --markdown; give one of them")
+    if arguments.markdown:
+        return announce(page.markdown().rstrip("\n"))
+    if name in reference.plugins():
         return _plugin(name)
     try:
         path = scenes.find(name)
     except FileNotFoundError:
-        known = [*scenes.shipped(), *attributes.plugins()]
+        known = [*scenes.shipped(), *reference.plugins()]
         raise ValueError(f"there is no scene or plugin {name!r}{meant(name, known)}; give the path of a scene, or one "
                          f"of: {', '.join(known)}") from None
     return _scene(name, path)
@@ -55,24 +61,26 @@ def _scene(name, path):
 
 def _use(use):
     """What a parameter is for, by the attribute that it becomes."""
-    from ..plugins import reference as attributes
+    from ..plugins import reference
 
     kind, label, name = use
-    known = {one.name: one for one in attributes.attributes(kind)} if kind in attributes.plugins() else {}
+    declared = reference.attributes(kind) if kind in reference.plugins() else []
+    known = {known: one for one in declared for known in (one.name, one.formerly)}
     place = f"{name} of {label or kind}" if name else label or kind
     if name not in known:
         return place
-    return f"{place}, {known[name].expected}: {known[name].meaning}"
+    return f"{place}, {reference.expected(known[name])}: {reference.plain(known[name].text)}"
 
 
 def _plugin(name):
-    from ..plugins import reference as attributes
+    from ..plugins import reference
 
-    _tell(f'<{attributes.kind_of(name)} type="{name}">', attributes.title(name))
-    for one in attributes.attributes(name):
+    _tell(f'<{reference.kind_of(name)} type="{name}">', reference.title(name))
+    for one in reference.attributes(name):
         announce("")
-        default = {"": "", "needed": ", needed"}.get(one.default, f", default {one.default}")
-        _tell(f"{one.name}: {one.expected}{default}", one.meaning)
+        default = {"": "", "needed": ", needed"}.get(one.shown_default, f", default {one.shown_default}")
+        former = f"; formerly {one.formerly}" if one.formerly else ""
+        _tell(reference.plain(f"{one.name}: {reference.expected(one)}{default}"), reference.plain(one.text) + former)
 
 
 def _tell(heading, text):

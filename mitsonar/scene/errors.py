@@ -6,11 +6,11 @@ Mitsuba wraps what went wrong in tags of its source files, places, plugin names 
 import re
 
 from mitsonar.io.errors import shortened
-from mitsonar.plugins import MODULES
+from mitsonar.plugins import PLUGINS as OURS
 from mitsonar.spelling import meant
 
 # ours, and those of Mitsuba that a sonar's scene has use for
-PLUGINS = (*(name.rpartition(".")[2] for name in MODULES), "bitmap", "checkerboard", "cube", "cylinder", "diffuse",
+PLUGINS = (*(name.rpartition(".")[2] for name in OURS), "bitmap", "checkerboard", "cube", "cylinder", "diffuse",
            "disk", "instance", "mesh_attribute", "obj", "ply", "rectangle", "shapegroup", "sphere", "twosided")
 _TAG = re.compile(r"\s*\[(?:\w+\.cpp:\d+|[A-Z]\w*)\] ")
 _PLACE = r"(?:(?P<file>\S.*?) \(line (?P<line>\d+), col \d+\)|dictionary node \"(?P<node>[^\"]*)\")"

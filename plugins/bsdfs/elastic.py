@@ -1,10 +1,7 @@
 """Solid seabed (`elastic`): as `sediment`, of cobble and rock, which bear shear waves.
 
-- ``sediment`` ["rock"]: "cobble" ("gravel", "pebble"), "rock" or "rough rock", of APL-UW TM 2-00
-- ``density_ratio``, ``sound_speed_ratio``, ``loss``, ``shear_speed_ratio``, ``shear_loss``, ``w2`` [m^(4 - γ)],
-  ``gamma``, ``w3``: numbers or textures in place of its own; see `mitsonar.scattering.ElasticSediment`. Textures are
-  clipped to the valid range, and shear to below 0.866 of the speed of compressional waves.
-- ``sediment_class``, ``classes``, ``class_scale``, ``mesh_resolution``: as in `sediment`
+The model is that of APL-UW TM 2-00: small slopes and volume, see `mitsonar.scattering.ElasticSediment`. Textures are
+clipped to the valid range, and shear to below 0.866 of the speed of compressional waves.
 
 .. code-block:: xml
 
@@ -14,20 +11,35 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.plugins.attributes import Text
+from mitsonar.plugins.bsdfs.material import PATCHES
 from mitsonar.plugins.bsdfs.parameter import Parameter
-from mitsonar.plugins.bsdfs.sediment import SedimentBed
+from mitsonar.plugins.bsdfs.sediment import CLASSES, MESH_RESOLUTION, SedimentBed, own
 from mitsonar.scattering.elastic import Elastic
 from mitsonar.scattering.elastic_sediment import ELASTIC_BOUNDS, FASTEST_SHEAR, ElasticSediment
 
 SOLID = "density_ratio", "sound_speed_ratio", "loss", "shear_loss", "w3"
 
+ATTRIBUTES = (
+    Text("sediment", default="rock", text="`cobble` (`gravel`, `pebble`), `rock` or `rough rock`"),
+    own("density_ratio", ELASTIC_BOUNDS, "density over the water's"),
+    own("sound_speed_ratio", ELASTIC_BOUNDS, "speed of compressional waves over the water's"),
+    own("loss", ELASTIC_BOUNDS, "imaginary over real wavenumber of compressional waves"),
+    own("shear_speed_ratio", ELASTIC_BOUNDS, "speed of shear waves over the water's"),
+    own("shear_loss", ELASTIC_BOUNDS, "imaginary over real wavenumber of shear waves"),
+    own("w3", ELASTIC_BOUNDS, "strength of the spectrum of what varies in the volume; 0: nothing", or_none=True),
+    own("w2", ELASTIC_BOUNDS, "strength of the roughness spectrum", unit="m^(4-γ)"),
+    own("gamma", ELASTIC_BOUNDS, "exponent γ of that spectrum"),
+    *CLASSES, MESH_RESOLUTION, *PATCHES,
+)
+
 
 class ElasticBed(SedimentBed):
     """See the module's text."""
 
-    law, bounds, default, volume = ElasticSediment, ELASTIC_BOUNDS, "rock", "w3"
+    law, bounds, declared = ElasticSediment, ELASTIC_BOUNDS, ATTRIBUTES
 
-    def __init__(self, props):
+    def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         every = np.array([sediment.fluctuations for sediment in self.sediments])
         self.fluctuations = [Parameter(column[:1] if np.ptp(column) == 0 else column) for column in every.T]
@@ -35,11 +47,11 @@ class ElasticBed(SedimentBed):
     def _below(self, value, number, active):
         """The half-space under the surface."""
         shear = dr.minimum(value["shear_speed_ratio"], 0.999 * FASTEST_SHEAR * value["sound_speed_ratio"])
-        fluctuations = tuple(parameter(None, number, active) for parameter in self.fluctuations)
+        fluctuations = tuple(parameter.at(None, number, active) for parameter in self.fluctuations)
         return Elastic(arithmetic=self.arithmetic, shear_speed_ratio=shear, fluctuations=fluctuations,
                        **{name: value[name] for name in SOLID})
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"Elastic[{', '.join(self.named)}]"
 
 

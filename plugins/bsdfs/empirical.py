@@ -1,8 +1,6 @@
 """Seabed of measured backscatter strength (`empirical`): a table against grazing angle, from a CSV file.
 
-- ``filename``: columns grazing angle [degrees] and strength [dB]; for several frequencies one column each, called as
-  "100 kHz". See `mitsonar.io.backscatter`, and `mitsonar.scattering.empirical` for what lies between the entries.
-- ``patchiness``, ``patch_size`` [m, 1]: as of `lambert`.
+From one angle to another the strength is the mean of both in dB, see `mitsonar.scattering.empirical`.
 
 .. code-block:: xml
 
@@ -14,22 +12,26 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.io import backscatter
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.bsdfs.material import Material, read_patches
+from mitsonar.plugins.attributes import Attributes, File
+from mitsonar.plugins.bsdfs.material import PATCHES, Material, patches_of
+
+ATTRIBUTES = (
+    File("filename", text="CSV: grazing angle [deg], strength [dB]; for several frequencies one column each, called as "
+                          '"100 kHz"; the nearest holds beyond them'),
+    *PATCHES,
+)
 
 
 class Empirical(Material):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        path = attributes.file("filename")
-        self.patches = read_patches(attributes)
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        self.patches = patches_of(attributes)
         try:
-            table = backscatter.read(path)
+            table = backscatter.read(attributes.filename)
         except ValueError as error:
-            raise attributes.error(str(error)) from None
+            raise attributes.error(error) from None
         super().__init__(props)
         self.table = table
         self.angles = upload(mi.Float, table.angles.astype(np.float32))
@@ -37,10 +39,11 @@ class Empirical(Material):
         self.strengths_db = upload(mi.Float, table.strengths_db.astype(np.float32))
         dr.eval(self.angles, self.log_frequencies, self.strengths_db)
 
-    def traverse(self, callback):
+    def traverse(self, callback: mi.TraversalCallback) -> None:
         callback.put("strengths_db", self.strengths_db, mi.ParamFlags.Differentiable)
 
-    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+    def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                            sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """σ of the law: the root of the backscatter strengths at both angles."""
         place = _place(self.log_frequencies, dr.log(frequency))
         both = self._half_db(wi, place) + self._half_db(wo, place)
@@ -63,7 +66,7 @@ class Empirical(Material):
         """Fall of the root of σ_b below the first angle of the table."""
         return dr.clip(w.z * float(1 / np.sin(self.table.angles[0])), 0, 1)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"Empirical[{self.table.name}]"
 
 

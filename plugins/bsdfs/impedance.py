@@ -1,10 +1,7 @@
 """Smooth surface of a fluid-like material (`impedance`): reflects as its density and sound speed ask, by angle.
 
-- ``density`` [kg/m³], ``sound_speed`` [m/s]: of what lies behind the surface, deep enough that nothing comes back from
-  its far side
-- ``loss`` [0]: imaginary over real part of its wavenumber, at most 1
-
-The water has 1025 kg/m³ and the sound speed it has at the surface.
+Its echo is coherent, highlights and corners included. What lies behind the surface is deep enough that nothing comes
+back from its far side. The water has 1025 kg/m³ and the sound speed it has at the surface.
 
 .. code-block:: xml
 
@@ -15,29 +12,33 @@ The water has 1025 kg/m³ and the sound speed it has at the surface.
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attributes, Number
 from mitsonar.plugins.bsdfs.smooth import Smooth
 from mitsonar.scattering.reflection import WATER_DENSITY, fluid_reflection
+
+ATTRIBUTES = (
+    Number("density", above=0, maximum=1e5, unit="kg/m³", text="of what lies behind the surface; the water's is 1025"),
+    Number("sound_speed", above=0, maximum=1e5, unit="m/s", text="there"),
+    Number("loss", default=0.0, minimum=0, maximum=1, text="imaginary over real part of the wavenumber there"),
+)
 
 
 class Impedance(Smooth):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        self.density = attributes.number("density", above=0, maximum=1e5, unit="kg/m³")
-        self.sound_speed = attributes.number("sound_speed", above=0, maximum=1e5, unit="m/s")
-        self.loss = attributes.number("loss", 0.0, minimum=0, maximum=1)
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        self.density, self.sound_speed, self.loss = attributes.density, attributes.sound_speed, attributes.loss
         super().__init__(props)
         self._numbers = [dr.opaque(mi.Float, v) for v in (self.density / WATER_DENSITY, self.sound_speed, self.loss)]
 
-    def reflection(self, si, sin_grazing, frequency, sound_speed, active=True):
+    def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+                   sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
         """R of a fluid half-space."""
         density_ratio, own_speed, loss = self._numbers
         return fluid_reflection(sin_grazing, density_ratio, own_speed / sound_speed, loss)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"Impedance[{self.density:g} kg/m³, {self.sound_speed:g} m/s, loss {self.loss:g}]"
 
 

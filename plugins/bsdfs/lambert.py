@@ -1,9 +1,6 @@
 """Lambert bottom (`lambert`): σ = μ sin θ_i sin θ_s, in the facet's own frame.
 
-- ``mu_db`` [dB, -27]: 10 log μ; -35 for mud to -10 for gravel and rock, at most -4.97. A number, or a texture of
-  decibels (best ``raw``; what is above -4.97 counts as that).
-- ``patchiness``, ``patch_size`` [m, 1]: shape of the gamma distribution by which the strength of squares of that size
-  varies, so that echoes are K-distributed; none by default.
+Of a texture, decibels above -4.97 count as that; it is best ``raw``.
 
 .. code-block:: xml
 
@@ -13,37 +10,42 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.bsdfs.material import Material, read_patches
+from mitsonar.plugins.attributes import Attributes, NumberOrTexture
+from mitsonar.plugins.bsdfs.material import PATCHES, Material, patches_of
 from mitsonar.scattering import lambert
-from mitsonar.units import power_from_db
+from mitsonar.units import db_from_power, power_from_db
+
+ATTRIBUTES = (
+    NumberOrTexture("mu_db", default=-27.0, unit="dB", maximum=float(db_from_power(lambert.STRONGEST)),
+                    text="scattering strength, 10 log µ of σ = µ sin θ_i sin θ_s; -35 for mud to -10 for gravel and "
+                         "rock"),
+    *PATCHES,
+)
 
 
 class Lambert(Material):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        mu_db = attributes.number_or_texture("mu_db", -27.0, unit="dB", maximum=10 * np.log10(lambert.STRONGEST))
-        self.patches = read_patches(attributes)
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        self.mu_db, self.patches = attributes.mu_db, patches_of(attributes)
         super().__init__(props, flags=mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
-        self.mu_db = mu_db
-        self.textured = isinstance(mu_db, mi.Texture)
+        self.textured = isinstance(self.mu_db, mi.Texture)
         if not self.textured:
-            self.strength = dr.opaque(mi.Float, float(power_from_db(mu_db)))
+            self.strength = dr.opaque(mi.Float, float(power_from_db(self.mu_db)))
 
-    def traverse(self, callback):
+    def traverse(self, callback: mi.TraversalCallback) -> None:
         if self.textured:
             callback.put("mu_db", self.mu_db, mi.ParamFlags.Differentiable)
         else:
             callback.put("strength", self.strength, mi.ParamFlags.Differentiable)
 
-    def parameters_changed(self, keys):
+    def parameters_changed(self, keys: list[str]) -> None:
         if not self.textured:
             dr.make_opaque(self.strength)
 
-    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+    def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                            sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """σ of the law; neither frequency nor sound speed plays a part."""
         sin_i, sin_s = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
         if self.textured:
@@ -53,7 +55,7 @@ class Lambert(Material):
             strength = self.strength
         return dr.select(active, lambert.scattering_strength(strength, sin_i, sin_s), 0)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"Lambert[mu_db={'texture' if self.textured else self.mu_db}]"
 
 

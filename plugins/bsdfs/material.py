@@ -7,9 +7,17 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.plugins.attributes import Attributes, Number
 from mitsonar.scattering.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
 
 SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them
+
+PATCHES = (
+    Number("patchiness", default=None, minimum=SMALLEST_SHAPE, maximum=LARGEST_SHAPE,
+           text="shape ν of the gamma distribution by which strength varies between squares, so that echoes are "
+                "K-distributed; none where it is not written"),
+    Number("patch_size", default=1.0, above=0, unit="m", text="side of these squares"),
+)
 
 
 class Material(mi.BSDF):
@@ -28,14 +36,14 @@ class Material(mi.BSDF):
     textured = False
     patches = None
 
-    def __init__(self, props, *, flags=None):
+    def __init__(self, props: mi.Properties, *, flags: mi.BSDFFlags | int | None = None) -> None:
         super().__init__(props)
         if flags is None:
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         self.m_components = [flags]
         self.m_flags = flags
 
-    def check(self, frequency, sound_speed):
+    def check(self, frequency: float, sound_speed: float) -> None:
         """Refuse what the law does not hold for, before a run.
 
         Parameters
@@ -49,7 +57,8 @@ class Material(mi.BSDF):
             If the law does not hold.
         """
 
-    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+    def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                            sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Give σ [-].
 
         Parameters
@@ -64,34 +73,41 @@ class Material(mi.BSDF):
         """
         raise NotImplementedError
 
-    def patchy_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+    def patchy_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                        sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Give σ [-] where it is met: that of the law times what the patch there is to the mean."""
         strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
         return strength if self.patches is None else strength * self.patches.at(si.p.x, si.p.y, active)
 
-    def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
+    def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
+                        sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:
         """Draw a direction that sound goes on in: Vector3f (R,), from Float and Point2f in [0, 1)."""
         return mi.warp.square_to_cosine_hemisphere(sample2)
 
-    def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
+    def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                          sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Give the density of `drawn_direction` [1/sr]."""
         return dr.select(active & (wo.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
 
     # ---- what Mitsuba asks: lets any of its integrators show the scene
-    def eval(self, ctx, si, wo, active=True):
+    def eval(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
+             active: mi.Bool | bool = True) -> mi.Spectrum:
         sine = mi.Frame3f.cos_theta(si.wi)
         active = mi.Bool(active) & (sine * mi.Frame3f.cos_theta(wo) > 0)
         strength = self.patchy_strength(si, *_upright(si.wi, wo), *_shown(), active)
         return mi.Spectrum(dr.select(active, strength / dr.maximum(abs(sine), 1e-6), 0))
 
-    def pdf(self, ctx, si, wo, active=True):
+    def pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
+            active: mi.Bool | bool = True) -> mi.Float:
         active = mi.Bool(active) & (mi.Frame3f.cos_theta(si.wi) * mi.Frame3f.cos_theta(wo) > 0)
         return dr.select(active, self.direction_density(si, *_upright(si.wi, wo), *_shown(), active), 0)
 
-    def eval_pdf(self, ctx, si, wo, active=True):
+    def eval_pdf(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
+                 active: mi.Bool | bool = True) -> tuple[mi.Spectrum, mi.Float]:
         return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
 
-    def sample(self, ctx, si, sample1, sample2, active=True):
+    def sample(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+               active: mi.Bool | bool = True) -> tuple[mi.BSDFSample3f, mi.Spectrum]:
         below = mi.Frame3f.cos_theta(si.wi) < 0
         wi, _ = _upright(si.wi, si.wi)
         wo = self.drawn_direction(si, wi, *_shown(), sample1, sample2, active)
@@ -105,19 +121,17 @@ class Material(mi.BSDF):
         value = self.eval(ctx, si, sample.wo, active) / dr.select(active, sample.pdf, 1)
         return sample, dr.select(active, value, 0)
 
-    def traverse(self, callback):
+    def traverse(self, callback: mi.TraversalCallback) -> None:
         pass
 
 
-def read_patches(attributes):
-    """Read ``patchiness`` (shape of the gamma-distributed strength) and ``patch_size`` [m]; `Patches`, or None."""
-    shape = attributes.number("patchiness", None, minimum=SMALLEST_SHAPE, maximum=LARGEST_SHAPE)
-    size = attributes.number("patch_size", 1.0, above=0, unit="m")
-    if shape is None:
+def patches_of(attributes: Attributes) -> Patches | None:
+    """Give the patches that the attributes of `PATCHES` say; None where there are none."""
+    if attributes.patchiness is None:
         if attributes.given("patch_size"):
             raise attributes.error("patch_size is given without patchiness; give both or neither.")
         return None
-    return Patches(shape, size, arrays_of(mi.Float), upload)
+    return Patches(attributes.patchiness, attributes.patch_size, arrays_of(mi.Float), upload)
 
 
 def _shown():

@@ -24,23 +24,23 @@ class Parameter:
         Whether the value is a texture.
     """
 
-    def __init__(self, value, low=-np.inf, high=np.inf):
+    def __init__(self, value: float | np.ndarray | mi.Texture, low: float = -np.inf, high: float = np.inf) -> None:
         self.textured = isinstance(value, mi.Texture)
         self.low, self.high = low, high
         self.classes = 1 if self.textured else np.size(value)
         self.value = value if self.textured else upload(mi.Float, np.asarray(value, np.float32))
         self.keep()
 
-    def keep(self):
+    def keep(self) -> None:
         """Have numbers stay variables of kernels, after they were changed too."""
         if not self.textured:
             dr.make_opaque(self.value)
 
-    def traverse(self, name, callback):
+    def traverse(self, name: str, callback: mi.TraversalCallback) -> None:
         """Show the value to `mi.traverse`."""
         callback.put(name, self.value, mi.ParamFlags.Differentiable)
 
-    def __call__(self, si, number, active):
+    def at(self, si: mi.SurfaceInteraction3f | None, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
         """Value at interactions `si`, Float; `number`, UInt32, is that of each one's class."""
         if self.textured:
             return dr.clip(self.value.eval_1(si, active), self.low, self.high)

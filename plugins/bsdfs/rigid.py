@@ -12,19 +12,22 @@ import mitsuba as mi
 from mitsonar.plugins.attributes import Attributes
 from mitsonar.plugins.bsdfs.smooth import Smooth
 
+ATTRIBUTES = ()
+
 
 class Rigid(Smooth):
     """See the module's text."""
 
-    def __init__(self, props):
-        Attributes(props).finish()
+    def __init__(self, props: mi.Properties) -> None:
+        Attributes(props, ATTRIBUTES)
         super().__init__(props)
 
-    def reflection(self, si, sin_grazing, frequency, sound_speed, active=True):
+    def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+                   sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
         """R, the same at all angles."""
         return dr.full(mi.Float, 1.0, dr.width(sin_grazing)), dr.zeros(mi.Float, dr.width(sin_grazing))
 
-    def to_string(self):
+    def to_string(self) -> str:
         return "Rigid[]"
 
 

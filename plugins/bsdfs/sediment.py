@@ -1,17 +1,14 @@
 """Fluid sediment (`sediment`): rough surface by small slopes, and volume; any frequency, both directions free.
 
-- ``sediment`` ["medium sand"]: of the 23 of TR 9407, by name
-- ``density_ratio``, ``sound_speed_ratio``, ``loss``, ``volume_parameter``, ``w2`` [m^(4 - γ)], ``gamma``: numbers or
-  textures in place of the sediment's own; see `mitsonar.scattering.Sediment`. Textures are clipped to the valid range.
-- ``sediment_class``: texture of class numbers, from 0, with ``classes``: "clay, medium sand, coarse sand"; in place of
-  ``sediment``. ``class_scale`` [1]: what the texture is multiplied by first, 255 for images of 8 bits.
-- ``mesh_resolution`` [m, 0]: node distance of a mesh that holds the larger features of this very roughness, as the
-  shape `seabed` does with ``fractal_sediment``; the law then leaves them out, so that they do not count twice. 0: it
-  holds none. Facets that are smooth to the sound (2 k h < 1, h of what is left) are off by some dB near nadir.
-- ``patchiness``, ``patch_size`` [m, 1]: as of `lambert`.
+Sediments are the 23 of APL-UW TR 9407, or made of free parameters; see `mitsonar.scattering.Sediment`. A frequency that
+a sediment does not hold at is refused.
 
-Textures of parameters are best ``raw``, those of classes also ``filter_type`` nearest; ``mesh_attribute`` takes what
-facets or nodes of a mesh carry: in PLY files, a property of faces called ``sediment_1`` is ``face_sediment``.
+Textures of parameters are clipped to the valid range, and best ``raw``, those of classes also ``filter_type`` nearest;
+``mesh_attribute`` takes what facets or nodes of a mesh carry: in PLY files, a property of faces called ``sediment_1``
+is ``face_sediment``.
+
+With ``mesh_resolution`` the law leaves out what the mesh shows, so that it does not count twice. Facets that are smooth
+to the sound (2 k h < 1, h of what is left) are off by some dB near nadir.
 
 .. code-block:: xml
 
@@ -30,8 +27,8 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.lookups import held
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.bsdfs.material import Material, read_patches
+from mitsonar.plugins.attributes import Attributes, Number, NumberOrTexture, Text
+from mitsonar.plugins.bsdfs.material import PATCHES, Material, patches_of
 from mitsonar.plugins.bsdfs.parameter import Parameter
 from mitsonar.scattering import Sediment
 from mitsonar.scattering.arithmetic import Arithmetic, power
@@ -48,31 +45,57 @@ LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1
 SHARES = 0.1, 0.9                  # bounds of the share of draws that goes to the lobe
 
 
+def own(name: str, bounds: dict, text: str, *, unit: str = "", or_none: bool = False) -> NumberOrTexture:
+    """Declare a parameter that stands in place of the sediment's own; `or_none` if it may be 0, for none of it."""
+    low, high = bounds[name]
+    least = {"minimum": low} if or_none else {"above": low}
+    return NumberOrTexture(name, default=None, otherwise="its own", maximum=high, unit=unit, text=text, **least)
+
+
+CLASSES = (
+    NumberOrTexture("sediment_class", default=None, text="texture of class numbers, from 0, in place of `sediment`"),
+    Text("classes", default=None, text='names of these classes: "clay, medium sand, coarse sand"'),
+    Number("class_scale", default=1.0, above=0,
+           text="what that texture is multiplied by first: 255 for 8-bit images"),
+)
+MESH_RESOLUTION = Number(
+    "mesh_resolution", default=0.0, minimum=0, unit="m",
+    text="distance of the nodes of a mesh that has this roughness itself, as the shape `seabed` with "
+         "`fractal_sediment`: what is longer is left to it; 0: it has none")
+
+ATTRIBUTES = (
+    Text("sediment", default="medium sand",
+         text="by name: `clay`, `silt`, `fine sand`, `sandy gravel`, ...; an unknown one is answered with all"),
+    own("density_ratio", BOUNDS, "density over the water's"),
+    own("sound_speed_ratio", BOUNDS, "sound speed over the water's"),
+    own("loss", BOUNDS, "imaginary over real wavenumber"),
+    own("volume_parameter", BOUNDS, "scattering of the volume: cross section [1/m] over absorption [dB/m]; 0: none",
+        or_none=True),
+    own("w2", BOUNDS, "strength of the roughness spectrum", unit="m^(4-γ)"),
+    own("gamma", BOUNDS, "exponent γ of that spectrum"),
+    *CLASSES, MESH_RESOLUTION, *PATCHES,
+)
+
+
 class SedimentBed(Material):
     """See the module's text.
 
     Attributes
     ----------
-    law, bounds, default : type, dict, str
-        What holds a sediment, the ranges of its parameters, and the name of one.
-    volume : str
-        The parameter that may be 0, for no volume.
+    law, bounds, declared : type, dict, tuple
+        What holds a sediment, the ranges of its parameters, and the attributes.
     """
 
-    law, bounds, default, volume = Sediment, BOUNDS, "medium sand", "volume_parameter"
+    law, bounds, declared = Sediment, BOUNDS, ATTRIBUTES
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        self.named, self.number = _named(attributes, self.law, self.default)
-        written = {}
-        for name, (low, high) in self.bounds.items():
-            least = {"minimum": low} if name == self.volume else {"above": low}
-            written[name] = attributes.number_or_texture(name, None, maximum=high, **least)
-        self.mesh_resolution = attributes.number("mesh_resolution", 0.0, minimum=0, unit="m")
-        if self.mesh_resolution and isinstance(written["gamma"], mi.Texture):
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, self.declared)
+        self.named, self.number = _named(attributes, self.law)
+        written = {name: getattr(attributes, name) for name in self.bounds}
+        self.mesh_resolution = attributes.mesh_resolution
+        if self.mesh_resolution and isinstance(attributes.gamma, mi.Texture):
             raise attributes.error("mesh_resolution is written, and gamma is a texture; give gamma as a number.")
-        self.patches = read_patches(attributes)
-        attributes.finish()
+        self.patches = patches_of(attributes)
         super().__init__(props)
         fixed = {name: value for name, value in written.items() if isinstance(value, float)}
         self.sediments = [_made(attributes, self.law, name, fixed) for name in self.named]
@@ -97,18 +120,18 @@ class SedimentBed(Material):
             self.log_ratio = RatioTable(self.lib, upload, float(gamma.value.numpy()[0])).look_up
             self.cut = dr.opaque(mi.Float, cut(self.mesh_resolution))
 
-    def traverse(self, callback):
+    def traverse(self, callback: mi.TraversalCallback) -> None:
         for name, parameter in self.parameters.items():
             parameter.traverse(name, callback)
         if self.number is not None:
             callback.put("sediment_class", self.number[0], mi.ParamFlags.NonDifferentiable)
 
-    def parameters_changed(self, keys):
+    def parameters_changed(self, keys: list[str]) -> None:
         for parameter in self.parameters.values():
             parameter.keep()
         self._tabulate()
 
-    def check(self, frequency, sound_speed):
+    def check(self, frequency: float, sound_speed: float) -> None:
         """Refuse frequencies at which the law does not hold for every sediment; what textures bring is not known."""
         for sediment in self.sediments:
             if {"w2", "gamma"} & set(self.varying):
@@ -117,7 +140,8 @@ class SedimentBed(Material):
             if doubt := sediment.doubt(frequency, 2 * np.pi * frequency / sound_speed):
                 warnings.warn(doubt, stacklevel=2)
 
-    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+    def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                            sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """σ of surface and volume."""
         below, w2, gamma = self._at(si, active)
         sin_i, sin_s = _sines(wi, wo)
@@ -131,13 +155,15 @@ class SedimentBed(Material):
         return dr.select(active, power(amplitude) * factor + below.volume_strength(sin_i, sin_s), 0)
 
     # ---- drawing: the lobe about the specular direction, by `lobe_directions`, or a cosine for the volume
-    def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
+    def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
+                        sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:
         width, alpha, share = self._lobe(si, wi, frequency, sound_speed, active)
         sine, _ = _sines(wi, wi)
         x, y, z = lobe_shift(wi.x, wi.y, sine, width, alpha, sample2.x, sample2.y)
         return dr.select(sample1 < share, mi.Vector3f(x, y, z), mi.warp.square_to_cosine_hemisphere(sample2))
 
-    def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
+    def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                          sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         width, alpha, share = self._lobe(si, wi, frequency, sound_speed, active)
         sin_i, sin_s = _sines(wi, wo)
         lobe = lobe_density(wi.x, wi.y, sin_i, wo.x, wo.y, width, alpha) * sin_s
@@ -160,14 +186,14 @@ class SedimentBed(Material):
         if self.number is not None:
             texture, scale = self.number
             number = mi.UInt32(held(dr.round(texture.eval_1(si, active) * scale), 0, len(self.named) - 1))
-        value = {name: parameter(si, number, active) for name, parameter in self.parameters.items()}
+        value = {name: parameter.at(si, number, active) for name, parameter in self.parameters.items()}
         return self._below(value, number, active), value["w2"], value["gamma"]
 
     def _below(self, value, number, active):
         """The half-space under the surface, of parameters by name and the number of each class."""
         return Fluid(arithmetic=self.arithmetic, **{name: value[name] for name in FLUID})
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"Sediment[{', '.join(self.named)}]"
 
 
@@ -176,14 +202,12 @@ def _made(attributes, law, name, fixed):
     try:
         return law.of(name, **fixed)
     except ValueError as error:
-        raise attributes.error(str(error)) from None
+        raise attributes.error(error) from None
 
 
-def _named(attributes, law, default):
+def _named(attributes, law):
     """Names of the sediments, and the texture of class numbers with its scale, or None."""
-    texture = attributes.number_or_texture("sediment_class", None)
-    classes = attributes.text("classes", None)
-    scale = attributes.number("class_scale", 1.0, above=0)
+    texture, classes = attributes.sediment_class, attributes.classes
     if isinstance(texture, float):
         raise attributes.error("sediment_class is a number; give a texture of class numbers, or one sediment by name.")
     together = attributes.given("sediment", "classes")
@@ -195,13 +219,12 @@ def _named(attributes, law, default):
     if texture is None:
         if attributes.given("class_scale"):
             raise attributes.error("class_scale is written without sediment_class; leave it out.")
-        names = [attributes.text("sediment", default)]
+        names = [attributes.sediment]
     else:
-        attributes.text("sediment", None)
         names = [name.strip() for name in classes.split(",")]
     for name in names:
         _made(attributes, law, name, {})
-    return names, None if texture is None else (texture, scale)
+    return names, None if texture is None else (texture, attributes.class_scale)
 
 
 def _sines(wi, wo):

@@ -1,9 +1,8 @@
 """Sea surface seen from below (`windy_sea`): bubbles, facets and ripples that the wind makes.
 
-- ``wind_speed`` [m/s, 5]: at 10 m height, at most 60; 0: a mirror that turns pressure over and scatters nothing.
-
 The law is `mitsonar.scattering.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is
-extrapolated beyond. The shape `sea_surface` has it.
+extrapolated beyond. Without wind the surface is a mirror that turns pressure over and scatters nothing. The shape
+`sea_surface` has this material where none is nested.
 
 .. code-block:: xml
 
@@ -12,11 +11,13 @@ extrapolated beyond. The shape `sea_surface` has it.
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attributes, Number
 from mitsonar.plugins.bsdfs.material import Material
 from mitsonar.scattering import sea_surface
 
-STRONGEST_WIND = 60.0              # [m/s]
+WIND_SPEED = Number("wind_speed", default=5.0, minimum=0, maximum=60.0, unit="m/s", text="at 10 m height")
+
+ATTRIBUTES = (WIND_SPEED,)
 
 
 class WindySea(Material):
@@ -28,29 +29,30 @@ class WindySea(Material):
         Whether there is no wind: sound goes on in the mirror direction alone.
     """
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        self.wind_speed = attributes.number("wind_speed", 5.0, minimum=0, maximum=STRONGEST_WIND, unit="m/s")
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        self.wind_speed = Attributes(props, ATTRIBUTES).wind_speed
         super().__init__(props)
         self.mirror = self.wind_speed == 0
         self.roughness = sea_surface.Roughness(
             *(dr.opaque(mi.Float, value) for value in sea_surface.roughness(self.wind_speed)))
 
-    def scattering_strength(self, si, wi, wo, frequency, sound_speed, active=True):
+    def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                            sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """σ of the law."""
         if self.mirror:
             return dr.zeros(mi.Float, dr.width(wo))
         return dr.select(active, sea_surface.strength(dr, self.roughness, wi, wo, frequency, sound_speed), 0)
 
-    def drawn_direction(self, si, wi, frequency, sound_speed, sample1, sample2, active=True):
+    def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
+                        sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:
         """Draw from the lobe of facets, and now and then from a cosine for bubbles and ripples."""
         if self.mirror:
             return mi.Vector3f(-wi.x, -wi.y, wi.z)
         facet = mi.Vector3f(*sea_surface.facet_direction(dr, self.roughness.slope_variance, wi, sample2.x, sample2.y))
         return dr.select(sample1 < sea_surface.FACET_SHARE, facet, mi.warp.square_to_cosine_hemisphere(sample2))
 
-    def direction_density(self, si, wi, wo, frequency, sound_speed, active=True):
+    def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
+                          sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Density of that mixture; a mirror has none."""
         if self.mirror:
             return dr.zeros(mi.Float, dr.width(wo))
@@ -58,7 +60,7 @@ class WindySea(Material):
         facets = sea_surface.facet_density(dr, self.roughness.slope_variance, wi, wo)
         return dr.select(active, share * facets + (1 - share) * mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"WindySea[wind {self.wind_speed:g} m/s]"
 
 

@@ -1,47 +1,52 @@
 """Sonar film (`sonar_film`): the window of time a ping is recorded in, and its bins.
 
-- ``range`` [m, 100], ``range_min`` [m, 0]: slant range window, at the sonar's own sound speed.
-- ``bins`` [800] or ``sample_rate_khz``: number of equal time bins, or how many a millisecond. The signals of an array
-  are complex samples; without either they come at 1.5 times what the pulse needs,
-  its bandwidth and 2 / duration, and the Doppler shift.
+Of an array, ``bins`` or ``sample_rate_khz`` set the sampling of the signals, which are complex; without either the rate
+is 1.5 times what the pulse needs: bandwidth, 2 / duration, Doppler.
 
 .. code-block:: xml
 
     <film type="sonar_film"><float name="range" value="75"/><integer name="bins" value="1000"/></film>
 """
+import os
+from typing import NoReturn
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attributes, Integer, Number
 from mitsonar.units import hertz_from_khz
 
 FARTHEST = 100_000               # [m]
 MOST_BINS = 1_000_000
 
+ATTRIBUTES = (
+    Number("range", default=100.0, above=0, maximum=FARTHEST, unit="m",
+           text="end of the slant range window, at the sonar's sound speed"),
+    Number("range_min", default=0.0, minimum=0, unit="m", text="its beginning"),
+    Integer("bins", default=800, minimum=1, maximum=MOST_BINS, text="time bins in the window; or `sample_rate_khz`"),
+    Number("sample_rate_khz", default=None, above=0, unit="kHz", text="bins a millisecond"),
+)
+
 
 class SonarFilm(mi.Film):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        self.range = attributes.number("range", 100.0, above=0, maximum=FARTHEST, unit="m")
-        self.range_min = attributes.number("range_min", 0.0, minimum=0, unit="m")
-        sample_rate_khz = attributes.number("sample_rate_khz", None, above=0, unit="kHz")
-        if sample_rate_khz is not None and attributes.given("bins"):
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)         # Mitsuba's own of films have no meaning here and are refused
+        self.range, self.range_min = attributes.range, attributes.range_min
+        self._bins, self._bins_written = attributes.bins, bool(attributes.given("bins"))
+        rate_khz = attributes.sample_rate_khz
+        self._sample_rate = None if rate_khz is None else float(hertz_from_khz(rate_khz))
+        if self._sample_rate is not None and self._bins_written:
             raise attributes.error("bins and sample_rate_khz are both given; give one of them.")
-        self._bins = attributes.integer("bins", 800, minimum=1, maximum=MOST_BINS)
-        self._bins_written = bool(attributes.given("bins"))
-        self._sample_rate = None if sample_rate_khz is None else float(hertz_from_khz(sample_rate_khz))
         if self.range_min >= self.range:
             raise attributes.error(f"range_min is {self.range_min} m, not below range {self.range} m; lower it.")
-        # Mitsuba's own film attributes have no meaning here and are refused with the rest
-        attributes.finish()
         props["width"], props["height"] = self._bins, 1
         super().__init__(props)
         self.image = None
 
-    def window(self, sound_speed):
+    def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
         """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s].
 
         Raises
@@ -58,7 +63,7 @@ class SonarFilm(mi.Film):
                              f"bins of the range; lower it, a film has at most {MOST_BINS}")
         return (start, start + bins / self._sample_rate), int(bins)
 
-    def sampling(self, sound_speed, usual_rate, *, written=True):
+    def sampling(self, sound_speed: float, usual_rate: float, *, written: bool = True) -> tuple[float, float, int]:
         """Start of the record [s], sampling rate [Hz] and number of samples, at the sonar's sound speed [m/s].
 
         Parameters
@@ -85,39 +90,39 @@ class SonarFilm(mi.Film):
         return start, rate, max(samples, 1)
 
     # ---- what Mitsuba asks of a film; the picture itself is put here by `sonar_path`
-    def base_channels_count(self):
+    def base_channels_count(self) -> int:
         return 1
 
-    def prepare(self, aovs):
+    def prepare(self, aovs: list[str]) -> int:
         self.image = None
         return 1
 
-    def clear(self):
+    def clear(self) -> None:
         self.image = None
 
-    def put(self, image):
+    def put(self, image: mi.TensorXf) -> None:
         """Keep the rendered levels, a tensor (pings, columns, 1)."""
         self.image = image
 
-    def create_block(self, *_, **__):
+    def create_block(self, *_, **__) -> NoReturn:
         raise ValueError("a sonar_film records sound; render it with the integrator sonar_path")
 
-    def develop(self, raw=False):
+    def develop(self, raw: bool = False) -> mi.TensorXf:
         if self.image is None:
             raise ValueError("sonar_film holds no image yet; render the scene first")
         return self.image
 
-    def bitmap(self, raw=False):
+    def bitmap(self, raw: bool = False) -> mi.Bitmap:
         return mi.Bitmap(self.develop(raw), mi.Bitmap.PixelFormat.Y)
 
-    def write(self, path):
+    def write(self, path: str | os.PathLike) -> None:
         self.bitmap().write(str(path))
 
-    def schedule_storage(self):
+    def schedule_storage(self) -> None:
         if self.image is not None:
             dr.schedule(self.image)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"SonarFilm[{self.range_min}..{self.range} m]"
 
 

@@ -1,21 +1,11 @@
 """Sonar rays (`sonar_path`): refracted paths to the first hit and back.
 
-- ``rays`` [100000]: per ping; of a sidescan both sides together, of arrays per fan and only where rays find cells
-- ``first_pass`` [0.15], of a sidescan: share of the rays sent first to find where they are needed (steep faces,
-  targets, far range); 0 draws all rays for a flat bed
+Of a sidescan, the first pass finds where rays are needed: steep faces, targets, far range. On a flat bed 10 rays a bin
+leave 0.4 dB rms of ray noise, 100 leave 0.1 dB.
 
-- ``max_depth`` [1]: bounces that an echo may have made, the sea surface's among them; 2 has ghosts of targets by way of
-  the seabed or the surface, 3 surface multiples
-
-Of sonars with arrays:
-
-- ``lighting``: ``scatterers`` [default]: every cell of the scene within reach is connected to the array along its own
-  bent ray, without any noise of sampling; ``rays``: rays find the cells, for scenes with too many
-- ``cell`` [m]: longest side of a cell, which holds one scatterer; default: half the range resolution, c / 4 B, at most
-  a fiftieth of the altitude
-- ``fans``: ``centre`` [default]: rays go out from the array's centre, all transmit elements light the same scatterers;
-  ``elements``: a fan from every transmit element; ``interpolated``: ``fan_count`` [3] fans along the transmit array,
-  elements between take both neighbours'
+Of a sonar with arrays, the seabed is cut into cells; each has one scatterer, a fixed point with a complex Gaussian
+amplitude, the same for every element, ping and run. So speckle is Rayleigh, and stays coherent from ping to ping.
+Meshes and rectangles carry scatterers.
 
 .. code-block:: xml
 
@@ -28,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.echoes.ensonification import LIGHTING
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attributes, Choice, Integer, Number
 from mitsonar.survey.array_survey import ArraySurvey
 from mitsonar.survey.kinds import kind_of
 from mitsonar.survey.sensor import RunSettings
@@ -37,23 +27,38 @@ from mitsonar.survey.survey import Survey
 MOST_BOUNCES = 6
 MOST_RAYS = 50_000_000             # of a ping: they are one kernel, of a quarter of a minute, that Ctrl-C waits for
 
+ATTRIBUTES = (
+    Integer("rays", default=100_000, minimum=1, maximum=MOST_RAYS,
+            text="per ping, of a sidescan both sides together, of an array only where rays find cells"),
+    Number("first_pass", default=0.15, minimum=0, maximum=0.9,
+           text="share of a sidescan's rays that are sent ahead to find where rays are needed; 0: draw them for a flat "
+                "bed"),
+    Integer("max_depth", default=1, minimum=1, maximum=MOST_BOUNCES,
+            text="bounces an echo may have made, the surface's among them; 2: ghosts by way of the seabed or the "
+                 "surface, 3: surface multiples"),
+    Choice("ensonification", default=LIGHTING[0], choices=LIGHTING, formerly="lighting",
+           text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
+                "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
+    Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",
+           text="longest side of a cell; by default also at most a fiftieth of the altitude"),
+    Choice("fans", default="centre", choices=("centre", "elements", "interpolated"),
+           text="from where an array's cells are ensonified: its centre (all transmit elements reach the same points), "
+                "each transmit element, or `fan_count` places along the array, between which elements take both "
+                "neighbours'"),
+    Integer("fan_count", default=3, minimum=2, maximum=1000, only=("fans", ("interpolated",)),
+            text="how many places, with `interpolated`"),
+)
+
 
 class SonarPath(mi.SamplingIntegrator):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        fans = attributes.text("fans", "centre", choices=("centre", "elements", "interpolated"))
-        if fans != "interpolated" and attributes.given("fan_count"):
-            raise attributes.error('fan_count is given, but it only counts with fans "interpolated"; leave it out.')
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
         self.settings = RunSettings(
-            rays=attributes.integer("rays", 100_000, minimum=1, maximum=MOST_RAYS),
-            first_pass=attributes.number("first_pass", 0.15, minimum=0, maximum=0.9),
-            max_depth=attributes.integer("max_depth", 1, minimum=1, maximum=MOST_BOUNCES),
-            ensonification=attributes.text("lighting", LIGHTING[0], choices=LIGHTING),
-            cell_size=attributes.number("cell", None, above=0, unit="m"), ray_sources=fans,
-            ray_source_count=attributes.integer("fan_count", 3, minimum=2, maximum=1000))
-        attributes.finish()
+            rays=attributes.rays, first_pass=attributes.first_pass, max_depth=attributes.max_depth,
+            ensonification=attributes.ensonification, cell_size=attributes.cell, ray_sources=attributes.fans,
+            ray_source_count=attributes.fan_count)
         super().__init__(props)
 
     def survey(self, scene: mi.Scene, sensor: mi.Sensor) -> Survey:
@@ -87,7 +92,8 @@ class SonarPath(mi.SamplingIntegrator):
         """Render a planned run; see `mitsonar.render`."""
         return kind_of(sensor).picture(survey, sensor, seed, progress, say)
 
-    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
+    def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
+               evaluate: bool = True) -> mi.TensorXf:
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
 
         (pings, 2 bins) for a sidescan, port mirrored, then starboard; (pings x beams, samples) for an array.
@@ -100,7 +106,7 @@ class SonarPath(mi.SamplingIntegrator):
         sensor.film().put(film)
         return film
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"SonarPath[{self.settings.rays} rays]"
 
 

@@ -1,22 +1,7 @@
 """Sonar with arrays (`array_sonar`): transmit and receive elements anywhere on a moving platform, and their signals.
 
-- ``frequency_khz`` [100], ``source_level_db`` [210 dB re 1 µPa @ 1 m]: of the whole transmit array towards where it is
-  steered
-- ``pulse``: ``cw``, ``lfm`` [default] or ``hfm``; ``pulse_ms`` [1], ``bandwidth_khz`` [10] of a sweep, ``pulse_window``
-  such as "hann" or "tukey 0.1"
-- ``transmit``, ``receive`` [point] and what goes with them: the arrays, see `array_attributes`
-- ``sound_speed`` [m/s]: at the array, for steering and slant range; default: the profile there
-
-- ``beams`` [121], ``fan_deg`` [120]: the fan that `mitsonar.render` forms of the receive array, about its normal, in
-  the plane of the axis along which it is longest
-
-The run: ``pings`` [1], ``track``, ``start``, ... as `platform` says. The platform moves and turns while sound is on its
-way.
-
-What is heard:
-
-- ``noise`` [true]: ambient noise of the water, coherent between close elements; ``noise_level_db``
-  [dB re 1 µPa²/Hz] instead of the water's, ``self_noise_db`` of each receiver, independent of the others
+The platform moves and turns while sound is on its way. ``mitsonar.render`` forms a fan of beams of the receive array;
+``mitsonar.impulse_response`` and ``mitsonar.element_signals`` give what every element receives.
 
 .. code-block:: xml
 
@@ -33,33 +18,49 @@ What is heard:
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Angle, Attributes, Choice, Integer, Number, Text
 from mitsonar.sonar import PULSES
 from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz
 
-from .array_attributes import read_array
-from .sonar_sensor import LEVELS_DB, SonarSensor
+from .array_attributes import ARRAYS
+from .array_reading import read_array
+from .platform import ROUTE, pings
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 
 WINDOW_SAMPLES = 64                # on which a pulse's window is tried
 SIDES = ("transmit", "receive")
+
+ATTRIBUTES = (
+    Number("frequency_khz", default=100.0, above=0, maximum=10_000, unit="kHz", text="carrier"),
+    Number("source_level_db", default=210.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
+           text="of the whole transmit array where it is steered to"),
+    Choice("pulse", default="lfm", choices=tuple(PULSES), text="of one frequency, or a sweep"),
+    Number("pulse_ms", default=1.0, above=0, maximum=10_000, unit="ms", text="its length"),
+    Number("bandwidth_khz", default=10.0, unit="kHz", text="of a sweep"),
+    Text("pulse_window", default=None, text='window over the pulse, as "hann" or "tukey 0.1"'),
+    ARRAYS, SOUND_SPEED,
+    Integer("beams", default=121, minimum=1, maximum=100_000, text="of the picture; a point has one"),
+    Angle("fan_deg", default=120.0, above=0, maximum=180,
+          text="width of the picture's fan about the receivers' normal, in the plane of their longest axis"),
+    *NOISE,
+    Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
+           text="noise of each receiver by itself"),
+    pings(1), ROUTE, *NESTED,
+)
 
 
 class ArraySonar(SonarSensor):
     """See the module's text; `mitsonar.survey.array` plans its run and makes its picture."""
 
-    kind = "array"
-    usual_pings = 1
+    kind, declared = "array", ATTRIBUTES
 
     def read(self, attributes: Attributes) -> None:
-        """Read the pulse, the arrays and the picture's beams."""
-        frequency_khz = attributes.number("frequency_khz", 100.0, above=0, maximum=10_000, unit="kHz")
-        self.frequency = float(hertz_from_khz(frequency_khz))
-        self.source_level_db = attributes.number("source_level_db", 210.0, **LEVELS_DB)
-        self.pulse = self._read_pulse(attributes, self.frequency)
-        self.beams = attributes.integer("beams", 121, minimum=1, maximum=100_000)
-        self.fan_width = attributes.angle("fan_deg", 120.0, above=0, maximum=180)
-        self.self_noise_db = attributes.number("self_noise_db", None, **LEVELS_DB)
+        """Take the pulse, the arrays and the picture's beams."""
+        self.frequency = float(hertz_from_khz(attributes.frequency_khz))
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.pulse = _pulse(attributes, self.frequency)
+        self.beams, self.fan_width = attributes.beams, attributes.fan_deg
         # for the default pitch; delays of steering are made anew for the water that the track leads through
         profile, start = self.water.profile, self.route.start
         self.nominal_sound_speed = self.sound_speed or float(
@@ -68,26 +69,22 @@ class ArraySonar(SonarSensor):
                                        for side in SIDES)
         self.delays_from_file = tuple(bool(attributes.given(f"{side}_file")) for side in SIDES)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"ArraySonar[{self.frequency / 1000:g} kHz, {self.transmit.elements} x {self.receive.elements} elements]"
 
-    @staticmethod
-    def _read_pulse(attributes, frequency):
-        kind = attributes.text("pulse", "lfm", choices=tuple(PULSES))
-        duration = attributes.number("pulse_ms", 1.0, above=0, maximum=10_000, unit="ms") / 1000
-        window = attributes.text("pulse_window", None)
-        arguments = {"frequency": frequency, "duration": duration}
-        if kind == "cw":
-            if attributes.given("bandwidth_khz"):
-                raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it "
-                                       "out, or make the pulse lfm or hfm.")
-            attributes.number("bandwidth_khz", None)
-        else:
-            arguments["bandwidth"] = float(hertz_from_khz(attributes.number("bandwidth_khz", 10.0, unit="kHz")))
-        try:
-            return PULSES[kind](**arguments, window=None if window is None else _window(window))
-        except ValueError as error:
-            raise attributes.error(str(error)) from None
+
+def _pulse(attributes, frequency):
+    arguments = {"frequency": frequency, "duration": attributes.pulse_ms / 1000}
+    if attributes.pulse != "cw":
+        arguments["bandwidth"] = float(hertz_from_khz(attributes.bandwidth_khz))
+    elif attributes.given("bandwidth_khz"):
+        raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or make "
+                               "the pulse lfm or hfm.")
+    window = attributes.pulse_window
+    try:
+        return PULSES[attributes.pulse](**arguments, window=None if window is None else _window(window))
+    except ValueError as error:
+        raise attributes.error(error) from None
 
 
 def _window(text):

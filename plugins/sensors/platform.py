@@ -1,80 +1,104 @@
-"""What carries a sonar, as the sensors' shared attributes say it, ping by ping.
+"""What carries a sonar: where its platform goes, how deep, and how it moves.
 
-- ``pings`` [400], ``ping_rate_hz`` (default: as fast as the range allows, c / 2 range), ``speed_knots`` [4]
+Where it goes is one of these:
 
-Where it goes, one of these:
+- ``track``: a recorded track (see `mitsonar.io.tracks`), resampled at the ping rate, to its end or for ``pings`` if
+  that is written; a CSV file without times holds way points
+- ``waypoints``: sailed to the end or for ``pings`` if that is written
+- ``start`` and ``heading_deg``: a straight, level track
+- or none: straight over the middle of the surveyed area, along its longer axis unless ``heading_deg`` is written.
 
-- ``track``: a recorded track (CSV or XTF, see `mitsonar.io.tracks`), resampled at the ping rate, at most ``pings`` of
-  it if that is written; a CSV file without times holds way points
-- ``waypoints``: "0 0, 50 0, 50 30" [m] or "37.75N 122.38W, 37.76N 122.38W", sailed to the end or for ``pings`` if that
-  is written; ``turn_radius`` [m, 10] of the arcs between the legs, 0: corners, where the heading jumps
-- ``start`` (point, z up) and ``heading_deg``: a straight, level track
-- or none: straight over the middle of the surveyed area along its longer axis unless ``heading_deg`` is written.
+How deep: at the z of the track, the way points or the start. Where these have none, ``depth`` or ``altitude`` says it.
+``altitude`` also goes before a recorded z.
 
-How deep: at the z of the track, the way points or the start; where these have none, ``depth`` [m] below the surface, or
-``altitude`` [m] above the seabed (20 for the line over the middle), which also goes before a recorded z.
+Frames: x and y of files and way points are the scene's, or with ``georeferenced`` eastings and northings as the
+bathymetry's file has them. Degrees are projected to the bathymetry's coordinate system or, where the scene has none, to
+metres about ``origin``.
 
-Frames: x and y of files and way points are the scene's, or with ``georeferenced`` [false] eastings and northings as the
-bathymetry's file has them; degrees are projected to the bathymetry's coordinate system or, where the scene has none, to
-metres about ``origin``: "latitude, longitude" of x = y = 0, by default the middle of the track.
-
-Motion: a recorded track has its own. Else ``roll_deg``, ``pitch_deg``, ``yaw_deg`` and ``heave`` [m] are root mean
-squares [0] of random motion about ``motion_period`` [8 s], realised by ``motion_seed`` [0]. ``offset``: "forward,
-starboard, down" [m] of the sonar from where the track leads, turned by the attitude.
+A recorded track has its own motion. Else the motion is random; ``roll_deg``, ``pitch_deg``, ``yaw_deg`` and ``heave``
+are its root mean squares.
 """
 from dataclasses import replace
 
-import numpy as np
-
 from mitsonar.io import tracks
 from mitsonar.io.navigation import Frame, Waypoints, middle
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Angle, Attributes, Boolean, File, Group, Integer, Number, Numbers, Point, Text
 from mitsonar.sonar.motion import RandomMotion
 from mitsonar.survey.voyage import MOST_PINGS, Route
 from mitsonar.units import metres_per_second_from_knots
 
 TURN_RADIUS = 10.0                 # [m]
 
+ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
+    Number("ping_rate_hz", default=None, above=0, unit="Hz", otherwise="as the range allows", text="pings a second"),
+    Number("speed_knots", default=4.0, minimum=0, unit="knots", text="of a straight track, or along way points"),
+    Point("start", default=None, text="point of the first ping, z up; without it the track is laid over the middle of "
+                                      "the seabed"),
+    Angle("heading_deg", default=None, otherwise="0 from `start`, else the longer axis",
+          text="of a straight track, clockwise from north"),
+    Number("altitude", default=0.0, minimum=0, unit="m", otherwise="20, of a recorded track 0",
+           text="above the seabed (smoothed over 20 m); 0: keep the recorded z; not with `start`"),
+    Number("depth", default=None, minimum=0, unit="m",
+           text="below the surface, where neither `track`, `waypoints`, `start` nor `altitude` says it"),
+    File("track", default=None,
+         text="CSV or XTF file, resampled to the ping rate; not with `start`, `heading_deg`, `speed_knots`; CSV "
+              "without `time`: way points"),
+    Text("waypoints", default="",
+         text='"0 0, 80 0, 80 60" [m], or "37.75N 122.38W, 37.76N 122.38W"; a third number is z (up); heading along '
+              "the course"),
+    Number("turn_radius", default=TURN_RADIUS, minimum=0, unit="m",
+           text="of the arcs between legs, which begin and end within a second; 0: corners, turns left out"),
+    Boolean("georeferenced", default=False,
+            text="x and y of the track are eastings and northings as in the bathymetry's file"),
+    Numbers("origin", default=None, count=2, unit="degrees", otherwise="middle of the track",
+            text='"latitude, longitude" of x = y = 0, for a track in degrees over a seabed without a coordinate '
+                 "system"),
+    Angle("roll_deg", default=0.0, minimum=0, maximum=30,
+          text="random roll, root mean square; not with a recorded track"),
+    Angle("pitch_deg", default=0.0, minimum=0, maximum=30, text="pitch, likewise"),
+    Angle("yaw_deg", default=0.0, minimum=0, maximum=30, text="yaw, likewise"),
+    Number("heave", default=0.0, minimum=0, unit="m", text="heave, likewise"),
+    Number("motion_period", default=8.0, above=0, unit="s", text="period about which random motion lies"),
+    Integer("motion_seed", default=0, minimum=0, text="which realisation of it"),
+    Numbers("offset", default=(0.0, 0.0, 0.0), count=3, unit="m",
+            text='"forward, starboard, down" of the sonar from where the track leads, turned by the attitude'),
+))
 
-def read_route(attributes: Attributes, pings: int) -> Route:
-    """Read where a sonar goes.
+
+def pings(usual: int) -> Integer:
+    """Declare how many pings there are; `usual` of them where the scene does not say."""
+    return Integer("pings", default=usual, minimum=1, maximum=MOST_PINGS,
+                   text="number of pings; of a recorded track or way points, the most if written")
+
+
+def read_route(attributes: Attributes) -> Route:
+    """Give where a sonar goes.
 
     Parameters
     ----------
     attributes : Attributes
-    pings : int
-        How many, where the scene does not say.
+        With those of `ROUTE` and `pings`.
 
     Raises
     ------
     ValueError
         If attributes contradict each other, or a file does not hold a track.
     """
-    count = attributes.integer("pings", pings, minimum=1, maximum=MOST_PINGS)
-    ping_rate = attributes.number("ping_rate_hz", None, above=0, unit="Hz")
-    speed = float(metres_per_second_from_knots(attributes.number("speed_knots", 4.0, minimum=0, unit="knots")))
-    start, heading = attributes.point("start", None), attributes.angle("heading_deg", None)
-    altitude = attributes.number("altitude", 0.0, minimum=0, unit="m")
-    depth = attributes.number("depth", None, minimum=0, unit="m")
-    georeferenced = attributes.boolean("georeferenced", False)
-    turn_radius = attributes.number("turn_radius", TURN_RADIUS, minimum=0, unit="m")
-    origin = attributes.numbers("origin", None, count=2, unit="degrees")
-    offset = attributes.numbers("offset", np.zeros(3), count=3, unit="m")
-    rocking = {name: attributes.angle(f"{name}_deg", 0.0, minimum=0, maximum=30) for name in ("roll", "pitch", "yaw")}
-    random_motion = RandomMotion(
-        **rocking, heave=attributes.number("heave", 0.0, minimum=0, unit="m"),
-        period=attributes.number("motion_period", 8.0, above=0, unit="s"),
-        seed=attributes.integer("motion_seed", 0, minimum=0))
-    path, text = attributes.file("track", None), attributes.text("waypoints", "")
+    path, text, origin = attributes.track, attributes.waypoints.strip(), attributes.origin
     try:
-        record = tracks.load(path) if path is not None else tracks.waypoints(text) if text.strip() else None
+        record = tracks.load(path) if path is not None else tracks.waypoints(text) if text else None
     except ValueError as error:
-        raise attributes.error(str(error)) from None
-    route = Route(pings=count, bounded=bool(attributes.given("pings")), ping_rate=ping_rate, speed=speed, start=start,
-                  heading=heading, altitude=altitude, depth=depth, georeferenced=georeferenced,
-                  turn_radius=turn_radius, origin=origin, offset=offset, random_motion=random_motion, record=record,
-                  frame=None)
-    _check(attributes, route, path, text.strip())
+        raise attributes.error(error) from None
+    random_motion = RandomMotion(
+        roll=attributes.roll_deg, pitch=attributes.pitch_deg, yaw=attributes.yaw_deg, heave=attributes.heave,
+        period=attributes.motion_period, seed=attributes.motion_seed)
+    route = Route(
+        pings=attributes.pings, bounded=bool(attributes.given("pings")), ping_rate=attributes.ping_rate_hz,
+        speed=float(metres_per_second_from_knots(attributes.speed_knots)), start=attributes.start,
+        heading=attributes.heading_deg, altitude=attributes.altitude, depth=attributes.depth,
+        georeferenced=attributes.georeferenced, turn_radius=attributes.turn_radius, origin=origin,
+        offset=attributes.offset, random_motion=random_motion, record=record, frame=None)
+    _check(attributes, route, path, text)
     if record is not None and record.geographic:
         route = replace(route, frame=middle(record) if origin is None else Frame.about(*origin))
     return route

@@ -1,22 +1,5 @@
 """Sidescan sonar (`sidescan`): port and starboard faces on a platform that follows a straight or recorded track.
 
-The sonar (defaults from ``preset``: towed_100khz, towed_400khz or auv_900khz):
-
-- ``frequency_khz``, ``source_level_db`` [dB re 1 µPa @ 1 m], ``pulse_ms`` (effective, after compression)
-- ``beam_width_deg`` along track, ``vertical_beam_width_deg``: full one-way -3 dB widths of the transmitting face;
-  180 makes that side of the face a point; ``receive_beam_width_deg``, ``receive_vertical_beam_width_deg`` if they
-  differ
-- ``depression_deg``: of the faces' normals below horizontal
-- ``sound_speed`` [m/s]: at the head, what the sonar makes slant range of; default: the profile there
-
-The run: ``pings``, ``track``, ``start``, ... as `platform` says.
-
-What is heard:
-
-- ``speckle`` [true]: complex Gaussian echoes, one per resolution cell
-- ``noise`` [true]: ambient noise of the water in the receiver's band and beam; ``noise_level_db`` [dB re 1 µPa²/Hz]
-  instead of the water's
-
 .. code-block:: xml
 
     <sensor type="sidescan">
@@ -28,39 +11,54 @@ What is heard:
     </sensor>
 """
 import mitsuba as mi
-import numpy as np
 
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Angle, Attributes, Boolean, Choice, FromTable, Number, SameAs
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
-from .sonar_sensor import LEVELS_DB, SonarSensor
+from .platform import ROUTE, pings
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 
-WIDTHS = ("beam_width_deg", "vertical_beam_width_deg")
-NARROWEST_DEG = 0.01, 0.1          # what the integrals over the beam resolve
+NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals over the beam resolve
 SHORTEST_MS = 1e-6
+PRESET = FromTable(table=presets(), by="preset")
+
+ATTRIBUTES = (
+    Choice("preset", default="towed_400khz", choices=tuple(presets()), text="where the defaults marked *preset* come "
+                                                                           "from"),
+    Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
+    Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
+           text="on the axis of a face, rms over the pulse"),
+    Number("pulse_ms", default=PRESET, minimum=SHORTEST_MS, unit="ms",
+           text="effective pulse length after compression; its inverse is the bandwidth"),
+    Angle("beam_width_deg", default=PRESET, minimum=NARROWEST_DEG, maximum=180,
+          text="along track, full width at -3 dB one way, of the transmitting face; 180: a point"),
+    Angle("vertical_beam_width_deg", default=PRESET, minimum=NARROWEST_VERTICAL_DEG, maximum=180,
+          text="the same across"),
+    Angle("receive_beam_width_deg", default=SameAs("beam_width_deg"), minimum=NARROWEST_DEG, maximum=180,
+          text="along track, of the receiving face"),
+    Angle("receive_vertical_beam_width_deg", default=SameAs("vertical_beam_width_deg"),
+          minimum=NARROWEST_VERTICAL_DEG, maximum=180, text="the same across"),
+    Angle("depression_deg", default=PRESET, minimum=-90, maximum=90, text="of the faces' normals below horizontal"),
+    SOUND_SPEED,
+    Boolean("speckle", default=True, text="complex Gaussian echoes, one per resolution cell; false: mean levels"),
+    *NOISE, pings(400), ROUTE, *NESTED,
+)
 
 
 class Sidescan(SonarSensor):
     """See the module's text; `mitsonar.survey.sidescan` plans its run and makes its picture."""
 
-    kind = "sidescan"
+    kind, declared = "sidescan", ATTRIBUTES
 
     def read(self, attributes: Attributes) -> None:
-        """Read the sonar's own attributes, over those of its preset."""
-        self.preset = attributes.text("preset", "towed_400khz", choices=tuple(presets()))
-        default = presets()[self.preset]
-        self.frequency = float(hertz_from_khz(attributes.number("frequency_khz", default["frequency_khz"], above=0,
-                                                                  maximum=10_000, unit="kHz")))
-        self.source_level_db = attributes.number("source_level_db", default["source_level_db"], **LEVELS_DB)
-        self.pulse_length = attributes.number("pulse_ms", default["pulse_ms"], minimum=SHORTEST_MS, unit="ms") / 1000
-        self.transmit_widths = tuple(attributes.angle(name, default[name], minimum=narrowest, maximum=180)
-                                     for name, narrowest in zip(WIDTHS, NARROWEST_DEG))
-        self.receive_widths = tuple(
-            attributes.angle(f"receive_{name}", float(np.rad2deg(width)), minimum=narrowest, maximum=180)
-            for name, width, narrowest in zip(WIDTHS, self.transmit_widths, NARROWEST_DEG))
-        self.depression_angle = attributes.angle("depression_deg", default["depression_deg"], minimum=-90, maximum=90)
-        self.speckle = attributes.boolean("speckle", True)
+        """Take the sonar's own attributes."""
+        self.preset = attributes.preset
+        self.frequency = float(hertz_from_khz(attributes.frequency_khz))
+        self.source_level_db, self.pulse_length = attributes.source_level_db, attributes.pulse_ms / 1000
+        self.transmit_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
+        self.receive_widths = attributes.receive_beam_width_deg, attributes.receive_vertical_beam_width_deg
+        self.depression_angle, self.speckle = attributes.depression_deg, attributes.speckle
 
 
 mi.register_sensor("sidescan", Sidescan)

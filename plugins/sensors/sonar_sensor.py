@@ -1,25 +1,41 @@
 """What sensors of all kinds of sonar share."""
+from typing import NoReturn
+
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attribute, Attributes, Boolean, Group, Nested, Number
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from .platform import read_route
 
-LEVELS_DB = {"minimum": -200, "maximum": 300}     # what energies in float32 can hold
+LOWEST_DB, HIGHEST_DB = -200, 300                 # what energies in float32 can hold
+
+SOUND_SPEED = Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s", otherwise="the profile's",
+                     text="at the sonar, makes slant range of time; the profile's is that at the track's mean depth")
+NOISE = (
+    Boolean("noise", default=True, text="ambient noise in the receivers' band and beams, coherent between close "
+                                        "elements"),
+    Number("noise_level_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
+           otherwise="the water's", text="spectrum level of that noise"),
+)
+NESTED = (
+    Nested("medium", default=None, otherwise="needed", text="a `seawater`, the water it works in"),
+    Nested("film", default=None, otherwise="needed", text="a `sonar_film`, the record it makes"),
+)
 
 
 class SonarSensor(mi.Sensor):
     """A sonar in its water, on its route, with its film.
 
-    A subclass says which kind of sonar it is and reads the attributes that no other kind has (`read`).
+    A subclass says which kind of sonar it is and what it declares, and takes the attributes that no other kind has
+    (`read`).
 
     Attributes
     ----------
     kind : str
         One of `mitsonar.survey.kinds.KINDS`.
-    usual_pings : int
-        How many, where the scene does not say.
+    declared : tuple of Attribute or Group
+        Those of the kind, `SOUND_SPEED`, `NOISE`, `NESTED` and the route's.
     frequency : float [Hz]
         Set by `read`.
     water : Seawater
@@ -35,27 +51,25 @@ class SonarSensor(mi.Sensor):
     """
 
     kind: str
-    usual_pings = 400
+    declared: tuple[Attribute | Group, ...]
     frequency: float
 
-    def __init__(self, props):
-        attributes = Attributes(props)
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, self.declared)
         self.provenance = self.loaded = None
-        self.sound_speed = attributes.number("sound_speed", None, above=SLOWEST, below=FASTEST, unit="m/s")
-        self.route = read_route(attributes, self.usual_pings)
-        self.noise = attributes.boolean("noise", True)
-        self.given_noise_level_db = attributes.number("noise_level_db", None, **LEVELS_DB)
-        self.water = attributes.object(mi.Medium, None)
+        self.sound_speed = attributes.sound_speed
+        self.route = read_route(attributes)
+        self.noise, self.given_noise_level_db = attributes.noise, attributes.noise_level_db
+        self.water = attributes.medium
         if not hasattr(self.water, "profile"):
             raise attributes.error('it must hold the water it works in: <medium type="seawater"/>.')
-        self.read(attributes)
-        attributes.finish()
-        super().__init__(props)
-        if not hasattr(self.film(), "sampling"):
+        if not hasattr(attributes.film, "sampling"):
             raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
+        self.read(attributes)
+        super().__init__(props)
 
     def read(self, attributes: Attributes) -> None:
-        """Read what this kind of sonar alone has."""
+        """Take what this kind of sonar alone has."""
         raise NotImplementedError
 
     def noise_level_db(self) -> float:
@@ -66,14 +80,14 @@ class SonarSensor(mi.Sensor):
 
     # ---- what Mitsuba asks of a sensor that no camera ray leaves
 
-    def traverse(self, callback):
+    def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
 
-    def sample_ray(self, time, wavelength_sample, position_sample, aperture_sample, active=True):
+    def sample_ray(self, time, wavelength_sample, position_sample, aperture_sample, active=True) -> NoReturn:
         raise ValueError(f"a sonar ({self.kind}) sends sound; render it with the integrator sonar_path")
 
-    def bbox(self):
+    def bbox(self) -> mi.ScalarBoundingBox3f:
         return mi.ScalarBoundingBox3f()
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"{type(self).__name__}[{self.frequency / 1000:g} kHz, {self.route.pings} pings]"

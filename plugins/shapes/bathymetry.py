@@ -1,107 +1,116 @@
-"""Shape ``bathymetry``: the seabed of a survey file."""
+"""Surveyed seabed (`bathymetry`): the mesh of a GeoTIFF, BAG, netCDF, ... file, of an array, or of x, y, z as text.
+
+Text of x, y, z a line is laid on its own lattice if it has one; scattered soundings on a grid of ``resolution``, by
+default their mean distance, with holes beyond three times that. Triangles that touch a node without depth are left out.
+A part that ``relief`` is laid on shows the same relief as any other part of the file; give materials that know
+``mesh_resolution`` the ``resolution`` then. Several surveys in one scene need a common ``local_origin``.
+
+Sediments are those of `sediment`, which a bed with a map and without a bsdf has:
+
+.. code-block:: xml
+
+    <shape type="bathymetry" id="seabed">
+        <string name="filename" value="area.bag"/>
+        <string name="sediment_map" value="classes.tif"/>
+        <string name="sediment_classes" value="1: clay, 7: medium sand, nodata: sandy silt"/>
+    </shape>
+
+A bsdf of its own reads the classes from the mesh attribute ``face_sediment_class``, numbered in the order of the table,
+those of one name once:
+
+.. code-block:: xml
+
+    <bsdf type="sediment">
+        <string name="classes" value="clay, medium sand, sandy silt"/>
+        <texture name="sediment_class" type="mesh_attribute">
+            <string name="name" value="face_sediment_class"/>
+        </texture>
+    </bsdf>
+"""
 import numpy as np
 
 import mitsuba as mi
 from mitsonar.io import bathymetry, sediment_map
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.shapes.grid_mesh import fill, triangulate
+from mitsonar.plugins.attributes import (Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text,
+                                         TextOrFile)
+from mitsonar.plugins.shapes.grid_mesh import TO_WORLD, fill, triangulate
 
-_MOST_NODES = 5e7  # 100 million triangles: about 10 GB once Embree has built its tree
+MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
+
+ATTRIBUTES = (
+    File("filename", text="the survey"),
+    Numbers("crop", default=None, count=4, text='"west, south, east, north" of the part to use; or `crop_centre` and '
+                                                "`crop_size`"),
+    Numbers("crop_centre", default=None, count=2, otherwise="the file's", text='"east, north" of its middle'),
+    Numbers("crop_size", default=None, count=2, unit="m", otherwise="the file's", text='its "width, height"'),
+    Choice("crop_frame", default="projected", choices=("projected", "local"),
+           text="crop and centre in the file's coordinates, or in metres from the middle of the file"),
+    Number("resolution", default=0.0, minimum=0, unit="m", text="node distance; 0: the file's"),
+    Choice("vertical", default="auto", choices=("auto", "elevation", "depth"),
+           text="by the sign of most, positive up, or positive down"),
+    Integer("band", default=1, minimum=1, text="of the file"),
+    Text("variable", default=None, text="grid of a netCDF file that holds several"),
+    Number("nodata", default=None, otherwise="the file's", text="fill value"),
+    Text("crs", default=None, otherwise="the file's", text='coordinate system such as "EPSG:4326"'),
+    Number("spacing", default=0.0, minimum=0, unit="m", text="node distance of an `.npy` array, whose rows run north; "
+                                                             "it needs one"),
+    Numbers("local_origin", default=None, count=2, unit="m", otherwise="middle of the part, rounded",
+            text='"east, north" that becomes x = y = 0'),
+    Choice("holes", default="cut", choices=("cut", "filled"),
+           text="`filled`: with the smoothest bed, where surrounded"),
+    Number("holes_max", default=None, above=0, unit="m", text="width of the widest hole to fill"),
+    Boolean("relief", default=False, text="relief below the file's own resolution that continues its spectrum, where "
+                                          "`resolution` is finer"),
+    Integer("relief_seed", default=0, minimum=0, text="realisation of it"),
+    Number("relief_w2", default=None, minimum=0, unit="m^(4-γ)", otherwise="as measured", text="its spectral strength"),
+    Number("relief_gamma", default=None, above=2, below=4, otherwise="as measured", text="its spectral exponent γ"),
+    File("sediment_map", default=None, text="raster of sediment classes in any coordinates, painted on the bed"),
+    TextOrFile("sediment_classes", default=None, sign=":",
+               text='what its codes are: "1: clay, 7: medium sand, nodata: sand", or a CSV file of code, sediment'),
+    Text("sediment_map_crs", default=None, otherwise="the map's or survey's", text="coordinate system of the map"),
+    TO_WORLD,
+    Nested("bsdf", default=None, otherwise="`sediment` of the map, else Mitsuba's `diffuse`", text="the material"),
+)
 
 
 class Bathymetry(mi.Mesh):
-    """Mesh a survey: GeoTIFF, BAG, netCDF, ESRI ASCII, what else GDAL opens, an ``.npy`` array, or x, y, z as text.
+    """See the module's text. Attributes of the object are as before ``to_world``.
 
-    ================ =========== ===========================================================================
-    ``filename``                 the survey, beside the scene file or an absolute path
-    ``crop``                     "west, south, east, north" of the part to use
-    ``crop_centre``              "east, north" of its middle instead, by default the middle of the file
-    ``crop_size``                "width, height" of it [m]
-    ``crop_frame``   projected   crop and centre in the file's own coordinates, or "local": metres from the
-                                 middle of the file
-    ``resolution``   0           distance of the nodes [m]; 0: the file's
-    ``vertical``     auto        "elevation" (positive up), "depth" (positive down), or by the sign of most
-    ``band``         1           band of the file
-    ``variable``                 grid of a netCDF file that holds several
-    ``nodata``                   fill value, where the file does not declare it
-    ``crs``                      coordinate system, where the file does not name it: "EPSG:4326"
-    ``spacing``                  distance of the nodes of an ``.npy`` array [m]
-    ``local_origin``             "east, north" that becomes x = y = 0, by default the middle of the part in
-                                 use, rounded to metres; several surveys in one scene need a common one
-    ``holes``        cut         or "filled": by the smoothest bed through their rims, where the part in use
-                                 surrounds them
-    ``holes_max``                width of the widest hole to fill [m]
-    ``relief``       false       below the file's own resolution, relief that continues its spectrum; the
-                                 ``resolution`` must be finer
-    ``relief_seed``  0           realisation of it
-    ``relief_w2``                spectral strength [m^(4 - gamma)] and
-    ``relief_gamma``             exponent of it, by default as measured on the file
-    ``sediment_map``             raster of sediment classes, in any coordinate system
-    ``sediment_classes``         what its codes are: "1: clay, 7: medium sand, nodata: sand", or a CSV file with
-                                 columns code and sediment; "nodata" is where the map has none
-    ``sediment_map_crs``         coordinate system of a map that names none, by default the survey's
-    ``to_world``                 applied to the finished mesh
-    ================ =========== ===========================================================================
-
-    Where relief is added, give materials that know ``mesh_resolution`` the ``resolution``. Triangles that
-    touch a node without depth are left out. Attributes of the object, all before ``to_world``:
-    ``survey`` (the `mitsonar.io.bathymetry.Bathymetry` itself), ``local_origin`` [m], ``crs`` and
-    ``bathymetry_bounds`` (west, south, east, north [m] in ``crs``).
-
-    .. code-block:: python
-
-        "bed": {"type": "bathymetry", "filename": "survey.bag", "crop_size": "600, 400", "resolution": 1.0,
-                "bsdf": {"type": "lambert"}}
-
-    With a map, facets have the attribute ``face_sediment_class``, the place of their sediment in the attribute
-    ``sediments`` of the object: the classes in their order, those of one name once. Without a bsdf of its own the bed
-    has a `sediment` of these classes; one that is written reads them by its ``sediment_class``:
-
-    .. code-block:: xml
-
-        <bsdf type="sediment">
-            <string name="classes" value="clay, medium sand, sand"/>
-            <texture name="sediment_class" type="mesh_attribute">
-                <string name="name" value="face_sediment_class"/>
-            </texture>
-        </bsdf>
-
-    The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that.
+    Attributes
+    ----------
+    survey : mitsonar.io.bathymetry.Bathymetry
+    local_origin : (float, float) [m]
+    crs : str
+    bathymetry_bounds : (west, south, east, north) [m]
+        In ``crs``.
+    sediments : list of str
+        Of the classes in the mesh attribute ``face_sediment_class``.
+    seabed : bool
+        True: whoever looks for the seabed finds it by that.
     """
 
     seabed = True
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        path = attributes.file("filename")
-        options = {"crop": attributes.numbers("crop", None, count=4),
-                   "centre": attributes.numbers("crop_centre", None, count=2),
-                   "size": attributes.numbers("crop_size", None, count=2, unit="m"),
-                   "frame": attributes.text("crop_frame", "projected", choices=("projected", "local")),
-                   "resolution": attributes.number("resolution", 0.0, unit="m", minimum=0) or None,
-                   "vertical": attributes.text("vertical", "auto", choices=("auto", "elevation", "depth")),
-                   "band": attributes.integer("band", 1, minimum=1),
-                   "variable": attributes.text("variable", None),
-                   "nodata": attributes.number("nodata", None),
-                   "crs": attributes.text("crs", None) or None,
-                   "spacing": attributes.number("spacing", 0.0, unit="m", minimum=0) or None,
-                   "local_origin": attributes.numbers("local_origin", None, count=2, unit="m"),
-                   "holes": attributes.text("holes", "cut", choices=("cut", "filled")),
-                   "holes_max": attributes.number("holes_max", None, unit="m", above=0),
-                   "relief": _relief(attributes)}
-        table, map_path, map_crs = _sediment_map(attributes)
-        to_world = attributes.matrix()
-        attributes.finish()
-        survey = bathymetry.read(path, **options)
-        if survey.heights.size > _MOST_NODES:
-            raise attributes.error(f"{survey.y.size} x {survey.x.size} nodes are more than {_MOST_NODES:.0e}; use a "
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        table = _class_table(attributes)
+        path = attributes.filename
+        survey = bathymetry.read(
+            path, crop=attributes.crop, centre=attributes.crop_centre, size=attributes.crop_size,
+            frame=attributes.crop_frame, resolution=attributes.resolution or None, vertical=attributes.vertical,
+            band=attributes.band, variable=attributes.variable, nodata=attributes.nodata, crs=attributes.crs or None,
+            spacing=attributes.spacing or None, local_origin=attributes.local_origin, holes=attributes.holes,
+            holes_max=attributes.holes_max, relief=_relief(attributes))
+        if survey.heights.size > MOST_NODES:
+            raise attributes.error(f"{survey.y.size} x {survey.x.size} nodes are more than {MOST_NODES:.0e}; use a "
                                    "coarser resolution or crop.")
-        grid = triangulate(survey.x, survey.y, survey.heights, to_world)
+        grid = triangulate(survey.x, survey.y, survey.heights, attributes.to_world)
         if len(grid.faces) == 0:
             raise attributes.error(f"{path}: the part in use holds no two neighbouring nodes with depths.")
         if table is not None:
-            numbers = sediment_map.read(map_path, survey, table, grid.cells, crs=map_crs)
-            if attributes.object(mi.BSDF, None) is None:
+            numbers = sediment_map.read(attributes.sediment_map, survey, table, grid.cells,
+                                        crs=attributes.sediment_map_crs)
+            if attributes.bsdf is None:
                 props["bsdf"] = _material(table)
         super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
         fill(self, grid)
@@ -115,42 +124,36 @@ class Bathymetry(mi.Mesh):
         self._description = (f"Bathymetry[{path}: {survey.y.size} x {survey.x.size} nodes, {survey.valid.mean():.0%} "
                              f"with depth, taken as {survey.vertical}, local origin {survey.local_origin}]")
 
-    def to_string(self):
+    def to_string(self) -> str:
         """Say where the bed comes from and how it was read."""
         return self._description
 
 
 def _relief(attributes):
     """What is asked for below the survey's resolution, or None."""
-    asked = attributes.boolean("relief", False)
-    options = {"seed": attributes.integer("relief_seed", 0, minimum=0),
-               "w2": attributes.number("relief_w2", None, minimum=0),
-               "gamma": attributes.number("relief_gamma", None, above=2, below=4)}
     given = attributes.given("relief_seed", "relief_w2", "relief_gamma")
     if given and not attributes.given("relief"):
         raise attributes.error(f"{given[0]} is written without relief; write relief true.")
+    if not attributes.relief:
+        return None
     try:
-        return bathymetry.Relief(**options) if asked else None
+        return bathymetry.Relief(seed=attributes.relief_seed, w2=attributes.relief_w2, gamma=attributes.relief_gamma)
     except ValueError as error:
-        raise attributes.error(str(error)) from None
+        raise attributes.error(error) from None
 
 
-def _sediment_map(attributes):
-    """The class table, the map's path and its coordinate system; None where none is written."""
-    path = attributes.file("sediment_map", None)
-    classes = attributes.text("sediment_classes", None)
-    crs = attributes.text("sediment_map_crs", None)
+def _class_table(attributes):
+    """What the codes of the map mean; None where there is no map."""
+    path, classes = attributes.sediment_map, attributes.sediment_classes
     if path is None or not classes:
-        given = attributes.given("sediment_map", "sediment_classes", "sediment_map_crs")
-        if path or classes or crs:
+        if path or classes or attributes.sediment_map_crs:
+            given = attributes.given("sediment_map", "sediment_classes", "sediment_map_crs")
             raise attributes.error(f"{given[0]} is written alone; a map needs sediment_map and sediment_classes.")
-        return None, None, None
-    if ":" not in classes:
-        classes = attributes.file("sediment_classes")
+        return None
     try:
-        return sediment_map.ClassTable.of(classes), path, crs
+        return sediment_map.ClassTable.of(classes)
     except ValueError as error:
-        raise attributes.error(str(error)) from None
+        raise attributes.error(error) from None
 
 
 def _material(table):

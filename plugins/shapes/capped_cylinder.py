@@ -1,10 +1,5 @@
 """Closed cylinder (`capped_cylinder`): a tube with a flat cap at both ends, as a mesh.
 
-- ``radius`` [m]
-- ``p0``, ``p1`` (points) [m]: the middles of its caps
-- ``facets``: round it; default: as many as lie within 0.2 mm of the true cylinder, 12 at least
-- ``to_world``: of the whole, without shear or scales that differ
-
 Mitsuba's own `cylinder` is an open tube. Normals at the vertices are those of the true cylinder: `rigid`, `soft` and
 `impedance` echo from a round tube with sharp rims, however many facets it has.
 
@@ -20,26 +15,33 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attributes, Integer, Number, Point, Transform
 
-from .grid_mesh import GridMesh, fill
+from .grid_mesh import MATERIAL, GridMesh, fill
 
 SAGITTA = 2e-4                     # [m] between facets and the true cylinder: as of `tessellation`
 FEWEST, MOST = 12, 4096            # facets round it
 MOST_FACES = 5_000_000
 COARSER = 1.5                      # from ring to ring of a cap, inwards
 
+ATTRIBUTES = (
+    Number("radius", above=0, unit="m", text="of the tube"),
+    Point("p0", text="middle of one cap"),
+    Point("p1", text="middle of the other"),
+    Integer("facets", default=None, minimum=3, maximum=MOST, otherwise="within 0.2 mm of round",
+            text="round it; as many as lie that close to the true cylinder, 12 at least"),
+    Transform("to_world", otherwise="the identity", text="of the whole, without shear or scales that differ"),
+    MATERIAL,
+)
+
 
 class CappedCylinder(mi.Mesh):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        radius = attributes.number("radius", above=0, unit="m")
-        ends = np.stack([attributes.point("p0"), attributes.point("p1")])
-        facets = attributes.integer("facets", None, minimum=3, maximum=MOST)
-        to_world = attributes.matrix()
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        radius, ends, facets = attributes.radius, np.stack([attributes.p0, attributes.p1]), attributes.facets
+        to_world = attributes.to_world
         turn, scale = to_world[:3, :3], abs(np.linalg.det(to_world[:3, :3])) ** (1 / 3)
         if not scale > 0 or not np.allclose(turn.T @ turn, scale ** 2 * np.eye(3), atol=1e-5 * scale ** 2):
             raise attributes.error("to_world shears it or scales it unevenly; a cylinder needs one scale for all axes.")
@@ -64,7 +66,7 @@ class CappedCylinder(mi.Mesh):
         parameters.update()
         self._description = f"CappedCylinder[radius {radius:g} m, length {length:g} m, {facets} facets]"
 
-    def to_string(self):
+    def to_string(self) -> str:
         return self._description
 
 

@@ -5,6 +5,10 @@ import drjit as dr
 import numpy as np
 
 import mitsuba as mi
+from mitsonar.plugins.attributes import Nested, Transform
+
+TO_WORLD = Transform("to_world", otherwise="the identity", text="applied to the finished shape")
+MATERIAL = Nested("bsdf", default=None, otherwise="Mitsuba's `diffuse`", text="the material")
 
 
 class GridMesh(NamedTuple):
@@ -19,7 +23,7 @@ class GridMesh(NamedTuple):
     cells: np.ndarray | None = None
 
 
-def triangulate(x, y, heights, to_world):
+def triangulate(x: np.ndarray, y: np.ndarray, heights: np.ndarray, to_world: np.ndarray) -> GridMesh:
     """Make two triangles of every grid cell, and one or none of a cell that touches a hole.
 
     Parameters
@@ -63,7 +67,7 @@ def triangulate(x, y, heights, to_world):
     return GridMesh(vertices, faces, texcoords, cells)
 
 
-def fill(mesh, grid):
+def fill(mesh: mi.Mesh, grid: GridMesh) -> None:
     """Write the buffers of a ``mi.Mesh`` that was made for the counts of ``grid`` with texture coordinates."""
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = mi.Float(np.ascontiguousarray(grid.vertices).ravel())

@@ -1,8 +1,5 @@
 """Point target (`point_target`): a small target of known strength, whose echo has a phase but no chance in it.
 
-- ``position`` (point) [m]: z up
-- ``target_strength_db`` [0 dB re 1 µPa at 1 m, that is re 1 m²]
-
 It has no body: rays pass it, and nothing lies in its shadow. Its echo adds to those of the bed and of other targets as
 pressures do: in a sidescan's speckle its amplitudes are Rice's.
 
@@ -16,25 +13,30 @@ pressures do: in a sidescan's speckle its amplitudes are Rice's.
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import Attributes, Number, Point
 
-from .grid_mesh import GridMesh, fill
+from .grid_mesh import TO_WORLD, GridMesh, fill
 
 FACE = np.zeros((1, 3), np.uint32)  # without any area: no ray meets it, and Mitsuba wants one
+
+ATTRIBUTES = (
+    Point("position", text="its place, z up"),
+    Number("target_strength_db", default=0.0, minimum=-200, maximum=100, unit="dB", text="re 1 m²"),
+    TO_WORLD,
+)
 
 
 class PointTarget(mi.Mesh):
     """See the module's text."""
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        self.position = attributes.point("position")
-        self.target_strength_db = attributes.number("target_strength_db", 0.0, minimum=-200, maximum=100, unit="dB")
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        self.position = (attributes.to_world @ [*attributes.position, 1.0])[:3]
+        self.target_strength_db = attributes.target_strength_db
         super().__init__("point_target", 1, len(FACE), props=props, has_vertex_texcoords=True)
         fill(self, GridMesh(self.position[None].astype(np.float32), FACE, np.zeros((1, 2), np.float32)))
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"PointTarget[{self.target_strength_db:g} dB at {', '.join(f'{v:g}' for v in self.position)}]"
 
 

@@ -1,24 +1,28 @@
 """Sea surface (`sea_surface`): a level square at z = 0 about the origin, rough by its material.
 
-- ``size`` [m, 4000]: side of the square
-- ``wind_speed`` [m/s, 5]: of the material `windy_sea` that it has where none is nested
-
 It is no seabed: tracks and altitudes are laid as if it were not there.
 
 .. code-block:: xml
 
     <shape type="sea_surface"><float name="wind_speed" value="8"/></shape>
 """
+from dataclasses import replace
+
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.bsdfs.windy_sea import STRONGEST_WIND
+from mitsonar.plugins.attributes import Attributes, Nested, Number
+from mitsonar.plugins.bsdfs.windy_sea import WIND_SPEED
 
 from .grid_mesh import fill, triangulate
 
-
 SQUARES = 64                       # along a side
+
+ATTRIBUTES = (
+    Number("size", default=4000.0, above=0, unit="m", text="side of the square about the origin"),
+    replace(WIND_SPEED, text=f"{WIND_SPEED.text}, of the material where none is nested"),
+    Nested("bsdf", default=None, otherwise="`windy_sea`", text="the material"),
+)
 
 
 class SeaSurface(mi.Mesh):
@@ -32,15 +36,13 @@ class SeaSurface(mi.Mesh):
 
     sea_surface = True
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        self.size = attributes.number("size", 4000.0, above=0, unit="m")
-        wind_speed = attributes.number("wind_speed", 5.0, minimum=0, maximum=STRONGEST_WIND, unit="m/s")
-        attributes.finish()
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        self.size = attributes.size
         if attributes.given("to_world"):
             raise attributes.error("to_world is given; the sea surface lies level at z = 0: leave it out.")
-        if attributes.object(mi.BSDF, None) is None:
-            props["bsdf"] = mi.load_dict({"type": "windy_sea", "wind_speed": wind_speed})
+        if attributes.bsdf is None:
+            props["bsdf"] = mi.load_dict({"type": "windy_sea", "wind_speed": attributes.wind_speed})
         elif attributes.given("wind_speed"):
             raise attributes.error("wind_speed is given beside a nested bsdf; give it to the bsdf.")
         # many, so that arrays may cut each into cells of millimetres
@@ -49,7 +51,7 @@ class SeaSurface(mi.Mesh):
         super().__init__("sea_surface", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
         fill(self, grid)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"SeaSurface[{self.size:g} m, {self.bsdf().to_string()}]"
 
 

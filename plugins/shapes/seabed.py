@@ -1,75 +1,84 @@
-"""Shape ``seabed``: a rectangle of seabed with slope, waves, sand ripples and roughness, in any combination."""
+"""Synthetic seabed (`seabed`): a rectangle with slope, waves, sand ripples and roughness, in any combination.
+
+All parts add up. They stand in absolute coordinates of the shape: a longer bed shows more of the same seabed. The grid
+always has a node at the origin, and reaches at least as far as asked. A wave needs four nodes to its length.
+
+.. code-block:: xml
+
+    <shape type="seabed" id="seabed">
+        <float name="depth" value="20"/>
+        <float name="length" value="100"/> <float name="width" value="150"/> <float name="spacing" value="0.1"/>
+        <float name="ripple_wavelength" value="0.8"/> <float name="ripple_height" value="0.1"/>
+        <string name="fractal_sediment" value="medium sand"/>
+        <ref id="sand"/>
+    </shape>
+"""
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.shapes.grid_mesh import fill, triangulate
+from mitsonar.plugins.attributes import Angle, Attributes, Integer, Number, Text
+from mitsonar.plugins.shapes.grid_mesh import MATERIAL, TO_WORLD, fill, triangulate
 from mitsonar.scattering import Fractal, Plane, Ripples, RoughnessSpectrum, Sinusoid
 
-_MOST_NODES = 5e7       # 100 million triangles: about 10 GB once Embree has built its tree
-_NODES_PER_WAVE = 4     # below this the crests of a wave are cut off at random
+MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
+NODES_PER_WAVE = 4      # below this the crests of a wave are cut off at random
+
+SINE = (
+    Number("sine_wavelength", default=None, above=0, unit="m", text="sinusoidal waves: crest to crest"),
+    Number("sine_height", default=None, minimum=0, unit="m", text="trough to crest"),
+    Angle("sine_heading_deg", default=0.0, text="compass heading across the crests"),
+)
+RIPPLE = (
+    Number("ripple_wavelength", default=None, above=0, unit="m", text="sand ripples: crest to crest"),
+    Number("ripple_height", default=None, minimum=0, unit="m", text="trough to crest"),
+    Angle("ripple_heading_deg", default=0.0, text="compass heading that the steep sides face"),
+    Number("ripple_asymmetry", default=0.0, minimum=0, below=1, text="0: equal sides, towards 1: a vertical lee"),
+    Number("ripple_sharpness", default=0.0, minimum=0, maximum=1,
+           text="0: sinusoidal, 1: pointed crests between rounded troughs"),
+    Number("ripple_wander", default=0.0, minimum=0, unit="m", text="rms wander of the crests"),
+    Number("ripple_wander_length", default=None, above=0, unit="m", otherwise="8 wavelengths",
+           text="distance over which they wander"),
+    Number("ripple_defects", default=0.0, minimum=0, unit="1/m^2", text="forks and ends of crests per area"),
+)
+FRACTAL = (
+    Text("fractal_sediment", default=None,
+         text='power-law roughness of a sediment of TR 9407, such as "medium sand"; or `fractal_rms` or `fractal_w2`'),
+    Number("fractal_rms", default=None, minimum=0, unit="m", text="rms height"),
+    Number("fractal_w2", default=None, minimum=0, unit="m^(4-γ)", text="spectral strength"),
+    Number("fractal_gamma", default=3.25, above=2, below=4, text="spectral exponent γ, with either of these"),
+    Number("fractal_outer_scale", default=10.0, above=0, unit="m", text="longer waves level off"),
+)
+ATTRIBUTES = (
+    Number("depth", unit="m", text="of the mean bed below the origin, positive down"),
+    Number("length", default=200.0, above=0, unit="m", text="extent to the north (y)"),
+    Number("width", default=200.0, above=0, unit="m", text="extent to the east (x)"),
+    Number("spacing", default=0.5, above=0, unit="m", text="node distance; four to a wavelength at least"),
+    Integer("seed", default=0, minimum=0, text="realisation of everything random"),
+    Angle("slope_deg", default=0.0, minimum=0, below=90, text="of the bed below the horizon"),
+    Angle("slope_heading_deg", default=0.0, text="compass heading in which it descends"),
+    *SINE, *RIPPLE, *FRACTAL, TO_WORLD, MATERIAL,
+)
 
 
 class Seabed(mi.Mesh):
-    """Synthesise a seabed about the origin of the shape.
-
-    ======================== ========= =====================================================================
-    ``length``, ``width``    200       extent along y (north) and x (east) [m]
-    ``spacing``              0.5       distance of the grid's nodes [m]
-    ``depth``                          depth of the mean bed below the origin, positive down [m]
-    ``seed``                 0         realisation of everything random
-    ``slope_deg``            0         angle of the bed below the horizon
-    ``slope_heading_deg``    0         compass heading in which it descends
-    ``sine_wavelength``                sinusoidal waves: crest to crest [m]
-    ``sine_height``                    trough to crest [m]
-    ``sine_heading_deg``     0         compass heading at right angles to the crests
-    ``ripple_wavelength``              sand ripples: crest to crest [m]
-    ``ripple_height``                  trough to crest [m]
-    ``ripple_heading_deg``   0         compass heading the steep sides face
-    ``ripple_asymmetry``     0         0 equal sides, towards 1 a vertical lee
-    ``ripple_sharpness``     0         0 sinusoidal, 1 pointed crests between rounded troughs
-    ``ripple_wander``        0         root-mean-square displacement of the crests [m]
-    ``ripple_wander_length``           distance over which they wander [m], 8 wavelengths
-    ``ripple_defects``       0         forks and ends of crests per area [1/m^2]
-    ``fractal_sediment``               roughness of a sediment of TR 9407, such as "medium sand"; or
-    ``fractal_w2``                     spectral strength [m^(4 - gamma)]; or
-    ``fractal_rms``                    root-mean-square height [m]
-    ``fractal_gamma``        3.25      spectral exponent, for the latter two
-    ``fractal_outer_scale``  10        wavelength above which the roughness levels off [m]
-    ``to_world``                       applied to the finished mesh
-    ======================== ========= =====================================================================
-
-    All parts add up. They stand in absolute coordinates of the shape: a longer bed shows more of the same seabed. The
-    grid always has a node at the origin, and reaches at least as far as asked.
-
-    .. code-block:: python
-
-        "bed": {"type": "seabed", "length": 100.0, "width": 150.0, "spacing": 0.1, "depth": 20.0,
-                "ripple_wavelength": 0.8, "ripple_height": 0.1, "fractal_sediment": "medium sand",
-                "bsdf": {"type": "lambert"}}
-
-    The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that.
-    """
+    """See the module's text. The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that."""
 
     seabed = True
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        spacing = attributes.number("spacing", 0.5, unit="m", above=0)
-        x, y = (_axis(attributes.number(name, 200.0, unit="m", above=0), spacing) for name in ("width", "length"))
-        depth = attributes.number("depth", unit="m")
-        to_world = attributes.matrix()
-        relief = _relief(attributes, spacing)
-        attributes.finish()
-        if x.size * y.size > _MOST_NODES:
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
+        spacing, depth = attributes.spacing, attributes.depth
+        x, y = (_axis(extent, spacing) for extent in (attributes.width, attributes.length))
+        relief = _relief(attributes)
+        if x.size * y.size > MOST_NODES:
             raise attributes.error(f"{y.size} x {x.size} nodes at a spacing of {spacing} m are more than "
-                                   f"{_MOST_NODES:.0e}; use a coarser spacing or a smaller bed.")
-        grid = triangulate(x, y, relief.on_grid(x, y) - depth, to_world)
+                                   f"{MOST_NODES:.0e}; use a coarser spacing or a smaller bed.")
+        grid = triangulate(x, y, relief.on_grid(x, y) - depth, attributes.to_world)
         super().__init__("seabed", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
         fill(self, grid)
         self._description = f"Seabed[{y.size} x {x.size} nodes at {spacing} m, depth {depth} m, {relief}]"
 
-    def to_string(self):
+    def to_string(self) -> str:
         """Say what the bed is made of."""
         return self._description
 
@@ -79,53 +88,46 @@ def _axis(extent, spacing):
     return np.arange(-half, half + 1) * spacing
 
 
-def _relief(attributes, spacing):
-    seed = attributes.integer("seed", 0, minimum=0)
-    plane = Plane(slope=attributes.angle("slope_deg", 0, minimum=0, below=90),
-                  heading=attributes.angle("slope_heading_deg", 0))
-    parts = (_sinusoid(attributes, spacing), _ripples(attributes, spacing, seed), _fractal(attributes, seed))
+def _relief(attributes):
+    parts = (_sinusoid(attributes), _ripples(attributes), _fractal(attributes))
+    plane = Plane(slope=attributes.slope_deg, heading=attributes.slope_heading_deg)
     return sum(filter(None, parts), start=plane)
 
 
-def _sinusoid(attributes, spacing):
-    shape = {"wavelength": attributes.number("sine_wavelength", None, unit="m", above=0),
-             "height": attributes.number("sine_height", None, unit="m", minimum=0)}
-    heading = attributes.angle("sine_heading_deg", 0)
-    return Sinusoid(**shape, heading=heading) if _is_wave(attributes, "sine", shape, spacing) else None
+def _sinusoid(attributes):
+    wavelength, height = attributes.sine_wavelength, attributes.sine_height
+    if not _is_wave(attributes, SINE, wavelength, height):
+        return None
+    return Sinusoid(wavelength=wavelength, height=height, heading=attributes.sine_heading_deg)
 
 
-def _ripples(attributes, spacing, seed):
-    shape = {"wavelength": attributes.number("ripple_wavelength", None, unit="m", above=0),
-             "height": attributes.number("ripple_height", None, unit="m", minimum=0)}
-    details = {"heading": attributes.angle("ripple_heading_deg", 0),
-               "asymmetry": attributes.number("ripple_asymmetry", 0.0, minimum=0, below=1),
-               "sharpness": attributes.number("ripple_sharpness", 0.0, minimum=0, maximum=1),
-               "wander": attributes.number("ripple_wander", 0.0, unit="m", minimum=0),
-               "wander_length": attributes.number("ripple_wander_length", None, unit="m", above=0),
-               "defect_density": attributes.number("ripple_defects", 0.0, unit="1/m^2", minimum=0)}
-    return Ripples(**shape, **details, seed=seed) if _is_wave(attributes, "ripple", shape, spacing) else None
+def _ripples(attributes):
+    wavelength, height = attributes.ripple_wavelength, attributes.ripple_height
+    if not _is_wave(attributes, RIPPLE, wavelength, height):
+        return None
+    return Ripples(wavelength=wavelength, height=height, heading=attributes.ripple_heading_deg,
+                   asymmetry=attributes.ripple_asymmetry, sharpness=attributes.ripple_sharpness,
+                   wander=attributes.ripple_wander, wander_length=attributes.ripple_wander_length,
+                   defect_density=attributes.ripple_defects, seed=attributes.seed)
 
 
-def _is_wave(attributes, kind, shape, spacing):
+def _is_wave(attributes, declared, wavelength, height):
     """Tell whether a wave is asked for, and refuse half of one or one that the grid cannot hold."""
-    given = attributes.given(*(name for name in attributes.props.keys() if name.startswith(f"{kind}_")))
-    missing = [f"{kind}_{name}" for name, value in shape.items() if value is None]
+    names, spacing = [one.name for one in declared], attributes.spacing
+    given = attributes.given(*names)
+    missing = [name for name, value in zip(names, (wavelength, height)) if value is None]
     if given and missing:
         raise attributes.error(f"{given[0]} is written without {' and '.join(missing)}.")
-    if given and shape["wavelength"] < _NODES_PER_WAVE * spacing:
-        raise attributes.error(f"{kind}_wavelength is {shape['wavelength']} m on a grid of {spacing} m; a wave needs "
-                               f"{_NODES_PER_WAVE} nodes: use spacing <= {shape['wavelength'] / _NODES_PER_WAVE:g}.")
+    if given and wavelength < NODES_PER_WAVE * spacing:
+        raise attributes.error(f"{names[0]} is {wavelength} m on a grid of {spacing} m; a wave needs {NODES_PER_WAVE} "
+                               f"nodes: use spacing <= {wavelength / NODES_PER_WAVE:g}.")
     return bool(given)
 
 
-def _fractal(attributes, seed):
-    sediment = attributes.text("fractal_sediment", None)
-    w2 = attributes.number("fractal_w2", None, minimum=0)
-    rms = attributes.number("fractal_rms", None, unit="m", minimum=0)
-    gamma = attributes.number("fractal_gamma", 3.25, above=2, below=4)
-    outer_scale = attributes.number("fractal_outer_scale", 10.0, unit="m", above=0)
+def _fractal(attributes):
     strengths = attributes.given("fractal_sediment", "fractal_w2", "fractal_rms")
     details = attributes.given("fractal_gamma", "fractal_outer_scale")
+    sediment, gamma, outer_scale = attributes.fractal_sediment, attributes.fractal_gamma, attributes.fractal_outer_scale
     if len(strengths) > 1:
         raise attributes.error(f"{' and '.join(strengths)} are written; give one of them.")
     if details and not strengths:
@@ -136,11 +138,11 @@ def _fractal(attributes, seed):
         return None
     if sediment is not None:
         spectrum = RoughnessSpectrum.of_sediment(sediment, outer_scale=outer_scale)
-    elif rms is not None:
-        spectrum = RoughnessSpectrum.of_height(rms, gamma=gamma, outer_scale=outer_scale)
+    elif attributes.fractal_rms is not None:
+        spectrum = RoughnessSpectrum.of_height(attributes.fractal_rms, gamma=gamma, outer_scale=outer_scale)
     else:
-        spectrum = RoughnessSpectrum(w2=w2, gamma=gamma, outer_scale=outer_scale)
-    return Fractal(spectrum=spectrum, seed=seed)
+        spectrum = RoughnessSpectrum(w2=attributes.fractal_w2, gamma=gamma, outer_scale=outer_scale)
+    return Fractal(spectrum=spectrum, seed=attributes.seed)
 
 
 mi.register_shape("seabed", Seabed)

@@ -1,21 +1,8 @@
-"""Random targets (`targets`): meshes of a folder, strewn over a seabed.
+"""Random targets (`targets`): meshes strewn at random over the seabed that it refers to by `<ref>`.
 
-- ``meshes``: folder of ``.ply`` and ``.obj`` files beside the scene, or some files "mine.ply, rock.obj": metres, z up,
-  front to +y, the origin anywhere. A file's name is its species
-- ``species`` [all]: those to use, "cylinder, tyre"
-- ``weights`` [all alike]: how often each is drawn, one number a species
-- ``count``: how many, or "3, 8": from 3 to 8
-- ``seed`` [0]: number of the draw, which differs by the shape's id too; target k does not depend on how many follow
-- ``area`` [the seabed's] [m]: "west, south, east, north", within which they lie wholly
-- ``exclude`` [m]: boxes like it that none reaches into, four numbers each
-- ``spacing`` [m, 0]: least distance between their bounding circles
-- ``scale`` [1], ``burial`` [0]: factor of size; share of the height below the bed
-- ``heading_deg`` ["0, 360"], ``tilt_deg`` [0]: compass heading of the front; angle of leaning, in any direction
-- ``pose`` ["upright"]: as the mesh stands, or "rest": on any side it can rest on, or "any": in any attitude
-- ``along_slope`` [false]: stand at right angles to the bed beneath, not to the horizon
-
-Where one number is given the value is fixed; two, "low, high", are drawn from evenly. The first shape referred to is
-the seabed; others, such as another `targets`, are kept clear of.
+Two numbers, "low, high", are drawn from evenly. The first seabed that is referred to bears the targets; whatever else
+is referred to, such as other `targets`, is kept clear of. Names in the labels are those of species, shape and number:
+``tyre.mines.3``.
 
 .. code-block:: xml
 
@@ -33,14 +20,42 @@ import numpy as np
 
 import mitsuba as mi
 from mitsonar.io import meshes
-from mitsonar.plugins.attributes import Attributes
+from mitsonar.plugins.attributes import (Attributes, Boolean, Choice, Files, Integer, Nested, Number, Numbers, Range,
+                                         Text)
 from mitsonar.scene.errors import plain
 from mitsonar.seabed import Bed, Body, Rules, draw_count, place
 
-from .grid_mesh import GridMesh, fill
+from .grid_mesh import MATERIAL, GridMesh, fill
 
 MOST_FACES = 5_000_000
 SPECK = 0.001                      # [m] side of the one buried triangle of a shape without targets
+
+ATTRIBUTES = (
+    Files("meshes", text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
+                         "front to +y, the origin anywhere; their names are species"),
+    Text("species", default=None, otherwise="all", text='those to use: "cylinder, tyre"'),
+    Numbers("weights", default=None, otherwise="alike", text='how often each is drawn: "3, 1"'),
+    Range("count", minimum=0, maximum=100_000, whole=True, text='how many: 12, or "3, 8"'),
+    Integer("seed", default=0, minimum=0,
+            text="of the draw, which differs by the shape's id too; target k does not depend on how many follow"),
+    Numbers("area", default=None, count=4, unit="m", otherwise="the seabed's",
+            text='"west, south, east, north" within which they lie wholly'),
+    Numbers("exclude", default=(), unit="m", text="boxes that they do not touch, four numbers each"),
+    Number("spacing", default=0.0, minimum=0, unit="m",
+           text="between bounding circles, at least; if there is no room, it says how many fit"),
+    Range("scale", default=(1.0,), minimum=1e-6, maximum=1e6, text="factor of size"),
+    Range("burial", default=(0.0,), minimum=0, maximum=1,
+          text="share of the height below the mean bed under the footprint"),
+    Range("heading_deg", default=(0.0, 360.0), minimum=-360, maximum=720, unit="degrees",
+          text="compass heading of the front"),
+    Range("tilt_deg", default=(0.0,), minimum=0, maximum=180, unit="degrees", text="leaning, in any direction"),
+    Choice("pose", default="upright", choices=("upright", "rest", "any"),
+           text="as the mesh stands; on any side that bears it, as often as it falls so; in any attitude"),
+    Boolean("along_slope", default=False, text="at right angles to the bed under the footprint, not to the horizon"),
+    Nested("shape", many=True, default=None, otherwise="needed",
+           text="by `<ref>`: the seabed, and what to keep clear of"),
+    MATERIAL,
+)
 
 
 class Targets(mi.Mesh):
@@ -58,29 +73,25 @@ class Targets(mi.Mesh):
         ``burial``.
     """
 
-    def __init__(self, props):
-        attributes = Attributes(props)
-        name, species = attributes.text("meshes"), attributes.text("species", None)
-        low, high = _pair(attributes, "count", None, minimum=0, maximum=100_000, whole=True)
-        seed = attributes.integer("seed", 0, minimum=0)
+    def __init__(self, props: mi.Properties) -> None:
+        attributes = Attributes(props, ATTRIBUTES)
         rules = _rules(attributes)
-        attributes.finish()
         if attributes.given("to_world"):
             raise attributes.error("to_world is given; targets lie where their seabed is: leave it out.")
-        shapes = attributes.objects(mi.Shape)
+        shapes = attributes.shape
         bed_shape = next((shape for shape in shapes if getattr(shape, "seabed", False)),
                          next((shape for shape in shapes if not hasattr(shape, "placed")), None))
         if bed_shape is None:
             raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
-        bodies = [_body(attributes, path) for path in _chosen(attributes, _files(attributes, name), species)]
+        bodies = [_body(attributes, path) for path in _chosen(attributes, _files(attributes, attributes.meshes))]
         if rules.weights is not None and len(rules.weights) != len(bodies):
             raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(bodies)} species "
                                    f"({', '.join(body.name for body in bodies)}); give one each.")
         identity = props.id() or "targets"
-        stream = seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
+        stream = attributes.seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
         bed = _bed(attributes, bed_shape)
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
-        count, faces = draw_count(low, high, stream), max(len(body.faces) for body in bodies)
+        count, faces = draw_count(*attributes.count, stream), max(len(body.faces) for body in bodies)
         if count * faces > MOST_FACES:
             raise attributes.error(f"{count} targets of up to {faces} triangles are more than {MOST_FACES} together; "
                                    "use fewer, or coarser meshes.")
@@ -101,44 +112,25 @@ class Targets(mi.Mesh):
         super().__init__("targets", len(mesh.vertices), len(mesh.faces), props=props, has_vertex_texcoords=True)
         fill(self, mesh)
 
-    def to_string(self):
+    def to_string(self) -> str:
         return f"Targets[{', '.join(self.placed) or 'none'}]"
 
 
-def _pair(attributes, name, default, *, whole=False, unit=None, **bounds):
-    """Read one number or "low, high", as a pair; `bounds` hold for both."""
-    expected = (f"{'a whole number' if whole else 'a number'} or two, \"low, high\","
-                f" from {bounds['minimum']:g} to {bounds['maximum']:g}{f' [{unit}]' if unit else ''}")
-    values = attributes.numbers(name, unit=unit) if default is None else attributes.numbers(name, default, unit=unit)
-    values = [float(value) for value in values]
-    pair = tuple(values * 2 if len(values) == 1 else values)
-    if len(pair) != 2 or not bounds["minimum"] <= pair[0] <= pair[1] <= bounds["maximum"] \
-            or whole and any(value % 1 for value in pair):
-        raise attributes.error(f"{name} is {', '.join(f'{value:g}' for value in values)}; expected {expected}.")
-    return tuple(int(value) for value in pair) if whole else pair
-
-
 def _rules(attributes):
-    area = attributes.numbers("area", None, count=4, unit="m")
-    if area is not None:
-        _check_box(attributes, "area", area)
-    exclude = attributes.numbers("exclude", np.zeros(0), unit="m")
+    if attributes.area is not None:
+        _check_box(attributes, "area", attributes.area)
+    exclude = attributes.exclude
     if exclude.size % 4:
         raise attributes.error(f"exclude holds {exclude.size} numbers; expected four a box: west, south, east, north.")
     for box in exclude.reshape(-1, 4):
         _check_box(attributes, "exclude", box)
-    weights = attributes.numbers("weights", None)
+    weights = attributes.weights
     if weights is not None and not (weights.min() >= 0 and weights.sum() > 0):
         raise attributes.error("weights are not at least 0, one of them above; give shares such as 3, 1, 1.")
-    heading, tilt = (tuple(np.deg2rad(_pair(attributes, name, default, unit="degrees", minimum=low, maximum=high)))
-                     for name, default, low, high in (("heading_deg", (0.0, 360.0), -360, 720),
-                                                      ("tilt_deg", (0.0,), 0, 180)))
-    return Rules(area=area, exclude=exclude.reshape(-1, 4), weights=weights, heading=heading, tilt=tilt,
-                 spacing=attributes.number("spacing", 0.0, minimum=0, unit="m"),
-                 scale=_pair(attributes, "scale", (1.0,), minimum=1e-6, maximum=1e6),
-                 burial=_pair(attributes, "burial", (0.0,), minimum=0, maximum=1),
-                 pose=attributes.text("pose", "upright", choices=("upright", "rest", "any")),
-                 along_slope=attributes.boolean("along_slope", False))
+    heading, tilt = (tuple(np.deg2rad(degrees)) for degrees in (attributes.heading_deg, attributes.tilt_deg))
+    return Rules(area=attributes.area, exclude=exclude.reshape(-1, 4), weights=weights, heading=heading, tilt=tilt,
+                 spacing=attributes.spacing, scale=attributes.scale, burial=attributes.burial, pose=attributes.pose,
+                 along_slope=attributes.along_slope)
 
 
 def _check_box(attributes, name, box):
@@ -175,8 +167,8 @@ def _files(attributes, text):
     return known
 
 
-def _chosen(attributes, files, species):
-    names = [name.strip() for name in (species or "").split(",") if name.strip()] or list(files)
+def _chosen(attributes, files):
+    names = [name.strip() for name in (attributes.species or "").split(",") if name.strip()] or list(files)
     unknown = [name for name in names if name not in files]
     if unknown:
         raise attributes.error(f'no species is called "{unknown[0]}"; meshes holds {", ".join(files)}.')

@@ -44,7 +44,7 @@ def test_every_parameter_of_every_scene_has_words(said, name):
 def test_a_parameter_is_described_by_what_it_is_given_to(said):
     out = joined(said("describe", "sidescan_flat"))
     assert "-D range=100 range of sonar_film, a number [m] above 0 and at most 100000: end of the" in out
-    assert "-D depth=40 depth of seabed, a number [m]: m, of the mean bed" in out
+    assert "-D depth=40 depth of seabed, a number [m]: of the mean bed" in out
 
 
 def test_a_comment_comes_first(folder, said):
@@ -67,20 +67,41 @@ def test_attributes_of_a_plugin(said):
     assert out.startswith('<sensor type="sidescan"> Sidescan sonar: port and starboard faces')
     assert "frequency_khz: a number [kHz] above 0 and at most 10000, default preset centre frequency" in out
     assert 'preset: one of "towed_100khz", "towed_400khz", "auv_900khz", default towed_400khz' in out
-    assert "depth: a number [m], needed m, of the mean bed" in joined(said("describe", "seabed"))
+    assert "depth: a number [m], needed of the mean bed" in joined(said("describe", "seabed"))
     array = joined(said("describe", "array_sonar"))
     assert "receive_rows: an integer at least 1 and at most 100000, default 1 of planes, or rings" in array
-    assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 m above the seabed" in array
+    assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 above the seabed" in array
+    assert "receive_steer_deg: 2 numbers [degrees] separated by commas" in array
 
 
 def test_every_plugin_can_be_described(said, variant):
-    from mitsonar.plugins import reference as attributes
+    from mitsonar.plugins import reference
 
-    for plugin in attributes.plugins():
+    for plugin in reference.plugins():
         out = said("describe", plugin)
-        assert out.startswith(f'<{attributes.kind_of(plugin)} type="{plugin}">')
-        unsaid = [one.name for one in attributes.attributes(plugin) if not one.meaning]
-        assert set(unsaid) <= {"to_world"}, plugin
+        assert out.startswith(f'<{reference.kind_of(plugin)} type="{plugin}">')
+        for one in reference.attributes(plugin):
+            assert re.search(rf"^{reference.plain(one.name)}: .+\n    \S", out, re.M), f"{plugin}: {one.name}"
+
+
+def test_a_former_name_is_told(folder, said):
+    assert "for scenes with too many; formerly lighting" in joined(said("describe", "sonar_path"))
+    text = TEXT.replace("<integrator", '<default name="light" value="rays"/>\n<integrator', 1)
+    text = re.sub(r'(<integrator type="sonar_path">)', r'\1<string name="lighting" value="$light"/>', text)
+    (folder / "mine.xml").write_text(text, encoding="utf-8")
+    assert '-D light=rays lighting of sonar_path, one of "scatterers", "rays": of an array\'s cells' in joined(
+        said("describe", "mine.xml"))
+
+
+def test_the_page_of_all_plugins(said):
+    from mitsonar.plugins import page
+
+    assert said("describe", "--markdown") == page.markdown()
+
+
+@pytest.mark.parametrize("arguments", [["describe"], ["describe", "sidescan", "--markdown"]])
+def test_either_a_name_or_the_page_is_asked_for(refusal, arguments):
+    assert "takes the name of a scene or a plugin, or --markdown; give one of them" in refusal(*arguments)
 
 
 @pytest.mark.parametrize("arguments, hint", [

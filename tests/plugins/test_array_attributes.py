@@ -15,16 +15,14 @@ ROUNDING = 1e-12
 def read(variant):
     """Read an array of attributes; whatever is left over is refused, as by a sensor."""
     from mitsonar.plugins.attributes import Attributes
-    from mitsonar.plugins.sensors.array_attributes import read_array
+    from mitsonar.plugins.sensors.array_attributes import ARRAYS
+    from mitsonar.plugins.sensors.array_reading import read_array
 
     def run(prefix="receive", hint=1500.0, frequency=100e3, **written):
         props = mi.Properties("sonar")
         for name, value in written.items():
             props[name] = value
-        attributes = Attributes(props)
-        array = read_array(attributes, prefix, hint, frequency=frequency)
-        attributes.finish()
-        return array
+        return read_array(Attributes(props, (ARRAYS,)), prefix, hint, frequency=frequency)
     return run
 
 
@@ -78,23 +76,24 @@ def test_kinds(read, kind):
 
 
 def test_every_kind_is_tested(variant):
-    from mitsonar.plugins.sensors import array_attributes
+    from mitsonar.plugins.sensors import array_attributes, array_reading
 
-    assert {written.get("receive", "point") for written, _ in KINDS.values()} == set(array_attributes.KINDS) - {"file"}
+    assert {written.get("receive", "point") for written, _ in KINDS.values()} == set(array_reading.KINDS) - {"file"}
+    assert set(array_reading.KINDS) == set(array_attributes.ALL_KINDS)
 
 
 def test_two_arrays_of_one_sensor(read):
     written = {"transmit": "line", "transmit_elements": 8, "transmit_axis": "forward", "receive": "line",
                "receive_elements": 16, "receive_axis": "starboard"}
     from mitsonar.plugins.attributes import Attributes
-    from mitsonar.plugins.sensors.array_attributes import read_array
+    from mitsonar.plugins.sensors.array_attributes import ARRAYS
+    from mitsonar.plugins.sensors.array_reading import read_array
 
     props = mi.Properties("sonar")
     for name, value in written.items():
         props[name] = value
-    attributes = Attributes(props)
+    attributes = Attributes(props, (ARRAYS,))
     found = [read_array(attributes, prefix, frequency=100e3) for prefix in ("transmit", "receive")]
-    attributes.finish()
     for array, wanted in zip(found, mills_cross(8, 16, 0.0075), strict=True):
         same(array, wanted)
 
@@ -183,7 +182,7 @@ def test_offset_leaves_the_steering_as_it_is(read):
     ({**LINE, "receive_element_height": -0.1}, "expected a number [m] at least 0"),
     ({**LINE, "receive_baffle": "steel"}, 'expected one of "none", "hard", "soft", "cardioid"'),
     ({**LINE, "receive_colour": "red"}, 'unknown attribute "receive_colour"'),
-    ({**LINE, "transmit": "line"}, 'unknown attribute "transmit"'),
+    ({**LINE, "transmit": "line"}, "attribute transmit_elements is missing"),
 ])
 def test_refusals(refused, written, words):
     assert words in refused(**written)

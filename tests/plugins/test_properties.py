@@ -2,8 +2,6 @@
 
 A probe shape reads one attribute of every kind; scenes are a few lines of XML. Exact, no tolerance.
 """
-import types
-
 import numpy as np
 import pytest
 
@@ -12,19 +10,38 @@ import mitsonar  # noqa: F401  sets up LLVM before Dr.Jit is loaded
 mi = pytest.importorskip("mitsuba")
 
 SCENE = '<scene version="3.0.0">\n<shape type="probe" id="bed">\n%s\n</shape></scene>'
-READERS = {
-    "rays": lambda a, **k: a.integer("rays", 256, minimum=1, maximum=4000, **k),
-    "spacing": lambda a, **k: a.number("spacing", 0.5, unit="m", above=0, below=10, **k),
-    "heading_deg": lambda a, **k: a.angle("heading_deg", 90, minimum=0, **k),
-    "flat": lambda a, **k: a.boolean("flat", True, **k),
-    "vertical": lambda a, **k: a.text("vertical", "auto", choices=("auto", "depth", "elevation"), **k),
-    "name": lambda a, **k: a.text("name", None, **k),
-    "filename": lambda a, **k: a.file("filename", None, **k),
-    "centre": lambda a, **k: a.point("centre", None, **k),
-    "to_world": lambda a, **k: a.matrix(),
-    "crop": lambda a, **k: a.numbers("crop", None, count=4, unit="m", **k),
-    "profile": lambda a, **k: a.table("profile", None, **k),
-}
+PRESETS = {"coarse": {"step": 4.0, "turn_deg": 180.0}, "fine": {"step": 0.25, "turn_deg": 90.0}}
+
+
+def declared():
+    """One attribute of every kind."""
+    from mitsonar.plugins import attributes as a
+
+    return (
+        a.Integer("rays", default=256, minimum=1, maximum=4000, text="count"),
+        a.Number("spacing", default=0.5, unit="m", above=0, below=10, text="distance"),
+        a.Angle("heading_deg", default=90, minimum=0, text="direction"),
+        a.Boolean("flat", default=True, text="shape"),
+        a.Choice("vertical", default="auto", choices=("auto", "depth", "elevation"), text="sign"),
+        a.Text("name", default=None, text="anything"),
+        a.File("filename", default=None, text="source"),
+        a.Files("meshes", default=None, text="sources"),
+        a.TextOrFile("classes", default=None, sign=":", text="what codes mean"),
+        a.Point("centre", default=None, text="place"),
+        a.Transform("to_world", text="turns it"),
+        a.Numbers("crop", default=None, count=4, unit="m", text="part"),
+        a.Range("burial", default=(0.25,), minimum=0, maximum=1, text="share"),
+        a.Table("profile", default=None, text="of depth"),
+        a.NumberOrTable("strength", default=None, unit="dB", text="of depth, or one for all"),
+        a.NumberOrTexture("mu", default=None, maximum=1, text="of places"),
+        a.Choice("preset", default="fine", choices=tuple(PRESETS), text="where defaults come from"),
+        a.Number("step", default=a.FromTable(table=PRESETS, by="preset"), unit="m", text="of the preset"),
+        a.Angle("turn_deg", default=a.FromTable(table=PRESETS, by="preset"), text="of the preset"),
+        a.Angle("return_deg", default=a.SameAs("turn_deg"), text="the way back"),
+        a.Choice("fans", default="centre", choices=("centre", "some"), formerly="origins", text="from where"),
+        a.Integer("fan_count", default=3, only=("fans", ("some",)), text="how many"),
+        a.Nested("bsdf", default=None, text="material"),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +52,8 @@ def read():
 
     class Probe(mi.Mesh):
         def __init__(self, props):
-            attributes = Attributes(props)
-            self.read = types.SimpleNamespace(**{name: reader(attributes) for name, reader in READERS.items()})
-            self.given = attributes.given("rays", "spacing")
-            self.material = attributes.object(mi.BSDF, None)
-            attributes.finish()
+            self.read = Attributes(props, declared())
+            self.given = self.read.given("rays", "spacing")
             super().__init__("probe", 3, 1, props=props)
 
         def to_string(self):
@@ -84,7 +98,7 @@ def test_values_as_written(read, tmp_path):
         <string name="crop" value="1, 2 3e2,-4"/> <spectrum name="profile" value="0:1490.5, 10:1485"/>
         <bsdf type="diffuse"/> <boolean name="flip_normals" value="true"/>''')
     values = shape.read
-    assert shape.given == ["rays", "spacing"] and isinstance(shape.material, mi.BSDF)
+    assert shape.given == ["rays", "spacing"] and isinstance(values.bsdf, mi.BSDF)
     assert (values.rays, values.spacing, values.flat, values.vertical, values.name) == (12, 2.0, False, "depth", "")
     assert isinstance(values.spacing, float)
     assert values.heading_deg == pytest.approx(np.pi)
@@ -130,7 +144,20 @@ def test_table_from_a_string(read):
     ('<spectrum name="profile" value="1490"/>', "profile is a spectrum; expected a table"),
     ('<float name="spaceing" value="3"/>',
      'got the float 3.0 for the unknown attribute "spaceing" (did you mean "spacing"?).'
-     ' Known: centre, crop, filename, flat, heading_deg, name, profile, rays, spacing, to_world, vertical.'),
+     ' Known: burial, centre, classes, crop, fans, filename, flat, heading_deg, meshes, mu, name, preset, profile,'
+     ' rays, return_deg, spacing, step, strength, to_world, turn_deg, vertical.'),
+    ('<string name="bsdf" value="sand"/>', 'got the string "sand" for the unknown attribute "bsdf".'),
+    ('<string name="burial" value="0.5, 0.2"/>',
+     'burial is 0.5, 0.2; expected a number or two, "low, high", from 0 to 1.'),
+    ('<string name="burial" value="deep"/>', 'burial is the string "deep"; expected a list of numbers separated by'),
+    ('<float name="strength" value="inf"/>', "strength is the float inf; expected a number or a table of finite"),
+    ('<float name="mu" value="2"/>', "mu is the float 2.0; expected a number at most 1 or a texture."),
+    ('<bsdf type="diffuse" name="mu"/>', "mu is a nested object; expected a number at most 1 or a texture."),
+    ('<integer name="fan_count" value="2"/>', 'fan_count is given, but it only counts with fans "some"; leave it out.'),
+    ('<string name="fans" value="some"/><string name="origins" value="some"/>',
+     "fans and origins, its former name, are both given; leave origins out."),
+    ('<string name="origins" value="all"/>', 'origins is the string "all"; expected one of "centre", "some".'),
+    ('<string name="classes" value="c.csv"/>', 'classes names the file "c.csv", which is not there'),
 ])
 def test_refusals_name_place_plugin_attribute_expected_and_got(sentence, written, said):
     message = sentence(written)
@@ -139,22 +166,78 @@ def test_refusals_name_place_plugin_attribute_expected_and_got(sentence, written
 
 
 def test_missing_attribute(read):
-    from mitsonar.plugins.attributes import Attributes
+    from mitsonar.plugins.attributes import Attributes, Nested, Number
     props = mi.Properties("probe")
     with pytest.raises(ValueError, match=r"^probe: attribute depth is missing; expected a number \[m\] above 0\.$"):
-        Attributes(props).number("depth", unit="m", above=0)
+        Attributes(props, (Number("depth", unit="m", above=0, text=""),))
     with pytest.raises(ValueError, match="^probe: a nested <medium> is missing"):
-        Attributes(props).object(mi.Medium)
+        Attributes(props, (Nested("medium", text=""),))
+    props["dpth"] = 3.0
+    with pytest.raises(ValueError, match=r'depth is missing \(is it written as "dpth"\?\); expected a number'):
+        Attributes(props, (Number("depth", text=""),))
 
 
-def test_texture_takes_numbers_and_refuses_words(read):
-    from mitsonar.plugins.attributes import Attributes
+def test_a_number_or_a_texture(read):
+    assert read('<float name="mu" value="0.25"/>').read.mu == 0.25
+    assert isinstance(read('<texture type="checkerboard" name="mu"/>').read.mu, mi.Texture)
+
+
+def test_a_number_stands_for_a_table_of_one_row(read):
+    assert [column.tolist() for column in read('<float name="strength" value="-60"/>').read.strength] == [[0], [-60]]
+    table = read('<spectrum name="strength" value="0:-60, 9:-70"/>').read.strength
+    assert [column.tolist() for column in table] == [[0, 9], [-60, -70]]
+
+
+def test_one_number_stands_for_two(read):
+    assert read("").read.burial == (0.25, 0.25)
+    assert read('<float name="burial" value="0.5"/>').read.burial == (0.5, 0.5)
+    assert read('<string name="burial" value="0, 0.5"/>').read.burial == (0, 0.5)
+
+
+@pytest.mark.parametrize("written, step, turn, back", [
+    ("", 0.25, 90, 90), ('<string name="preset" value="coarse"/>', 4.0, 180, 180),
+    ('<float name="turn_deg" value="45"/>', 0.25, 45, 45), ('<float name="return_deg" value="45"/>', 0.25, 90, 45)])
+def test_defaults_of_a_preset_and_of_another_attribute(read, written, step, turn, back):
+    values = read(written).read
+    assert (values.step, values.turn_deg, values.return_deg) == (step, np.radians(turn), np.radians(back))
+
+
+def test_an_attribute_counts_only_with_a_value_of_another(read):
+    assert read('<string name="fans" value="some"/> <integer name="fan_count" value="5"/>').read.fan_count == 5
+    assert read("").read.fan_count == 3
+
+
+def test_a_former_name_is_read(read):
+    assert read('<string name="origins" value="some"/>').read.fans == "some"
+
+
+def test_text_or_the_name_of_a_file(read, tmp_path):
+    (tmp_path / "c.csv").write_text("x")
+    assert read('<string name="classes" value="1: sand"/>').read.classes == "1: sand"
+    assert read(f'<string name="classes" value="{tmp_path}/c.csv"/>').read.classes == f"{tmp_path}/c.csv"
+    assert read('<string name="classes" value=""/>').read.classes is None
+
+
+def test_what_is_not_declared_is_no_attribute(read):
+    with pytest.raises(AttributeError, match="colour is not declared"):
+        read("").read.colour
+
+
+def test_a_group_is_declared_once_and_read_under_every_prefix(read):
+    from mitsonar.plugins.attributes import Attributes, Choice, Group, Integer
     props = mi.Properties("probe")
-    props["mu"], props["nu"] = 0.25, "loud"
-    assert "0.25" in str(Attributes(props).texture("mu"))
-    assert "0.5" in str(Attributes(props).texture("other", 0.5))
-    with pytest.raises(ValueError, match='nu is the string "loud"; expected a number or a texture'):
-        Attributes(props).texture("nu", 0.5)
+    props["left"], props["left_count"] = "many", 4
+    group = Group(title="Sides", module="attributes", prefixes=("left", "right"), attributes=(
+        Choice("", default="one", choices=("one", "many"), text="kind"),
+        Integer("_count", only=("", ("many",)), text="how many")))
+    values = Attributes(props, (group,))
+    assert (values.left, values.left_count, values.right, values.right_count) == ("many", 4, "one", None)
+    props["right_count"] = 2
+    with pytest.raises(ValueError, match='^probe: right_count is given, but it only counts with right "many"; leave'):
+        Attributes(props, (group,))
+    props["left"] = "one"
+    with pytest.raises(ValueError, match='^probe: left_count is given, but it only counts with left "many"; leave'):
+        Attributes(props, (group,))
 
 
 CUBE = '<scene version="3.0.0">\n%s\n</scene>'

@@ -108,8 +108,9 @@ def test_noise(water):
 
 
 @pytest.mark.parametrize("one, other", [("profile", "sound_speed"), ("cast", "sound_speed"), ("profile", "cast")])
-def test_only_one_kind_of_sound_speed(refusal, one, other):
-    values = {"profile": "0:1500, 9:1490", "cast": "c.csv", "sound_speed": 1500.0}
+def test_only_one_kind_of_sound_speed(refusal, tmp_path, one, other):
+    (tmp_path / "c.csv").write_text("depth,speed\n0,1500\n9,1490\n", encoding="utf-8")
+    values = {"profile": "0:1500, 9:1490", "cast": str(tmp_path / "c.csv"), "sound_speed": 1500.0}
     said = refusal("seawater", **{name: values[name] for name in (one, other)})
     assert said == f"seawater: {one} and {other} are given; give one of them."
 

@@ -100,6 +100,13 @@ def test_mirrored_bed_still_looks_up():
     assert np.allclose(np.array(hits.n).ravel(), [0, 0, 1])
 
 
+def test_a_point_target_goes_where_to_world_brings_it():
+    turned = mi.ScalarTransform4f().translate([1, 2, -3]).rotate([0, 0, 1], 90)
+    target = mi.load_dict({"type": "point_target", "position": [4.0, 0.0, -5.0], "to_world": turned})
+    np.testing.assert_allclose(target.position, [1, 6, -8], atol=1e-6)
+    np.testing.assert_allclose(target.bbox().center(), [1, 6, -8], atol=1e-5)
+
+
 def test_from_xml_with_id_and_bsdf():
     scene = mi.load_string("""<scene version="3.0.0"><bsdf type="diffuse" id="sand"/>
         <shape type="seabed" id="floor"><float name="depth" value="12"/><integer name="spacing" value="5"/>

@@ -1,0 +1,147 @@
+"""What a plugin declares of an attribute, of whatever kind."""
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+__all__ = ["NESTED", "REQUIRED", "Attribute", "FromTable", "Nested", "SameAs", "Unfit", "in_unit", "shown"]
+
+NESTED = ("Object", "Reference", "ResolvedReference")          # Mitsuba's types of properties that are objects
+
+
+class _Required:
+    """The default of an attribute that has none."""
+
+    def __repr__(self) -> str:
+        return "REQUIRED"
+
+
+REQUIRED = _Required()
+
+
+class Unfit(Exception):
+    """A value is not what the attribute expects.
+
+    Parameters
+    ----------
+    got, expected : str
+        In words, where these are not what the property and the attribute say by themselves.
+    hint : str
+        What may have been meant.
+    sentence : str
+        The whole complaint, where it is another one.
+    """
+
+    def __init__(self, *, got: str = "", expected: str = "", hint: str = "", sentence: str = "") -> None:
+        super().__init__(sentence)
+        self.got, self.expected, self.hint, self.sentence = got, expected, hint, sentence
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromTable:
+    """A default that is looked up: of a preset, by the attribute that names the preset.
+
+    Attributes
+    ----------
+    table : dict of str to dict
+        Values by preset and attribute.
+    by : str
+        Name of the attribute that holds the preset.
+    """
+
+    table: Mapping[str, Mapping[str, Any]]
+    by: str
+
+
+@dataclass(frozen=True)
+class SameAs:
+    """A default that is the value of another attribute, declared before."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """What a plugin takes under a name.
+
+    Attributes
+    ----------
+    name : str
+    default : any
+        As it would be written in a scene; `REQUIRED`, None, a `FromTable` or a `SameAs`.
+    otherwise : str
+        What is taken where it is not written, in words; by default the words for the default.
+    text : str
+        What it means.
+    only : (str, tuple of str) or None
+        It counts only where the attribute of this name, declared before, has one of these values.
+    formerly : str
+        A name that is read too.
+    types : tuple of str
+        Mitsuba's types of properties that are taken.
+    """
+
+    name: str
+    _: KW_ONLY
+    default: Any = REQUIRED
+    otherwise: str = ""
+    text: str
+    only: tuple[str, tuple[str, ...]] | None = None
+    formerly: str = ""
+    types: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def expected(self) -> str:
+        """What must be written, in words."""
+        raise NotImplementedError
+
+    def read(self, value: Any, written_as: str) -> Any:
+        """Give what the plugin gets of a property's value, which has one of the types; raise `Unfit` otherwise."""
+        raise NotImplementedError
+
+    def taken(self, default: Any) -> Any:
+        """Give what the plugin gets where the default is taken, which is not None."""
+        return default
+
+    @property
+    def shown_default(self) -> str:
+        """What is taken where nothing is written, in words; empty if nothing."""
+        if self.otherwise:
+            return self.otherwise
+        if self.default is REQUIRED:
+            return "needed"
+        if isinstance(self.default, FromTable):
+            return f"*{self.default.by}*"
+        if isinstance(self.default, SameAs):
+            return f"`{self.default.name}`"
+        return "" if self.default is None else shown(self.default)
+
+
+@dataclass(frozen=True)
+class Nested(Attribute):
+    """Nested objects of a kind, such as "medium", whatever they are called: the first one, or all of them.
+
+    The name is that of Mitsuba's class in small letters. What is nested and not declared is left to Mitsuba.
+    """
+
+    many: bool = False
+    types = NESTED
+
+    @property
+    def expected(self) -> str:
+        return f"nested `<{self.name}>`, one or more" if self.many else f"a nested `<{self.name}>`"
+
+
+def in_unit(unit: str) -> str:
+    """Give a unit in brackets, as it follows a noun."""
+    return f" [{unit}]" if unit else ""
+
+
+def shown(value: Any) -> str:
+    """Give a value as it is written in a scene."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (tuple, list, np.ndarray)):
+        return ", ".join(map(shown, value))
+    return f"{value:.10g}" if isinstance(value, (int, float)) else str(value)

@@ -1,0 +1,35 @@
+"""Files that a plugin reads: where they lie, and why one cannot be read."""
+import os
+from typing import Any
+
+import mitsuba as mi
+
+__all__ = ["found_file"]
+
+
+def found_file(attribute: str, name: str) -> str:
+    """Give the path of a file that a scene names, looked for beside the scene, then in the current folder.
+
+    Parameters
+    ----------
+    attribute : str
+        That names it, for the complaint.
+    name : str
+
+    Raises
+    ------
+    ValueError
+        If it is not there, no file, or may not be read.
+    """
+    resolver: Any = mi.file_resolver           # of which Mitsuba's stubs say only that it is an object
+    path = str(resolver().resolve(name))       # a name that is nowhere comes back unchanged
+    if not os.path.isfile(path):
+        if os.path.isdir(path):
+            raise ValueError(f'{attribute} names the folder "{name}"; give the name of a file.')
+        if os.path.exists(path):
+            raise ValueError(f'{attribute} names "{name}", a device or a pipe; give the name of a file.')
+        raise ValueError(f'{attribute} names the file "{name}", which is not there; it is looked for beside the scene, '
+                         "then where you are.")
+    if not os.access(path, os.R_OK):
+        raise ValueError(f'{attribute} names the file "{path}", which you may not read; change its permissions.')
+    return path

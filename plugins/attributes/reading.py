@@ -1,0 +1,165 @@
+"""Reading of a plugin's attributes as its module declares them, for every plugin's constructor.
+
+Mitsuba hands a plugin a dictionary-like ``mi.Properties`` and checks neither type nor range: a word where a number
+belongs passes silently. `Attributes` reads all that is declared, and answers anything else than what was expected by
+one sentence: which plugin, which attribute, what was expected, what was got::
+
+    class Seabed(mi.Mesh):
+        def __init__(self, props):
+            attributes = Attributes(props, ATTRIBUTES)
+            spacing, heading = attributes.spacing, attributes.slope_heading_deg         # [m], [rad]
+            super().__init__("seabed", ..., props=props)
+"""
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.io.errors import shortened
+from mitsonar.spelling import meant
+
+from .declaration import NESTED, REQUIRED, Attribute, FromTable, Nested, SameAs, Unfit
+from .groups import Group, flat
+from .numbers import Transform
+
+__all__ = ["Attributes"]
+
+# what Mitsuba's own shapes take beside what a plugin declares
+OF_MITSUBA = ("to_world", "flip_normals", "face_normals", "silhouette_sampling_weight")
+TAGS = {"Bool": "boolean", "Integer": "integer", "Float": "float", "Vector": "point", "Transform": "transform",
+        "Color": "rgb", "Spectrum": "spectrum", "String": "string", "Any": "array"}
+
+
+class Attributes:
+    """Read and check the attributes of one plugin instance; each is an attribute of this object.
+
+    Parameters
+    ----------
+    props : mi.Properties
+        What Mitsuba hands to the plugin's constructor.
+    declared : tuple of Attribute or Group
+        What the plugin takes.
+
+    Raises
+    ------
+    ValueError
+        If something is missing, unknown, or not what was expected. Within an XML file Mitsuba adds file and line, see
+        `mitsonar.scene.errors.plain`.
+    """
+
+    def __init__(self, props: mi.Properties, declared: tuple[Attribute | Group, ...]) -> None:
+        self._props = props
+        self._declared = {one.name: one for one in flat(declared) if not isinstance(one, Nested)}
+        self._values: dict[str, Any] = {}
+        for one in flat(declared):
+            self._values[one.name] = self._nested(one) if isinstance(one, Nested) else self._read(one)
+        self._refuse_unknown()
+
+    def __getattr__(self, name: str) -> Any:
+        """Value of an attribute: as written, or its default."""
+        try:
+            return self.__dict__["_values"][name]
+        except KeyError:
+            raise AttributeError(f"{name} is not declared") from None
+
+    def given(self, *names: str) -> list[str]:
+        """Tell which of ``names`` are written in the scene."""
+        return [name for name in names if name in self._props]
+
+    def error(self, sentence: str | Exception) -> ValueError:
+        """Make (not raise) a `ValueError` that names the plugin, for checks across attributes."""
+        name = f' "{self._props.id()}"' if self._props.id() else ""
+        return ValueError(shortened(f"{self._props.plugin_name()}{name}: {' '.join(str(sentence).split())}"))
+
+    def only_one(self, *names: str) -> None:
+        """Refuse more than one of ``names``."""
+        if len(written := self.given(*names)) > 1:
+            raise self.error(f"{' and '.join(written)} are given; give one of them.")
+
+    def _read(self, one: Attribute) -> Any:
+        name = self._written_name(one)
+        if one.only is not None and self._values[one.only[0]] not in one.only[1]:
+            if name is not None:
+                raise self.error(self._without_effect(name, one.only))
+            return None if one.default is REQUIRED else self._default(one)
+        if name is None:
+            return self._default(one)
+        written_as = self._props.type(name).name
+        try:
+            if written_as not in one.types:
+                raise Unfit
+            return one.read(self._props[name], written_as)
+        except Unfit as unfit:
+            raise self.error(unfit.sentence or f"{name} is {unfit.got or self._got(name)}; expected "
+                             f"{unfit.expected or one.expected}{unfit.hint}.") from None
+
+    def _written_name(self, one: Attribute) -> str | None:
+        """The name under which it is written, its former one perhaps; None where it is not."""
+        names = [name for name in (one.name, one.formerly) if name and name in self._props]
+        if len(names) > 1:
+            raise self.error(f"{one.name} and {one.formerly}, its former name, are both given; leave {one.formerly} "
+                             "out.")
+        return names[0] if names else None
+
+    def _default(self, one: Attribute) -> Any:
+        if one.default is REQUIRED:
+            hint = meant(one.name, set(self._props.keys()) - set(self._declared))
+            raise self.error(f"attribute {one.name} is missing{hint.replace('did you mean', 'is it written as')}; "
+                             f"expected {one.expected}.")
+        if isinstance(one, Transform):
+            return np.eye(4)
+        if isinstance(one.default, SameAs):
+            return self._values[one.default.name]
+        default = one.default
+        if isinstance(default, FromTable):
+            default = default.table[self._values[default.by]][one.name]
+        return None if default is None else one.taken(default)
+
+    def _without_effect(self, name: str, only: tuple[str, tuple[str, ...]]) -> str:
+        """Why an attribute may not be written: another one has a value with which it does not count."""
+        other, values = only
+        takes = [one.name for one in self._declared.values() if one.only is not None and one.only[0] == other
+                 and self._values[other] in one.only[1]]
+        if takes:
+            return (f'{name} is written, but {other} is "{self._values[other]}", which takes {", ".join(takes)}; leave '
+                    f"it out or change {other}.")
+        listed = " or ".join(f'"{value}"' for value in values)
+        return f"{name} is given, but it only counts with {other} {listed}; leave it out."
+
+    def _nested(self, one: Nested) -> Any:
+        kind, found = getattr(mi, "BSDF" if one.name == "bsdf" else one.name.capitalize()), []
+        for name in self._props.keys():
+            if self._props.type(name).name in NESTED and (one.many or not found):
+                queried = self._props.was_queried(name)
+                if isinstance(value := self._props[name], kind):
+                    found.append(value)
+                else:
+                    self._props.mark_queried(name, queried)    # left for whoever knows it, or for Mitsuba to report
+        if not found and one.default is REQUIRED:
+            raise self.error(f"a nested <{one.name}> is missing.")
+        return found if one.many else found[0] if found else None
+
+    def _refuse_unknown(self) -> None:
+        """Refuse attributes that are not declared.
+
+        Nested objects are left alone: the base class takes those it knows, Mitsuba itself reports the others.
+        """
+        former = {one.formerly for one in self._declared.values()}
+        for name in self._props.keys():
+            if name in self._declared or name in former or name in OF_MITSUBA or self._props.type(name).name in NESTED:
+                continue
+            known = sorted(one.name for one in self._declared.values()
+                           if one.only is None or self._values[one.only[0]] in one.only[1])
+            raise self.error(f'got {self._got(name)} for the unknown attribute "{name}"{meant(name, self._declared)}. '
+                             f"Known: {', '.join(known) or 'none'}.")
+
+    def _got(self, name: str) -> str:
+        kind = self._props.type(name).name
+        if kind in NESTED:
+            return "a nested object"
+        if kind == "String":
+            return f'the string "{self._props[name]}"'
+        if kind in ("Bool", "Integer", "Float"):
+            value = self._props[name]
+            return f"the {TAGS[kind]} {str(value).lower() if kind == 'Bool' else value}"
+        return f"a {TAGS.get(kind, kind.lower())}"

@@ -1,0 +1,108 @@
+"""Attributes that are words: true or false, text, names of files."""
+from dataclasses import dataclass
+from typing import Any
+
+from mitsonar.spelling import meant
+
+from .declaration import REQUIRED, Attribute, Unfit
+from .input_files import found_file
+
+__all__ = ["Boolean", "Choice", "File", "Files", "Text", "TextOrFile"]
+
+
+@dataclass(frozen=True)
+class Boolean(Attribute):
+    """True or false."""
+
+    types = ("Bool",)
+
+    @property
+    def expected(self) -> str:
+        return "true or false"
+
+    def read(self, value: Any, written_as: str) -> bool:
+        return bool(value)
+
+
+@dataclass(frozen=True)
+class Text(Attribute):
+    """A string."""
+
+    types = ("String",)
+
+    @property
+    def expected(self) -> str:
+        return "a string"
+
+    def read(self, value: Any, written_as: str) -> str | None:
+        return value
+
+
+@dataclass(frozen=True)
+class Choice(Text):
+    """One of some words."""
+
+    choices: tuple[str, ...] = ()
+
+    @property
+    def expected(self) -> str:
+        return "one of " + ", ".join(f'"{choice}"' for choice in self.choices)
+
+    def read(self, value: Any, written_as: str) -> str:
+        if value not in self.choices:
+            raise Unfit(hint=meant(value, self.choices))
+        return value
+
+
+@dataclass(frozen=True)
+class File(Text):
+    """The name of a file, looked for beside the scene first; the plugin gets its path. Empty means not given."""
+
+    @property
+    def expected(self) -> str:
+        return "the name of a file"
+
+    def read(self, value: Any, written_as: str) -> str | None:
+        if not value:
+            if self.default is REQUIRED:
+                raise Unfit
+            return self.default
+        try:
+            return found_file(self.name, value)
+        except ValueError as error:
+            raise Unfit(sentence=str(error)) from None
+
+    def names_of_files(self, value: str) -> tuple[str, ...]:
+        """Names in a written value of what must be there; empty where it names none."""
+        return (value,) if value else ()
+
+
+@dataclass(frozen=True)
+class TextOrFile(File):
+    """Text that holds a certain sign, or else the name of a file. Empty means not given."""
+
+    sign: str = ":"
+    @property
+    def expected(self) -> str:
+        return "a string, or the name of a file"
+
+    def read(self, value: Any, written_as: str) -> str | None:
+        return value if self.sign in value else super().read(value, written_as)
+
+    def names_of_files(self, value: str) -> tuple[str, ...]:
+        return () if self.sign in value else super().names_of_files(value)
+
+
+@dataclass(frozen=True)
+class Files(File):
+    """A folder, or names of files divided by commas; the plugin gets the text."""
+
+    @property
+    def expected(self) -> str:
+        return "the name of a folder, or names of files separated by commas"
+
+    def read(self, value: Any, written_as: str) -> str:
+        return value
+
+    def names_of_files(self, value: str) -> tuple[str, ...]:
+        return tuple(name.strip() for name in value.split(",") if name.strip())

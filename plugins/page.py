@@ -1,0 +1,135 @@
+"""The reference page `plugins/README.md`: how a scene is written, every plugin, every attribute.
+
+All but the first chapter is made of what the plugins declare and of the texts that their modules begin with. A test
+compares the page with what `markdown` gives.
+"""
+import inspect
+import re
+from collections.abc import Iterable, Iterator
+
+from . import reference
+from .attributes import Attribute, Choice, FromTable, Group, flat
+
+__all__ = ["markdown"]
+
+HEAD = """\
+# The reference: plugins and their attributes
+
+<!-- Generated: python3 -m mitsonar describe --markdown > plugins/README.md -->
+
+What a scene may hold, in a Mitsuba XML file: a sonar (`<sensor>`) with its water (`<medium>`) and its record
+(`<film>`), an `<integrator>`, and shapes with their materials (`<bsdf>`). [A complete scene](../README.md#one-scene)
+is in the README; `python3 -m mitsonar describe NAME` shows the same as this page for one plugin.
+
+## Writing a scene
+
+Numbers are written `<float>` unless they are counts (`<integer>`), yes or no (`<boolean>`), a point (`<point>`), a
+transform (`<transform>`), or text, lists of numbers and names of files (`<string>`). A table of numbers is a
+`<spectrum>`. An attribute without a default is optional, or *needed* where the table says so. One that is misspelt,
+of the wrong type or out of range is an error that names the line.
+
+Every file and number can be a `$parameter` with a `<default>`. Files are looked for beside the scene, then where you
+are.
+
+Any shape of Mitsuba is a target (`sphere`, `cylinder`, `cube`, `rectangle`, `ply`, `obj`, ...), placed by its
+`to_world`; its `cylinder` is an open tube, `capped_cylinder` is closed. A shape's `id` is its name in the labels, and
+shapes with the same id share a label. The seabed is a shape too: make it wider than twice the range.
+
+A Mitsuba material in place of `lambert` is taken at its value: `diffuse` of reflectance ρ is a Lambert bottom of µ =
+ρ/π. What mirrors only (`conductor`) is refused, and so are the materials of this page within another (`twosided`,
+`mask`). Textures are Mitsuba's: a `bitmap` (PNG, JPEG, OpenEXR, BMP, PPM or PFM, at most 10⁸ pixels) on shapes with
+texture coordinates, or a `mesh_attribute`, of which `face_mud` is the property `mud_1` that the faces of a PLY file
+have, `vertex_mud` that of its vertices.
+
+A mesh whose faces name vertices that are not there is refused: Mitsuba's readers write outside memory then.
+`mi.load_file` checks no file: give files of strangers to `mitsonar.load_file`.
+"""
+KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": "Rays", "bsdf": "Materials",
+         "shape": "Shapes"}
+
+
+def markdown() -> str:
+    """Make the page."""
+    parts = [HEAD]
+    for kind, heading in KINDS.items():
+        parts.append(f"## {heading}\n")
+        plugins = [plugin for plugin in reference.plugins() if reference.kind_of(plugin) == kind]
+        for plugin in plugins:
+            parts.extend(_plugin(kind, plugin))
+        for group in _groups(plugins):
+            parts.extend(_group(group))
+    return "\n".join(parts)
+
+
+def _plugin(kind: str, plugin: str) -> Iterator[str]:
+    declared = reference.declared(plugin)
+    yield f'### `<{kind} type="{plugin}">`\n'
+    yield f"{reference.title(plugin)}\n"
+    yield from _text(reference.manual(f"{_folder(plugin)}.{plugin}"))
+    own = [one for one in declared if isinstance(one, Attribute)]
+    yield _table(([one.name], one) for one in own) if own else "It has no attributes.\n"
+    for table in _presets(own):
+        yield table
+    links = [f"[{group.title}](#{group.title.lower().replace(' ', '-')})" for group in declared
+             if isinstance(group, Group)]
+    if links:
+        yield f"And the attributes of {' and '.join(links)}.\n"
+
+
+def _groups(plugins: Iterable[str]) -> list[Group]:
+    """The groups that plugins declare, each once."""
+    return list({one.title: one for plugin in plugins for one in reference.declared(plugin)
+                 if isinstance(one, Group)}.values())
+
+
+def _group(group: Group) -> Iterator[str]:
+    yield f"### {group.title}\n"
+    manual = reference.manual(group.module)
+    yield f"{_markdown(manual.partition(chr(10))[0])}\n"
+    yield from _text(manual)
+    yield _table(([prefix + one.name for prefix in group.prefixes], one) for one in group.attributes)
+
+
+def _folder(plugin: str) -> str:
+    return {"medium": "media"}.get(reference.kind_of(plugin), f"{reference.kind_of(plugin)}s")
+
+
+def _text(manual: str) -> Iterator[str]:
+    """What follows the first line of a module's text."""
+    rest = inspect.cleandoc(manual).partition("\n")[2].strip()
+    if rest:
+        yield f"{_markdown(rest)}\n"
+
+
+def _markdown(text: str) -> str:
+    """A docstring's marks as those of Markdown: literals, and blocks of code."""
+    def fenced(block: re.Match) -> str:
+        return f"```{block[1]}\n{inspect.cleandoc(block[2]).rstrip()}\n```\n"
+
+    text = re.sub(r"(?<!`)``(?!`)", "`", text)
+    return re.sub(r"\.\. code-block:: (\w+)\n\n((?:    .*\n?|\n)+)", fenced, f"{text}\n").strip()
+
+
+def _table(rows: Iterable[tuple[list[str], Attribute]]) -> str:
+    lines = ["| attribute | expected | default | meaning |", "|---|---|---|---|"]
+    for names, one in rows:
+        text = f"{one.text}; formerly `{one.formerly}`" if one.formerly else one.text
+        cells = ", ".join(f"`{name}`" for name in names), _expected(one), one.shown_default or "-", text
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _expected(one: Attribute) -> str:
+    words = reference.expected(one)
+    return words.replace('"', "`") if isinstance(one, Choice) else words
+
+
+def _presets(own: list[Attribute]) -> Iterator[str]:
+    """A table for every attribute that names a preset: which values each brings."""
+    tables = {one.default.by: one.default.table for one in own if isinstance(one.default, FromTable)}
+    for by, table in tables.items():
+        names = [one.name for one in flat(tuple(own)) if isinstance(one.default, FromTable) and one.default.by == by]
+        lines = [f"| {by} | {' | '.join(f'`{name}`' for name in names)} |", "|---" * (len(names) + 1) + "|"]
+        lines += [f"| `{preset}` | {' | '.join(f'{values[name]:g}' for name in names)} |"
+                  for preset, values in table.items()]
+        yield "\n".join(lines) + "\n"

@@ -1,0 +1,187 @@
+"""From the attributes of an array (`array_attributes`) to its elements."""
+import contextlib
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mitsonar.io import arrays
+from mitsonar.plugins.attributes import Attributes
+from mitsonar.sonar import (Array, body_direction, cylindrical_array, element_array, line_array, planar_array,
+                            spherical_array)
+from mitsonar.sonar.axes import AXES, axis_vector
+from mitsonar.units import radians_from_deg
+
+__all__ = ["KINDS", "read_array"]
+
+SOUND_SPEED = 1500.0               # [m/s] where the sensor knows no better
+
+
+def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | None = None, *,
+               frequency: float | None = None) -> Array:
+    """Make the array that attributes with a prefix describe.
+
+    Parameters
+    ----------
+    attributes : Attributes
+        Of the sensor, with those of `ARRAYS`.
+    prefix : str
+        ``transmit`` or ``receive``.
+    sound_speed_hint : float [m/s]
+        At the array, for steering, focus and the default pitch; default 1500.
+    frequency : float [Hz]
+        For the default pitch, half a wavelength; without it a pitch or radius must be written.
+
+    Raises
+    ------
+    ValueError
+        If attributes contradict each other, or the array cannot be made.
+    """
+    sound_speed = SOUND_SPEED if sound_speed_hint is None else sound_speed_hint
+    array = _Prefixed(attributes, prefix, None if frequency is None else 0.5 * sound_speed / frequency)
+    make = KINDS[getattr(attributes, prefix)](array)
+    changes = [*_steering(array, sound_speed), *_elements(array)]
+    with array.named():
+        made = make(**_face(array))
+        for change in changes:
+            made = change(made)
+        return made if array.offset is None else made.moved(array.offset)
+
+
+class _Prefixed:
+    """Attributes whose names begin alike; spacing [m] is the default pitch."""
+
+    def __init__(self, attributes: Attributes, prefix: str, spacing: float | None) -> None:
+        self.attributes, self.prefix, self.spacing = attributes, prefix, spacing
+
+    def __getattr__(self, suffix: str) -> Any:
+        return getattr(self.attributes, self.name(suffix))
+
+    def name(self, suffix: str) -> str:
+        return f"{self.prefix}_{suffix}"
+
+    @contextlib.contextmanager
+    def named(self) -> Iterator[None]:
+        """Say plugin and prefix in front of what an array's maker has to say."""
+        try:
+            yield
+        except ValueError as error:
+            raise self.attributes.error(f"{self.prefix}: {error}") from None
+
+    def spaced(self) -> float:
+        """The pitch as written, or half a wavelength."""
+        pitch = self.spacing if self.pitch is None else self.pitch
+        if pitch is None:
+            raise self.attributes.error(f"attribute {self.name('pitch')} is missing; expected a number [m] above 0.")
+        return pitch
+
+    def direction(self, suffix: str, default: str | None) -> np.ndarray | None:
+        """A direction of the body's frame."""
+        text = getattr(self, suffix) if getattr(self, suffix) is not None else default
+        if text is None:
+            return None
+        direction = text.strip()
+        if direction not in AXES:
+            with contextlib.suppress(ValueError):
+                direction = [float(word) for word in text.replace(",", " ").split()]
+        try:
+            return axis_vector(self.name(suffix), direction)
+        except ValueError as error:
+            raise self.attributes.error(error) from None
+
+    def curved(self, from_pitch: Callable[[float], float]) -> float:
+        """The radius as written, or that which spaces the elements at the pitch."""
+        both = self.attributes.given(self.name("radius"), self.name("pitch"))
+        if len(both) == 2:
+            raise self.attributes.error(f"{' and '.join(both)} are both given; one follows from the other, leave one "
+                                        "out.")
+        return from_pitch(self.spaced()) if self.radius is None else self.radius
+
+
+# ---- the kinds: each takes its attributes and gives a maker that still wants the elements' faces
+
+def _point(array):
+    return partial(element_array, [0.0, 0.0, 0.0], normal=array.direction("normal", "down"))
+
+
+def _line(array):
+    return partial(line_array, array.elements, array.spaced(), axis=array.direction("axis", "starboard"),
+                   normal=array.direction("normal", None))
+
+
+def _planar(array):
+    return partial(planar_array, array.elements, array.rows, array.spaced(), row_pitch=array.row_pitch,
+                   axis=array.direction("axis", "starboard"), normal=array.direction("normal", "down"))
+
+
+def _cylindrical(array):
+    elements, aperture = array.elements, array.aperture_deg
+    return partial(cylindrical_array, elements, array.curved(lambda pitch: elements * pitch / aperture),
+                   rows=array.rows, row_pitch=array.row_pitch, aperture=aperture,
+                   axis=array.direction("axis", "down"), normal=array.direction("normal", "forward"))
+
+
+def _spherical(array):
+    elements, aperture = array.elements, array.aperture_deg
+    unit_area = 2 * np.pi * (1 - np.cos(aperture / 2))
+    return partial(spherical_array, elements, array.curved(lambda pitch: pitch * np.sqrt(elements / unit_area)),
+                   aperture=aperture, normal=array.direction("normal", "down"))
+
+
+def _file(array):
+    return partial(arrays.read, array.file, normal=array.direction("normal", "down"))
+
+
+KINDS = {"point": _point, "line": _line, "planar": _planar, "cylindrical": _cylindrical, "spherical": _spherical,
+         "file": _file}
+
+
+# ---- what all kinds have
+
+def _face(array):
+    length, height = array.element_length, array.element_height
+    pattern = array.pattern or ("rectangular" if length or height else "omni")
+    return {"length": length, "height": height, "pattern": pattern, "baffle": array.baffle}
+
+
+def _steering(array, sound_speed):
+    """Changes of the array that steer or focus it."""
+    angles, focus, direction = array.steer_deg, array.focus, None
+    if angles is not None:
+        if abs(angles[1]) > 90:
+            raise array.attributes.error(f"{array.name('steer_deg')} has a depression of {angles[1]:g} degrees; give "
+                                         "azimuth first, then a depression from -90 to 90.")
+        direction = body_direction(*radians_from_deg(angles))
+    if focus is not None:
+        yield lambda made: made.focused(focus * _looking(made, direction), sound_speed)
+    elif direction is not None:
+        yield lambda made: made.steered(direction, sound_speed)
+
+
+def _looking(array, direction):
+    """The direction, or where the array's elements look together."""
+    if direction is None:
+        direction = array.normal.mean(axis=0)
+        if np.linalg.norm(direction) < 1e-2:
+            raise ValueError("its elements look everywhere, so the focus has no direction; write steer_deg as well.")
+        direction = direction / np.linalg.norm(direction)
+    return direction
+
+
+def _elements(array):
+    """Changes of single elements: shading, failures, errors of place."""
+    windows, failed, jitter = array.shading, array.failed, array.jitter
+    if windows is not None:
+        yield lambda made: made.shaded(*windows.split(","))
+    if failed is not None:
+        whole = failed.astype(int) if np.array_equal(failed, np.rint(failed)) else failed
+        yield lambda made: made.failing(whole)
+    # arrays of one sensor must not share their errors
+    seed = zlib.crc32(array.prefix.encode()) if array.jitter_seed is None else array.jitter_seed
+    if jitter is not None:
+        yield lambda made: made.jittered(jitter, seed)
+    elif array.jitter_seed is not None:
+        raise array.attributes.error(f"{array.name('jitter_seed')} is written, but {array.name('jitter')} is not; "
+                                     "write the rms error [m], or leave the seed out.")
