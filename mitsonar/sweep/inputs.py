@@ -8,14 +8,14 @@ import os
 import re
 
 from ..io import scenes
+from ..plugins import reference
+from ..plugins.attributes import File
 from ..spelling import meant
 from .manifest import MANIFEST
 from .values import shortened
 
 __all__ = ["Inputs"]
 
-# attributes that are always files
-FILES = {"filename", "cast", "track", "file", "receive_file", "transmit_file", "sediment_map"}
 KINDS = {"float": "a number", "integer": "a whole number", "boolean": "true or false"}
 NAME = re.compile(r"(?<!\\)\$([A-Za-z_]\w*)")
 LARGEST_SCENE = 100_000_000        # bytes
@@ -45,7 +45,7 @@ class Inputs:
 
     def __init__(self, scene, place):
         self.scene, self.folders = scene, (os.path.dirname(scene), place)
-        self._trees, self._digests, self.known = {}, {}, set()
+        self._trees, self._digests, self._kinds, self.known = {}, {}, {}, set()
         for path in self._walk({}):
             self.known |= set(self._tree(path)[0])
 
@@ -77,22 +77,23 @@ class Inputs:
         """
         defaults = self._tree(self.scene)[1]
         for path in self._walk({}):
-            for attribute, template in self._tree(path)[2]:
+            for kind, attribute, template in self._tree(path)[2]:
                 used = [name for name in NAME.findall(template) if name in columns]
-                if attribute not in FILES or len(used) > 1:
+                file = self._files(kind).get(attribute)
+                if file is None or len(used) > 1:
                     continue
                 for item in dict.fromkeys(columns[used[0]]) if used else (None,):
                     values = {**defaults, **({used[0]: scenes.text(used[0], item)} if used else {})}
-                    name = scenes.filled(template, values)
-                    if name and not NAME.search(name) and self._find(name) is None:
-                        raise FileNotFoundError(f"the scene {os.path.basename(self.scene)} reads the file {name}, "
-                                                "which is not there; it is looked for beside the scene, then beside "
-                                                "the plan")
+                    for name in file.names_of_files(scenes.filled(template, values)):
+                        if not NAME.search(name) and self._find(name) is None:
+                            raise FileNotFoundError(f"the scene {os.path.basename(self.scene)} reads the file {name}, "
+                                                    "which is not there; it is looked for beside the scene, then "
+                                                    "beside the plan")
 
     def paths(self):
         """Give the names of the parameters that name files, as a set."""
-        return {name for path in self._walk({}) for attribute, template in self._tree(path)[2]
-                if attribute in FILES for name in NAME.findall(template)}
+        return {name for path in self._walk({}) for kind, attribute, template in self._tree(path)[2]
+                if type(self._files(kind).get(attribute)) is File for name in NAME.findall(template)}
 
     def check_kinds(self, columns):
         """Refuse values that are no number, whole number, or true or false, where the scene takes only such.
@@ -129,7 +130,7 @@ class Inputs:
         for path in self._walk(values):
             everything.update(f"scene {self._content(path)}\n".encode())
             _, defaults, templates = self._tree(path)
-            names = {scenes.filled(template, {**defaults, **values}) for _, template in templates}
+            names = {scenes.filled(template, {**defaults, **values}) for *_, template in templates}
             for name in sorted({part for name in names for part in (name, *map(str.strip, name.split(",")))}):
                 found = self._find(name) if name else None
                 if found is not None:
@@ -141,7 +142,7 @@ class Inputs:
         paths = [self.scene]
         for path in paths:
             _, defaults, templates = self._tree(path)
-            for attribute, template in templates:
+            for _, attribute, template in templates:
                 if attribute == "include":
                     found = self._find(scenes.filled(template, {**defaults, **values}))
                     if found is not None and os.path.isfile(found) and found not in paths:
@@ -149,13 +150,15 @@ class Inputs:
         return paths
 
     def _tree(self, path):
-        """Names of parameters, defaults, and (attribute, text) of every string of an XML file."""
+        """Names of parameters, defaults, and (type of the object, attribute, text) of every string of an XML file."""
         if path not in self._trees:
             if os.path.getsize(path) > LARGEST_SCENE:
                 raise ValueError(f"the scene {path} has {os.path.getsize(path):,} bytes; give at most "
                                  f"{LARGEST_SCENE:,}")
             names, defaults, templates = set(), {}, []
-            for element in scenes.root(path).iter():
+            root = scenes.root(path)
+            kinds = {child: parent.get("type", "") for parent in root.iter() for child in parent}
+            for element in root.iter():
                 if element.tag == "default":
                     names.add(element.get("name"))
                     defaults.setdefault(element.get("name"), element.get("value") or "")
@@ -164,13 +167,19 @@ class Inputs:
                 if element.tag == "path":
                     self.folders += (os.path.join(self.folders[0], element.get("value") or ""),)
                 if element.tag == "include":
-                    templates.append(("include", element.get("filename") or ""))
+                    templates.append(("", "include", element.get("filename") or ""))
                 elif element.tag == "string":
-                    templates.append((element.get("name"), element.get("value") or ""))
+                    templates.append((kinds.get(element, ""), element.get("name"), element.get("value") or ""))
                 elif "filename" in element.attrib:
-                    templates.append(("filename", element.get("filename")))
+                    templates.append(("", "filename", element.get("filename")))
             self._trees[path] = names - {None}, defaults, templates
         return self._trees[path]
+
+    def _files(self, kind):
+        """Attributes of an object's type that name files."""
+        if kind not in self._kinds:
+            self._kinds[kind] = reference.input_files(kind)
+        return self._kinds[kind]
 
     def _find(self, name):
         if "\0" in name or len(os.fsencode(name)) > 4000:

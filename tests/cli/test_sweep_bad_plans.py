@@ -141,6 +141,22 @@ def test_a_file_that_is_not_there_is_told_before_anything_starts(folder, refusal
     assert "scene.xml reads the file no.csv, which is not there" in refusal("sweep", "plan.toml")
 
 
+TARGETS = '<shape type="targets"><string name="meshes" value="{}"/><integer name="count" value="1"/></shape></scene>'
+BITMAP = '<texture type="bitmap" name="mu_db"><string name="filename" value="{}"/></texture>'
+
+
+@pytest.mark.parametrize("written, missing", [
+    (TARGETS.format("no_folder"), "no_folder"), (TARGETS.format("mine.ply, rock.ply"), "rock.ply"),
+    (f'<bsdf type="lambert">{BITMAP.format("no.png")}</bsdf></scene>', "no.png")])
+def test_what_other_plugins_read_is_looked_for_too(folder, refusal, written, missing):
+    """A folder or a list of meshes, and what a plugin of Mitsuba's own names."""
+    scene = (folder / "scene.xml").read_text(encoding="utf-8")
+    (folder / "scene.xml").write_text(scene.replace("</scene>", written), encoding="utf-8")
+    (folder / "mine.ply").write_text("ply", encoding="utf-8")
+    (folder / "plan.toml").write_text(S, encoding="utf-8")
+    assert f"scene.xml reads the file {missing}, which is not there" in refusal("sweep", "plan.toml")
+
+
 def test_a_place_where_no_folder_can_be_made(folder, refusal, monkeypatch):
     """As for a plan in a folder that is only to be read; root would be let in."""
     def shut(path, **_):

@@ -147,8 +147,8 @@ def test_a_file_is_named_without_its_folder(plan, place):
     for name in ("deep", "flat"):
         (place / "casts").mkdir(exist_ok=True)
         (place / "casts" / f"{name}.csv").touch()
-    (place / "cast.xml").write_text('<scene version="3.0.0"><string name="cast" value="$cast"/>'
-                                    '<string name="text" value="$text"/></scene>', encoding="utf-8")
+    (place / "cast.xml").write_text('<scene version="3.0.0"><medium type="seawater"><string name="cast" value="$cast"/>'
+                                    '<string name="text" value="$text"/></medium></scene>', encoding="utf-8")
     found = renders(plan('output = "{cast}_{text}.exr"\n[set]\ntext = "a/b"\n[grid]\n'
                          f'cast = ["casts/deep.csv", "{place}/casts/flat.csv"]', 'scene = "cast.xml"\n'))
     assert [one.output for one in found] == ["deep.csv_a_b.exr", "flat.csv_a_b.exr"]
@@ -160,6 +160,8 @@ def test_plans_that_come_with_mitsonar_and_the_one_of_the_manual(tmp_path):
         assert len(load_plan(path)) > 1
     page = (ROOT / "scenes" / "README.md").read_text(encoding="utf-8")
     (tmp_path / "plan.toml").write_text(re.search(r"^```toml\n(.*?)^```$", page, re.M | re.S)[1], encoding="utf-8")
+    for name in ("minefield.xml", "targets"):
+        (tmp_path / name).symlink_to(ROOT / "scenes" / name)
     assert len(load_plan(tmp_path / "plan.toml")) == 720
 
 
