@@ -1,4 +1,4 @@
-"""README.md says what the plugins say: its scene renders, and its tables name every attribute and preset, no others.
+"""README.md is short and true: its scene renders and shows what is in it, its list of plugins is whole.
 
 That its Python and its commands run is the business of `test_documentation`.
 """
@@ -6,72 +6,16 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import mitsonar
-from mitsonar.sonar import presets
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 SCENES = README.parent / "scenes"
-NAMED_BY_MITSUBA = {"to_world"}        # every shape has it, whether it reads it by itself or not
+LONGEST = 13_000                   # bytes: what is read before the first picture is made
 
 
-def tables():
-    """The tables of attributes: (plugins of the heading, names in the first column)."""
-    from mitsonar.plugins import reference as attributes
-
-    return [(plugins, {name for names, *_ in rows for name in names}) for plugins, rows in attributes.tables()]
-
-
-def known(plugin):
-    """The attributes a plugin asks for, in any of its ways."""
-    from mitsonar.plugins import reference as attributes
-
-    return {one.name for one in attributes.attributes(plugin)}
-
-
-@pytest.mark.parametrize("plugins, names", [pytest.param(*table, id=" ".join(table[0])) for table in tables()])
-def test_tables_name_every_attribute_and_no_other(variant, plugins, names):
-    assert names | NAMED_BY_MITSUBA == set().union(*map(known, plugins)) | NAMED_BY_MITSUBA
-
-
-@pytest.mark.parametrize("plugin", ["sidescan", "seabed", "sonar_path", "array_sonar"])
-def test_an_error_knows_the_same_attributes(variant, plugin):
-    """What a plugin says that it knows is what its table has, but for arrays that are not points."""
-    import mitsuba as mi
-
-    from mitsonar.plugins.reference import WAYS
-    from mitsonar.scene.errors import plain
-
-    with pytest.raises(RuntimeError) as caught:
-        mi.load_dict({"type": plugin, "surely_unknown": 1, **WAYS.get(plugin, [{}])[0]})
-    listed = set(plain(caught.value).partition("Known: ")[2].rstrip(".").split(", "))
-    assert listed <= known(plugin) and len(listed) > 5
-    assert plugin == "array_sonar" or listed == known(plugin)
-
-
-def test_defaults_that_are_numbers_are_those_of_the_plugins(variant):
-    """Of 80 and more; words such as "as the range allows" cannot be compared."""
-    from mitsonar.plugins import reference as attributes
-    from mitsonar.plugins.attributes import declared
-
-    compared = 0
-    for plugin in attributes.plugins():
-        for one in attributes.attributes(plugin):
-            taken = declared[plugin][one.name].default
-            if isinstance(taken, (bool, int, float)) and re.fullmatch(r"-?[\d.]+|true|false", one.default):
-                compared += 1
-                wanted = str(taken).lower() if isinstance(taken, bool) else f"{taken:g}"
-                assert one.default == wanted, f"{plugin}: {one.name}"
-    assert compared > 80
-
-
-def test_presets_are_those_of_the_table():
-    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+), ([\d.]+) \| ([\d.]+) \|$",
-                      README.read_text(encoding="utf-8"), re.M)
-    columns = ("frequency_khz", "source_level_db", "pulse_ms", "beam_width_deg", "vertical_beam_width_deg",
-               "depression_deg")
-    assert {name: dict(zip(columns, map(float, numbers))) for name, *numbers in rows} == presets()
+def test_it_is_short():
+    assert README.stat().st_size <= LONGEST
 
 
 def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_picture():
