@@ -3,6 +3,8 @@
 What a scene holds is kept as it was loaded: Dr.Jit's arrays are never written in place while somebody else holds them,
 so keeping them costs no copy, and one that is still the same variable needs no look at its numbers.
 """
+from __future__ import annotations
+
 from typing import Any
 
 import drjit as dr

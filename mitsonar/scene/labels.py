@@ -5,6 +5,8 @@ A shape's id is the name of its instance; its class is what stands before the fi
 attribute ``seabed``, or is of a class such as "seabed", is seabed; ``sea_surface`` the sea surface; all else are
 objects.
 """
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
