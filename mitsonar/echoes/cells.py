@@ -11,18 +11,22 @@ many cells is σ times their area however they are cut. Amplitudes are Rayleigh 
 N on average the second moment of intensity is 2 (1 + 1/N), for their number varies. Place and amplitude are hashed
 from (shape, facet, s) alone: every element, ping and run sees the same seabed.
 """
+from __future__ import annotations
+
+from types import ModuleType
+
 import drjit as dr
 import numpy as np
 
 __all__ = ["cell_of", "divisions", "place"]
 
 
-def divisions(longest_side, cell_size):
+def divisions(longest_side: np.ndarray, cell_size: float | np.ndarray) -> np.ndarray:
     """Give n for facets whose longest side [m] (F,) is cut to at most `cell_size` [m], as uint32 (F,)."""
     return np.maximum(1, np.ceil(np.asarray(longest_side, float) / cell_size - 1e-9)).astype(np.uint32)
 
 
-def cell_of(lib, u, v, n):
+def cell_of(lib: ModuleType, u: dr.ArrayBase, v: dr.ArrayBase, n: dr.ArrayBase) -> dr.ArrayBase:
     """Number s of the cell that holds barycentric coordinates (u, v), Float or Float64 (H,), of facets cut n-fold."""
     N = type(u)(n)
     i = dr.minimum(lib.UInt32(u * N), n - 1)
@@ -32,7 +36,8 @@ def cell_of(lib, u, v, n):
     return i * (2 * n - i) + 2 * j + dr.select(upside_down, lib.UInt32(1), lib.UInt32(0))
 
 
-def place(lib, s, n, a, b):
+def place(lib: ModuleType, s: dr.ArrayBase, n: dr.ArrayBase, a: dr.ArrayBase,
+          b: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase]:
     """Barycentric coordinates (u, v), Float64, of the point (a, b) in the unit square, folded into cell s.
 
     Uniform (a, b) give a uniform point of the cell.

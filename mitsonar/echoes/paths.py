@@ -7,6 +7,8 @@
 A path and its reverse take the same time and share a name: "bs" is seabed then surface, or surface then seabed. On the
 device a path is a code: bits from 1 on, a bit a bounce, set at the surface.
 """
+from __future__ import annotations
+
 from itertools import product
 
 import drjit as dr
@@ -33,7 +35,7 @@ class Paths:
         Path n is ``names[n - 1]``; the first is "b".
     """
 
-    def __init__(self, max_depth, *, surface=False, volume=False):
+    def __init__(self, max_depth: int, *, surface: bool = False, volume: bool = False):
         kinds = "bs" if surface else "b"
         words = ["".join(word) for length in range(1, max_depth + 1) for word in product(kinds, repeat=length)]
         named = dict.fromkeys(map(_canonical, words))
@@ -44,20 +46,20 @@ class Paths:
             numbers[_code(word)] = 1 + self.names.index(_canonical(word))
         self._numbers = numbers
 
-    def number(self, name):
+    def number(self, name: str) -> int:
         """Number of a path by its name, either way round."""
         return 1 + self.names.index(_canonical(name))
 
-    def numbers(self, code):
+    def numbers(self, code: dr.ArrayBase) -> dr.ArrayBase:
         """Numbers of codes, UInt32 (R,)."""
         return dr.gather(type(code), upload(type(code), self._numbers), code)
 
     @staticmethod
-    def extended(code, at_surface):
+    def extended(code: dr.ArrayBase, at_surface: dr.ArrayBase) -> dr.ArrayBase:
         """Codes after one more bounce; `at_surface` Bool (R,)."""
         return 2 * code + dr.select(at_surface, type(code)(1), type(code)(0))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.names)
 
 

@@ -6,9 +6,16 @@ Sound leaves the source along `out`, may go on from point to point for a time `b
 
 e -> ``amplitude``: the echo's pressure 1 m from a source of pressure 1 at 1 m, without the patterns of the elements.
 """
+from __future__ import annotations
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import drjit as dr
+import mitsuba as mi
+
+from ..tracing.connection import Connection
+from ..tracing.hits import Hits
 
 __all__ = ["Echoes", "Leg"]
 
@@ -28,19 +35,19 @@ class Leg:
         Unit, at the source; of folded legs at its image, which looks down.
     folded : bool
         By way of the flat surface. The leg is then that from the source's image above the surface, and so are
-        `offset` and `launch_direction`, in water unfolded about the surface (`free_rays`).
+        `offset` and `launch_direction`, in water unfolded about the surface (`tracing.water`).
     """
 
-    offset: object
-    travel_time: object
-    ray_parameter: object
-    spreading_area: object
-    launch_direction: object
+    offset: dr.ArrayBase
+    travel_time: mi.Float64
+    ray_parameter: mi.Float64
+    spreading_area: mi.Float
+    launch_direction: mi.Vector3f
     folded: bool = False
 
     @classmethod
-    def along(cls, way, origin, point, folded=False):
-        """The legs of a `connection.Connection`; `origin` is the image's where they are folded."""
+    def along(cls, way: Connection | Hits, origin: dr.ArrayBase, point: dr.ArrayBase, folded: bool = False) -> Leg:
+        """The legs of ways; `origin` is the image's where they are folded."""
         launch = way.launch_direction
         if folded:
             launch = type(launch)(launch.x, launch.y, -launch.z)
@@ -48,12 +55,12 @@ class Leg:
                    spreading_area=way.spreading_area, launch_direction=launch, folded=folded)
 
     @property
-    def sent_towards(self):
+    def sent_towards(self) -> mi.Vector3f:
         """Unit vectors at the source itself, folded or not."""
         launch = self.launch_direction
         return type(launch)(launch.x, launch.y, -launch.z) if self.folded else launch
 
-    def chosen(self, index):
+    def chosen(self, index: mi.UInt32) -> Leg:
         """The legs with these numbers, UInt32."""
         return Leg(folded=self.folded, **{name: dr.gather(type(value), value, index)
                                           for name, value in vars(self).items() if name != "folded"})
@@ -79,33 +86,40 @@ class Echoes:
 
     out: Leg
     back: Leg
-    between: object
-    energy: object
-    amplitude: tuple
+    between: mi.Float64
+    energy: mi.Float
+    amplitude: tuple[mi.Float, mi.Float]
     path: str = "b"
 
     @property
-    def single(self):
+    def single(self) -> bool:
         """Whether sound comes back from where it met something first."""
         return self.out is self.back
 
     @property
-    def arrival(self):
+    def arrival(self) -> mi.Float64:
         """When the last scatterer is reached [s], Float64."""
         return self.out.travel_time if self.single else self.out.travel_time + self.between
 
     @property
-    def count(self):
+    def count(self) -> int:
         """How many."""
         return dr.width(self.energy)
 
-    def evaluated(self):
+    def evaluated(self) -> Echoes:
         """The same, computed."""
-        dr.eval([value for leg in (self.out, self.back) for name, value in vars(leg).items() if name != "folded"],
-                self.between, self.energy, self.amplitude)
+        dr.eval(self)
         return self
 
-    def chosen(self, index):
+    def where(self, active: mi.Bool) -> Iterator[Echoes]:
+        """Yield the echoes that are `active`, in one block, computed; nothing where there are none."""
+        self.evaluated()
+        dr.eval(active)
+        index = dr.compress(active)
+        if dr.width(index):
+            yield self.chosen(index).evaluated()
+
+    def chosen(self, index: mi.UInt32) -> Echoes:
         """The echoes with these numbers, UInt32."""
         out = self.out.chosen(index)
         return Echoes(out=out, back=out if self.single else self.back.chosen(index), path=self.path,

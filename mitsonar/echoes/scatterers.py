@@ -1,8 +1,11 @@
-"""The scatterers of a scene: cells of its facets (`scattering.cells`) that a ping may hear, list by list.
+"""The scatterers of a scene: cells of its facets (`cells`) that a ping may hear, list by list.
 
-Shapes without facets are given some (`tessellation`). Point targets are scatterers of their own, with a target strength
-in place of an area and no chance in their phase. Smooth surfaces have no scatterers (`smooth_targets`).
+Shapes without facets are given some (`scene.tessellation`). Point targets and smooth surfaces have no cells: they are
+scatterers of their own (`point_targets`, `smooth.targets`).
 """
+from __future__ import annotations
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import drjit as dr
@@ -11,12 +14,15 @@ import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
+from ..scene.geometry import Geometry
 from ..scene.tessellation import Grids, grid_of
+from ..tracing.connection import Connection
+from ..tracing.hits import Hits
 from .cells import cell_of, divisions, place
+from .point_targets import PointTargets
 
-__all__ = ["Cells", "Scatterers", "TARGET_RADIUS"]
+__all__ = ["Cells", "Scatterers"]
 
-TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it: it may lie on a surface
 LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
 MOST_CUTS = 32768                  # s and n² are 32-bit
 
@@ -36,16 +42,22 @@ class Cells:
     shape : ShapePtr (R,)
     primitive : UInt32 (R,)
     uv : Point2f (R,)
-        Texture coordinates, as those of `trace.Hits`; where a shape has none, barycentric.
+        Texture coordinates, as those of `Hits`; where a shape has none, barycentric.
     """
 
-    point: object
-    normal: object
-    area: object
-    amplitude: tuple
-    shape: object
-    primitive: object
-    uv: object
+    point: dr.ArrayBase
+    normal: mi.Vector3f
+    area: mi.Float
+    amplitude: tuple[mi.Float, mi.Float]
+    shape: mi.ShapePtr
+    primitive: mi.UInt32
+    uv: mi.Point2f
+
+    def hits(self, way: Connection) -> Hits:
+        """The cells as sound meets them that comes along ways."""
+        return Hits.on_surface(valid=way.free, point=self.point, normal=self.normal, shape=self.shape, uv=self.uv,
+                               primitive=self.primitive, arrival_direction=way.arrival_direction,
+                               sound_speed=way.sound_speed)
 
 
 class Scatterers:
@@ -53,7 +65,7 @@ class Scatterers:
 
     Parameters
     ----------
-    geometry : trace.Geometry
+    geometry : Geometry
     cell_size : float [m]
         Longest side of a cell.
 
@@ -66,8 +78,7 @@ class Scatterers:
         n: facet f has n² cells.
     at_surface : (F,) bool
         Of the sea surface.
-    targets : list
-        As `trace.Geometry.targets` gives them.
+    targets : PointTargets
 
     Raises
     ------
@@ -75,10 +86,10 @@ class Scatterers:
         If a shape has no facets, or facets are too large to be cut that fine.
     """
 
-    def __init__(self, geometry, cell_size):
+    def __init__(self, geometry: Geometry, cell_size: float):
         self.lib = arrays_of(mi.Float)
         self.geometry = geometry
-        self.targets = geometry.targets()
+        self.targets = PointTargets(geometry.targets())
         vertices = geometry.vertices.numpy().reshape(-1, 4)
         faces = geometry.faces.numpy().reshape(-1, 4).copy()
         grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
@@ -128,13 +139,13 @@ class Scatterers:
             self._texcoords = upload(mi.Float, texcoords)
         dr.eval(self._vertices, self._faces, self._facts, self._rows)
 
-    def in_reach(self, origin, nearest, farthest):
+    def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
         """Facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
         distance = np.linalg.norm(self.centre - origin, axis=1)
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
-    def stretches(self, facets, origin, farthest):
+    def stretches(self, facets: np.ndarray, origin: np.ndarray, farthest: float) -> tuple[np.ndarray, ...]:
         """Cells of facets (K,) that may come nearer to `origin` (3,) than `farthest` [m].
 
         Returns
@@ -165,7 +176,7 @@ class Scatterers:
         count = np.minimum(2 * last + 2, 2 * (n - i) - 1) - 2 * first
         return np.full(len(i), facet, np.uint32), row + 2 * first, count
 
-    def listed(self, stretches, most):
+    def listed(self, stretches: tuple[np.ndarray, ...], most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:
         """Yield the cells of `stretches` as (facet, s), UInt32 arrays of at most `most` each."""
         facets, firsts, counts = stretches
         ends = np.cumsum(counts)
@@ -179,8 +190,8 @@ class Scatterers:
             s = np.arange(stop - start) + np.repeat(firsts[some] + begin - (np.cumsum(taken) - taken), taken)
             yield upload(mi.UInt32, facet), upload(mi.UInt32, s.astype(np.uint32))
 
-    def of(self, hits):
-        """Facet and s of the cell that each of some `trace.Hits` lies in, UInt32 (R,)."""
+    def of(self, hits: Hits) -> tuple[mi.UInt32, mi.UInt32]:
+        """Facet and s of the cell that each of some `Hits` lies in, UInt32 (R,)."""
         registry = dr.reinterpret_array(mi.UInt32, hits.shape)
         row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
         facet, is_quad = row[0] + hits.primitive, row[1] != 0
@@ -202,7 +213,7 @@ class Scatterers:
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
         return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), row[3])
 
-    def at(self, facet, s):
+    def at(self, facet: mi.UInt32, s: mi.UInt32) -> Cells:
         """Give the scatterers of cells s (R,) of facets (R,)."""
         lib = self.lib
         a, b, c, n = self._corners(facet)

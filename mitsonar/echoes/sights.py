@@ -2,18 +2,23 @@
 
 What is heard of a point under a mirror went out by one of the two and comes back by one of the two:
 
-    e = f √(g_out g_back) (-1)^m,    g = (c_h / c_0) 10^(-ᾱ L / 10) / A
+    e = f √(g_out g_back) (-1)^m
 
-m ways by the mirror, whose reflection is -1, f the point's pressure at 1 m from the one towards the other, g what
-a way is worth; symbols as in `signal.echoes`. By way of the mirror the sonar stands at its image, in water unfolded
-about the surface (`free_rays`).
+m ways by the mirror, whose reflection is -1, f the point's pressure at 1 m from the one towards the other, g the gain
+of a leg (`sonar_equation`). By way of the mirror the sonar stands at its image, in water unfolded about the surface
+(`tracing.water`).
 """
+from __future__ import annotations
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
 from ..device.arrays import arrays_of
+from ..tracing.connection import Connection, Connector
+from ..tracing.tracer import Sources
 from .record import Echoes, Leg
 from .sonar_equation import leg_gain, mirrored_overhead, speed_ratio
 
@@ -28,15 +33,15 @@ class Sight:
 
     Attributes
     ----------
-    way : connection.Connection
+    way : Connection
     leg : Leg
     gain : Float (R,) [1/m²]
         g.
     """
 
-    way: object
+    way: Connection
     leg: Leg
-    gain: object
+    gain: mi.Float
 
 
 class Sights:
@@ -44,30 +49,29 @@ class Sights:
 
     Parameters
     ----------
-    connector : connection.Connector
-    free_rays : FreeRays
-    loss_db, folded_db : callable
-        As `signal.echoes.Absorption`, of the water and of the water unfolded; the second is None where nothing mirrors.
+    connector : Connector
     max_depth : int
         Bounces that an echo may have made.
 
     Attributes
     ----------
     mirror : bool
-        Whether the surface does.
+        Whether the surface is flat and mirrors.
     """
 
-    def __init__(self, connector, free_rays, loss_db, folded_db, *, max_depth):
-        self.connector, self.free_rays, self.loss_db, self.folded_db = connector, free_rays, loss_db, folded_db
-        self.lib, self.max_depth, self.mirror = arrays_of(mi.Float), max_depth, folded_db is not None
+    def __init__(self, connector: Connector, *, max_depth: int):
+        self.connector, self.max_depth = connector, max_depth
+        self.geometry, self.water = connector.geometry, connector.water
+        self.lib, self.mirror = arrays_of(mi.Float), connector.geometry.surface_mirrors
 
-    def __call__(self, sources, origin, source, point, normal, *, folded=False, short=0.0):
+    def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
+            normal: mi.Vector3f, *, folded: bool = False, short: float = 0.0) -> Sight:
         """See one point an entry.
 
         Parameters
         ----------
         sources, origin, source, point, normal, short
-            As of `connection.Connector`.
+            As of `Connector.connect`.
         folded : bool
             By way of the mirror.
 
@@ -75,32 +79,30 @@ class Sights:
         -------
         Sight
         """
-        if not folded:
-            return self.of(sources, origin, source, point, self.connector(sources, origin, source, point, normal,
-                                                                          short=short))
-        start = origin + dr.zeros(type(origin), dr.width(point))
-        way = self.free_rays.connect(start, mi.Vector3f(0, 0, 0), point, normal, folded=True, short=short)
-        loss_db = self.folded_db(mi.Float(origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
-        return self._sight(sources, source, type(origin)(origin.x, origin.y, -origin.z), point, way, loss_db, True)
+        if folded:
+            start = origin + dr.zeros(type(origin), dr.width(point))
+            way = self.connector.join(start, mi.Vector3f(0, 0, 0), point, normal, folded=True, short=short)
+        else:
+            way = self.connector.connect(sources, origin, source, point, normal, short=short)
+        return self.along(sources, origin, source, point, way, folded=folded)
 
-    def of(self, sources, origin, source, point, way):
-        """How points are seen along straight ways, that are known."""
-        loss_db = self.loss_db(mi.Float(-origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
-        return self._sight(sources, source, origin, point, way, loss_db, False)
-
-    def _sight(self, sources, source, origin, point, way, loss_db, folded):
+    def along(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, way: Connection,
+              *, folded: bool = False) -> Sight:
+        """See points along ways that are known."""
         ratio = speed_ratio(way.sound_speed, sources.state.gather(self.lib, source)[1])
-        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio, loss_db=loss_db)
-        return Sight(way=way, leg=Leg.along(way, origin, point, folded=folded), gain=gain)
+        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
+                        loss_db=self.water.loss_db(origin, point, way, folded))
+        start = type(origin)(origin.x, origin.y, -origin.z) if folded else origin
+        return Sight(way=way, leg=Leg.along(way, start, point, folded=folded), gain=gain)
 
-    def ways(self, bounces=1):
-        """How an echo of so many bounces may go by the mirror besides: (there, back, sign), there and back bool."""
+    def ways(self, bounces: int = 1) -> Iterator[tuple[bool, bool, float]]:
+        """How an echo of so many bounces may go by the mirror besides: there or not, back or not, and its sign."""
         if self.mirror:
             for there, back in ((False, True), (True, False), (True, True)):
                 if bounces + there + back <= self.max_depth:
                     yield there, back, 1.0 if there == back else -1.0
 
-    def overhead(self, sources, origin, source):
+    def overhead(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32) -> tuple[Echoes, mi.Bool]:
         """The echo of a mirror straight above: half the pressure of a wave that comes from a point there.
 
         Returns
@@ -110,7 +112,7 @@ class Sights:
         free : Bool (R,)
         """
         point = self.lib.Array3f64(origin.x, origin.y, -JUST_BELOW)
-        sight = self(sources, origin, source, point, mi.Vector3f(0, 0, 0))
+        sight = self.see(sources, origin, source, point, mi.Vector3f(0, 0, 0))
         way, nothing = sight.way, dr.zeros(mi.Float, dr.width(sight.gain))
         ratio = speed_ratio(way.sound_speed, sources.state.gather(self.lib, source)[1])
         pressure = mirrored_overhead(sight.gain, spreading_area=way.spreading_area, speed_ratio=ratio)

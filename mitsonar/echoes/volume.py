@@ -1,24 +1,26 @@
 """Echoes of the water itself: points drawn in the volume, each connected to the sonar along its bent ray.
 
-    p² = 10^(SL/10) B s_v(z) dV (c_v / c_0)² 10^(-2 ᾱ L / 10) / A²,       dV = r² ΔΩ dr
+    S = s_v(z) dV,       dV = r² ΔΩ dr
 
-The point lies at r along a straight line from the sonar, for which dV is exact; how sound gets there, and whether it
-does, is the eigenray's to say (A its spreading area; symbols as in `signal.echoes`). Distances of a row are a lattice
-over all its directions, shifted as a whole by chance: gates of time get their share of points almost without chance,
-and other points every ping.
+S is the strength of a point in the sonar equation (`sonar_equation.along_legs`). The point lies at r along a straight
+line from the sonar, for which dV is exact; the eigenray says how sound gets there, and whether it does. The distances
+of a row are a lattice over all its directions, shifted as a whole by chance: gates of time get their share of points
+almost without chance, and other points every ping.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import gcd
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
-from ..tracing.connection import Connection
-from ..water.volume_table import volume_table
+from ..tracing.connection import Connection, Connector
+from ..tracing.launch import Strata
+from ..tracing.tracer import Sources
 from .sonar_equation import along_legs, leg_gain, speed_ratio
 
-__all__ = ["WaterEchoes"]
+__all__ = ["DrawnPoints", "WaterEchoes"]
 
 GOLDEN = 0.6180339887498949
 NEAREST = 0.25                     # [m]: what is nearer is no far field, and rings as long as the pulse is sent
@@ -26,7 +28,7 @@ NEARER, FARTHER = 0.97, 1.03       # of the window's straight ranges: rays bend
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Drawn:
+class DrawnPoints:
     """Points of the water and their echoes.
 
     Attributes
@@ -40,11 +42,11 @@ class _Drawn:
     active : Bool (R,)
     """
 
-    point: object
+    point: dr.ArrayBase
     way: Connection
-    energy: object
-    loss_db: object
-    active: object
+    energy: mi.Float
+    loss_db: mi.Float
+    active: mi.Bool
 
 
 class WaterEchoes:
@@ -52,29 +54,26 @@ class WaterEchoes:
 
     Parameters
     ----------
-    volume : water.VolumeScattering
     connector : Connector
-    absorption : signal.echoes.Absorption
+        To points of water that scatters.
     window : (float, float) [s]
         Two-way times.
     """
 
-    def __init__(self, volume, connector, absorption, window):
-        self.table = volume_table(volume, mi.Float)
-        self.connector, self.absorption = connector, absorption
-        speed = np.asarray(connector.tracer.profile.sound_speed)
-        near, far = 0.5 * window[0] * speed.min() * NEARER, 0.5 * window[1] * speed.max() * FARTHER
+    def __init__(self, connector: Connector, window: tuple[float, float]):
+        self.connector, self.water, self.lib = connector, connector.water, connector.lib
+        near, far = 0.5 * window[0] * self.water.slowest * NEARER, 0.5 * window[1] * self.water.fastest * FARTHER
         near, far = max(near, NEAREST), max(far, 2 * NEAREST)
         self.near, self.span = dr.opaque(mi.Float, near), dr.opaque(mi.Float, far - near)
 
-    def __call__(self, sources, origin, source, source_speed, direction, solid_angle, strata, chance):
+    def draw(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+             solid_angle: mi.Float, strata: Strata, chance: mi.Float) -> DrawnPoints:
         """Draw one point along each direction.
 
         Parameters
         ----------
         sources, origin, source
-            As of `Connector`.
-        source_speed : Float (R,) [m/s]
+            As of `Connector.connect`.
         direction : Vector3f (R,)
             Unit.
         solid_angle : Float (R,) [sr]
@@ -86,7 +85,7 @@ class WaterEchoes:
 
         Returns
         -------
-        _Drawn
+        DrawnPoints
         """
         row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         first = dr.gather(mi.Float, chance, row * strata.per_row)
@@ -97,13 +96,13 @@ class WaterEchoes:
         r = self.near + self.span * (place - dr.floor(place))
         point = origin + type(origin)(direction * r)
         in_water = point.z < 0
-        way = self.connector(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
-        strength = self.table(mi.Float(-point.z), in_water)
+        way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
+        strength = self.water.volume(mi.Float(-point.z), in_water)
+        source_speed = mi.Float(sources.state.gather(self.lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, source_speed))
         energy = along_legs(strength * r * r * solid_angle * self.span, gain, gain)
-        loss_db = self.absorption(mi.Float(-origin.z), mi.Float(-point.z), way.arc_length, mi.Float(way.ray_parameter))
-        return _Drawn(point=point, way=way, energy=energy, loss_db=loss_db,
-                      active=in_water & way.free & (energy > 0) & dr.isfinite(energy))
+        return DrawnPoints(point=point, way=way, energy=energy, loss_db=self.water.loss_db(origin, point, way),
+                           active=in_water & way.free & (energy > 0) & dr.isfinite(energy))
 
 
 def _coprime(count):

@@ -1,26 +1,70 @@
 """What surfaces send back and on: the laws of the hits' materials, whatever kind of material each is.
 
-Hits are anything with ``point``, ``normal``, ``arrival_direction``, ``sound_speed``, ``uv``, ``shape`` and
-``primitive`` as `trace.Hits` has them. Materials are mitsonar's own (`plugins.bsdfs.material`) or Mitsuba's, which are
-taken at their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
+What is asked of hits is a `Meeting`, as `tracing.hits.Hits` are. Materials are mitsonar's own
+(`plugins.bsdfs.material`) or Mitsuba's, which are taken at their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
 """
+from __future__ import annotations
+
 import re
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-__all__ = ["bistatic_strength", "check", "next_direction", "reflection", "scattering_strength"]
+from ..water.profile import SoundSpeedProfile
+from .geometry import Geometry
+
+__all__ = ["Meeting", "bistatic_strength", "check", "next_direction", "reflection", "scattering_strength"]
 
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
 
-def check(geometry, profile, frequency):
-    """Ask every material of a scene whether its law holds, and whether it can be heard as it is put together.
+class Meeting(Protocol):
+    """Where sound meets surfaces, one a ray: places, normals on its side, and what they belong to."""
+
+    @property
+    def point(self) -> dr.ArrayBase:
+        """Array3f64 (R,) [m]."""
+        ...
+
+    @property
+    def normal(self) -> mi.Vector3f:
+        """Unit, on the side that sound comes from."""
+        ...
+
+    @property
+    def arrival_direction(self) -> mi.Vector3f:
+        """Unit, along the travel."""
+        ...
+
+    @property
+    def sound_speed(self) -> mi.Float64:
+        """In the water there [m/s]."""
+        ...
+
+    @property
+    def shape(self) -> mi.ShapePtr:
+        """What is met."""
+        ...
+
+    @property
+    def primitive(self) -> mi.UInt32:
+        """Its facet."""
+        ...
+
+    @property
+    def uv(self) -> mi.Point2f:
+        """Texture coordinates."""
+        ...
+
+
+def check(geometry: Geometry, profile: SoundSpeedProfile, frequency: float) -> None:
+    """Ask every material of a scene whether its law holds, and whether it sends anything back as it is put together.
 
     Parameters
     ----------
-    geometry : trace.Geometry
+    geometry : Geometry
     profile : SoundSpeedProfile
     frequency : float [Hz]
 
@@ -98,12 +142,12 @@ def _name(shape):
     return f'"{shape.id()}"' if shape.id() else f"a {shape.class_name()}"
 
 
-def scattering_strength(hits, active, frequency):
+def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
     """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle.
 
     Parameters
     ----------
-    hits
+    hits : Meeting
     active : Bool (R,)
     frequency : float [Hz]
 
@@ -121,7 +165,8 @@ def scattering_strength(hits, active, frequency):
     return strength, mi.Frame3f.cos_theta(si.wi)
 
 
-def bistatic_strength(hits, towards, active, frequency):
+def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
+                      frequency: float) -> tuple[mi.Float, mi.Float]:
     """Scattering strength of each hit's material towards given directions, Vector3f (R,) in the scene.
 
     Returns
@@ -137,7 +182,7 @@ def bistatic_strength(hits, towards, active, frequency):
     return dr.select(seen, strength, 0), mi.Frame3f.cos_theta(si.wi)
 
 
-def reflection(hits, active, frequency):
+def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
     """Reflection coefficient of each hit's material for sound that comes in there: real and imaginary part, e^(+iωt).
 
     It is 0 where the material is not a smooth one.
@@ -152,12 +197,13 @@ def reflection(hits, active, frequency):
     return dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed), active)
 
 
-def next_direction(hits, active, frequency, sample1, sample2):
+def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi.Float,
+                   sample2: mi.Point2f) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
     """Draw where sound goes on from each hit.
 
     Parameters
     ----------
-    hits
+    hits : Meeting
     active : Bool (R,)
     frequency : float [Hz]
     sample1, sample2 : Float, Point2f (R,)

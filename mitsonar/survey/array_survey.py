@@ -35,7 +35,7 @@ class ArraySurvey(Survey):
     cell_size : float [m]
         Longest side of a cell, which holds one scatterer.
     ensonification : str
-        How scatterers are found: one of `ensonification.LIGHTING`.
+        How scatterers are found: one of `ensonification.METHODS`.
     sources : RaySources
         Where rays start.
     noise : ElementNoise or None

@@ -78,8 +78,8 @@ class Beams:
         ping = mi.UInt32(0)
         for number in range(self._passes):
             key = ping_key(seed, int(place.ping[0]), number, Salt.FAN_TRUTH)
-            direction, solid_angle, _ = self._drawn(place.origin(ping), place.rotation[0],
-                                                    float(place.depth_below_of[0]), key)
+            direction, solid_angle, _ = self._drawn.draw(place.origin(ping), place.rotation[0],
+                                                         float(place.depth_below_of[0]), key)
             yield Rays(ping=ping, direction=direction, solid_angle=solid_angle * self._share)
 
     def response(self, place: Place, rays: Rays, towards: mi.Vector3f) -> RowResponse:

@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..echoes.point_targets import PointTargets
 from ..echoes.record import Echoes
 from ..echoes.smooth.targets import SmoothTargets
 from ..imaging.energy_record import CoherentRecord, CoherentSums
@@ -41,9 +42,9 @@ class CoherentBeams:
 
     def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: ArrayBeams, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
-        self._labels, self._targets = len(survey.labels), survey.geometry.targets()
+        self._labels, self._targets = len(survey.labels), PointTargets(survey.geometry.targets())
         self._smooth = SmoothTargets(
-            sound.sights, sound.tracer, frequency=survey.frequency, reach=0.0, drift=drift,
+            sound.sights, frequency=survey.frequency, reach=0.0, drift=drift,
             resolution=FLAT_BAND * survey.sound_speed(0) / survey.sampling_rate, farthest=sound.tracer.max_range)
         self._source_power = 10 ** (survey.source_level_db / 10)
         self._frequency = dr.opaque(mi.Float64, survey.frequency)
@@ -86,5 +87,5 @@ class CoherentBeams:
         if self._targets:
             for _, label, echoes in target_echoes(self._sights, self._targets, place, 1, 0, mirrored=False):
                 yield label, echoes
-        for _, label, echoes in self._smooth(place.sources, place.position, place.source_of):
+        for _, label, echoes in self._smooth.echoes(place.sources, place.position, place.source_of):
             yield label, echoes

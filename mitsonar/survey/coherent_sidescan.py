@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import fresnel
 
 from ..device.arrays import upload
+from ..echoes.point_targets import PointTargets
 from ..echoes.record import Echoes
 from ..echoes.smooth.targets import SmoothTargets
 from ..imaging.energy_record import CoherentSums, joined
@@ -54,10 +55,10 @@ class CoherentSidescan:
         self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
         sonar, window = survey.sonar, survey.window
         fastest = float(np.max(survey.profile.sound_speed))
-        self._smooth = SmoothTargets(sound.sights, sound.tracer, frequency=sonar.frequency,
+        self._smooth = SmoothTargets(sound.sights, frequency=sonar.frequency,
                                      resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0, drift=drift,
                                      farthest=0.5 * (window[1] + sonar.pulse_length) * fastest * (1 + 0.5 * drift))
-        self._targets = survey.geometry.targets()
+        self._targets = PointTargets(survey.geometry.targets())
         self._pulses = CoherentPulses(survey)
         self._source_pressure = dr.opaque(mi.Float, 10 ** (sonar.source_level_db / 20))
         self._turns_per_second = dr.opaque(mi.Float64, sonar.frequency)
@@ -88,8 +89,8 @@ class CoherentSidescan:
         if self._targets:
             yield from target_echoes(self._sights, self._targets, place, end - first, first)
         if self._smooth:
-            yield from self._smooth(place.sources, position, place.source_of[first:end],
-                                    self._within_beams(position, rotation))
+            yield from self._smooth.echoes(place.sources, position, place.source_of[first:end],
+                                           self._within_beams(position, rotation))
 
     def _within_beams(self, position: np.ndarray, rotation: np.ndarray) -> Callable[..., np.ndarray]:
         """Which facets lie in the beams, for each ping: by the envelope of their side lobes along the platform."""

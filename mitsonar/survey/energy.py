@@ -123,7 +123,7 @@ class EnergyBlock(Generic[RaysOf]):
         """Hits, and those that objects hide or None."""
         way = place.sources, place.origin(rays.ping), place.source(rays.ping), rays.direction
         tracer = self._sound.tracer
-        hits, behind = tracer.with_hidden(*way) if hidden else (tracer(*way), None)
+        hits, behind = tracer.trace_with_hidden(*way) if hidden else (tracer.trace(*way), None)
         if self._mirrors:
             # no energy comes back from there: other sources have what a mirror sends on
             hits = replace(hits, valid=hits.valid & (hits.label != self._surface))
@@ -144,9 +144,8 @@ class EnergyBlock(Generic[RaysOf]):
         response = self._rows.response(place, rays, received.towards)
         bin, inside = bins.of(received.delay, hits.valid & response.active)
         strength, sin_grazing = scattering_strength(hits, inside, self._rows.frequency)
-        depth, speed = place.medium(rays.ping)
-        units, loss = bins.worth(bin, inside, self._sound.loss_db(
-            depth, mi.Float(-hits.point.z), hits.arc_length, mi.Float(hits.ray_parameter)))
+        _, speed = place.medium(rays.ping)
+        units, loss = bins.worth(bin, inside, self._sound.water.loss_db(place.origin(rays.ping), hits.point, hits))
         energy = echo_energy(solid_angle=rays.solid_angle, pattern=response.pattern, strength=strength,
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
                              speed_ratio=speed_ratio(hits.sound_speed, speed), loss=loss)

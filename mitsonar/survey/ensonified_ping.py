@@ -29,11 +29,11 @@ def ensonification_of(survey: ArraySurvey) -> Ensonification:
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))
     return Ensonification(
-        Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption, frequency=survey.frequency,
+        Scatterers(survey.geometry, survey.cell_size), survey.water, frequency=survey.frequency,
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
-        lighting=survey.ensonification, rays=survey.rays,
+        method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
-        volume=survey.volume, resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
+        resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
 
 
 class EnsonifiedPing:
@@ -63,7 +63,7 @@ class EnsonifiedPing:
             position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
             self._sources[number] = PingSource(
                 position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
-                travel=self.survey.travel(self.ping, position), water=self.ensonification.free_rays.table)
+                travel=self.survey.travel(self.ping, position), water=self.survey.water.layers)
         return self._sources[number]
 
     def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
@@ -95,4 +95,4 @@ class EnsonifiedPing:
         below = float(self.survey.depth_below[self.ping])
         if number == BY_CHANCE:
             return self.ensonification.drawn(source.origin, source.rotation, below, key)
-        return self.ensonification.lit(source.origin, source.rotation, below, key, told=progress)
+        return self.ensonification.lit(source.origin, source.rotation, below, key, progress=progress)

@@ -87,7 +87,7 @@ class RunSettings:
     max_depth : int
         Bounces that an echo may have made.
     ensonification : str
-        How an array's scatterers are found: one of `ensonification.LIGHTING`.
+        How an array's scatterers are found: one of `ensonification.METHODS`.
     cell_size : float or None [m]
         Longest side of a scatterer's cell; None: as the resolution asks.
     ray_sources : str

@@ -7,8 +7,6 @@ the rest of the echo: see `echoes.multipath` and `echoes.volume`.
 """
 from __future__ import annotations
 
-from functools import partial
-
 import drjit as dr
 import mitsuba as mi
 
@@ -40,19 +38,14 @@ class SideMultipath:
     """
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins, seed: int):
-        geometry = survey.geometry
-        self._sound, self._beams, self._bins, self._seed, self._paths = sound, beams, bins, seed, survey.paths
-        self._bounces = Bounces(
-            sound.free_rays, sound.loss_db, sound.folded_db, frequency=survey.sonar.frequency, paths=survey.paths,
-            surface_label=geometry.surface_label, mirror=geometry.surface_mirrors, targets=geometry.targets())
+        self._beams, self._bins, self._seed, self._paths = beams, bins, seed, survey.paths
+        self._bounces = Bounces(sound.connector, sound.free_rays, frequency=survey.sonar.frequency, paths=survey.paths)
 
     def add(self, place: Place, rays: SideRays, hits: Hits, sums: EchoSums) -> None:
         """Add the echoes of a pass of rays to the sums."""
         origin, source = place.origin(rays.ping), place.source(rays.ping)
-        connect = partial(self._sound.connector, place.sources, origin, source)
         key = seeded(place.key(rays.row), self._seed, Salt.BOUNCES)
-        for ghosts in self._bounces(hits, rays.solid_angle, origin, place.medium(rays.ping)[1], rays.strata, key,
-                                    connect):
+        for ghosts in self._bounces.follow(hits, rays.solid_angle, place.sources, origin, source, rays.strata, key):
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
             received = place.receive(rays.ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
             bin, inside = self._bins.of(received.delay, ghosts.active)
@@ -83,7 +76,7 @@ class SideWater:
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
                  launch: SideLaunch, seed: int):
         self._beams, self._bins, self._launch, self._seed = beams, bins, launch, seed
-        self._echoes = WaterEchoes(survey.volume, sound.connector, sound.loss_db, survey.window)
+        self._echoes = WaterEchoes(sound.connector, survey.window)
         self._label = dr.opaque(mi.UInt32, max(survey.labels))
         self._path = dr.opaque(mi.UInt32, survey.paths.number("v"))
 
@@ -91,8 +84,8 @@ class SideWater:
         """Add the echoes of as many points as a pass has rays."""
         rays, chance = self._launch.across_beam(place, rays.strata.shape, self._seed)
         origin = place.origin(rays.ping)
-        drawn = self._echoes(place.sources, origin, place.source(rays.ping), place.medium(rays.ping)[1],
-                             rays.direction, rays.solid_angle, rays.strata, chance)
+        drawn = self._echoes.draw(place.sources, origin, place.source(rays.ping), rays.direction, rays.solid_angle,
+                                  rays.strata, chance)
         sent = place.body(rays.ping, drawn.way.launch_direction)
         received = place.receive(rays.ping, drawn.way.launch_direction, drawn.point - origin,
                                  2 * drawn.way.travel_time)

@@ -8,6 +8,7 @@ from ..echoes.paths import Paths
 from ..scene.geometry import Geometry
 from ..sonar.track import Track
 from ..sonar.trajectory import Voyage
+from ..tracing.water import DeviceWater
 from ..water.column import AbsorptionColumn
 from ..water.profile import SoundSpeedProfile
 from ..water.volume import VolumeScattering
@@ -58,6 +59,12 @@ class Survey:
     def track(self) -> Track:
         """Of the pings."""
         return self.voyage.track
+
+    @cached_property
+    def water(self) -> DeviceWater:
+        """On the device: the one place where the water of the pings is made."""
+        deepest = max(self.geometry.depth_range[1], -float(self.track.position[:, 2].min()))
+        return DeviceWater(self.profile, self.absorption, self.volume, deepest=deepest)
 
     @cached_property
     def paths(self) -> Paths:

@@ -2,14 +2,19 @@
 
 Half of what is not spread evenly over directions is drawn evenly over the time that a flat bed, and a surface where
 there is one, send echoes back at; all of it follows the beams. What a ray stands for is the reciprocal of the density
-it was drawn with (`sonar.launch`): no choice can bias a level.
+it was drawn with (`launch`): no choice can bias a level.
 """
+from __future__ import annotations
+
+from collections.abc import Callable
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.chance import pair, stratified, uniform
+from ..water.profile import SoundSpeedProfile
 from .launch import Strata, draw, quantiles
 
 __all__ = ["DrawnRays"]
@@ -35,11 +40,13 @@ class DrawnRays:
         Whether the scene has a sea surface that scatters.
     """
 
-    def __init__(self, profile, *, window, rays, pattern, surface):
+    def __init__(self, profile: SoundSpeedProfile, *, window: tuple[float, float], rays: int,
+                 pattern: Callable | None, surface: bool):
         self.speed, self.window, self.rays = float(np.mean(profile.sound_speed)), window, rays
         self.pattern, self.surface = pattern, surface
 
-    def __call__(self, origin, rotation, depth_below, key):
+    def draw(self, origin: dr.ArrayBase, rotation: np.ndarray, depth_below: float | None,
+             key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
         """Draw the rays of a source.
 
         Parameters

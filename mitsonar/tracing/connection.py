@@ -1,25 +1,33 @@
-"""Points of a scene connected to a source along the exact bent ray, and whether the way is free.
+"""Points of a scene connected along the exact bent ray, and whether the way is free.
 
-The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray.
-The way is free if none of the chords of the ray's fan row, the last of them ended just before the point, meets
-anything.
+The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray. It starts at a source, whose ray fan is
+there, or at any point of the water; that may be by way of a flat surface that mirrors, through water unfolded about it
+(`tracing.water`). The way is free if none of the ray's chords meets anything (`tracing.occlusion`).
 """
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 
+from ..device.arrays import arrays_of
 from ..propagation.aiming import aim
 from ..propagation.arrivals import earliest
+from ..propagation.two_point import PointState
+from ..scene.geometry import Geometry
+from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, along_fan
+from .tracer import Sources
+from .water import DeviceWater
 
-__all__ = ["LIFT", "LIFT_PER_RANGE", "Connection", "Connector"]
+__all__ = ["Connection", "Connector"]
 
-LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of the surface it is to reach
+UPRIGHT = 1e-6         # [m] horizontal range below which a way leads straight up or down
 
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """Ways from a source to points, one each.
+    """Ways to points, one each.
 
     Attributes
     ----------
@@ -32,41 +40,45 @@ class Connection:
     arc_length : Float (R,) [m]
     spreading_area : Float (R,) [m²/sr]
     launch_direction, arrival_direction : Vector3f (R,)
-        Unit, along the travel, at the source and at the point.
+        Unit, along the travel, at the start and at the point.
     ray_parameter : Float64 (R,) [s/m]
     sound_speed : Float64 (R,) [m/s]
         At the point.
     """
 
-    exists: object
-    free: object
-    horizontal_range: object
-    travel_time: object
-    arc_length: object
-    spreading_area: object
-    launch_direction: object
-    arrival_direction: object
-    ray_parameter: object
-    sound_speed: object
+    exists: mi.Bool
+    free: mi.Bool
+    horizontal_range: mi.Float64
+    travel_time: mi.Float64
+    arc_length: mi.Float
+    spreading_area: mi.Float
+    launch_direction: mi.Vector3f
+    arrival_direction: mi.Vector3f
+    ray_parameter: mi.Float64
+    sound_speed: mi.Float64
 
 
 class Connector:
-    """Connect points to sources in the water and the scene of a tracer.
+    """Connect points in the water and the scene.
 
     Parameters
     ----------
-    tracer : trace.Tracer
+    geometry : Geometry
+    water : DeviceWater
     """
 
-    def __init__(self, tracer):
-        self.tracer = tracer
+    def __init__(self, geometry: Geometry, water: DeviceWater):
+        self.geometry, self.water = geometry, water
+        self.lib = arrays_of(mi.Float)
 
-    def __call__(self, sources, origin, source, point, normal, active=True, *, occlusion=True, short=0.0):
-        """Connect one point an entry.
+    def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
+                normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
+                short: float = 0.0) -> Connection:
+        """Connect points to sources, one pair an entry.
 
         Parameters
         ----------
-        sources : trace.Sources
+        sources : Sources
         origin : Array3f64 (R,) [m]
             Scene coordinates; the depth must be that of the source.
         source : UInt32 (R,)
@@ -84,75 +96,91 @@ class Connector:
         -------
         Connection
         """
-        lib, table = self.tracer.lib, self.tracer.table
-        x, z, along = _seen_from(origin, point)
-        active = lib.Bool(active)
-        ray = earliest(table, lib, sources.state, source, x, z, active)
-        time, area, p, c = ray.travel_time, ray.spreading_area, ray.ray_parameter, ray.sound_speed
-        _, c0, _ = sources.state.gather(lib, source)
-        launch_cosine, cosine = mi.Float(p * c0), mi.Float(p * c)
-        launch_sine = dr.copysign(dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0))), mi.Float(ray.launch_sine))
-        launch = mi.Vector3f(along.x * launch_cosine, along.y * launch_cosine, -launch_sine)
-        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -ray.arrival_sine)
-        exists = ray.found & dr.isfinite(time) & dr.isfinite(area)
+        x, heading = _seen_from(origin, point)
+        way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
+        if not occlusion:
+            return way
+        end, nearer = _end(way, point, normal, heading, short)
+        blocked = along_fan(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source,
+                            dr.atan2(-way.launch_direction.z, cosine), heading, end, mi.Float(x) + nearer, way.exists)
+        return replace(way, free=way.exists & ~blocked)
+
+    def join(self, start: dr.ArrayBase, start_normal: mi.Vector3f, end: dr.ArrayBase, end_normal: mi.Vector3f,
+             active: mi.Bool | bool = True, *, folded: bool = False, occlusion: bool = True,
+             short: float = 0.0) -> Connection:
+        """Connect points to points, wherever they lie, one pair an entry.
+
+        Parameters
+        ----------
+        start, end : Array3f64 (R,) [m]
+            Where ways are folded, below the surface both.
+        start_normal, end_normal : Vector3f (R,)
+            Of the surfaces they lie on, either side; zero for points in free water.
+        active : Bool (R,)
+        folded : bool
+            By way of the mirror that the surface is; the launch direction is then the one that leads up to it.
+        occlusion, short
+            As of `connect`.
+
+        Returns
+        -------
+        Connection
+        """
+        table = self.water.medium(folded).layers
+        z0 = start.z if folded else -start.z
+        x, heading = _seen_from(start, end)
+        speed, moments = table.at(z0)
+        here = PointState(depth=z0, speed=speed, moments=moments)
+        way, (_, sine) = self._eigenray(table, here, self.lib.UInt32(0), x, heading, -end.z, active)
+        if folded:
+            image = way.launch_direction
+            way = replace(way, launch_direction=mi.Vector3f(image.x, image.y, -image.z))
+        if not occlusion:
+            return way
         lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
-        back = dr.copysign(lift, -dr.dot(normal, arrival)) * normal - short * arrival
-        end, reach = mi.Point3f(point) + back, mi.Float(x) + dr.minimum(along.x * back.x + along.y * back.y, 0)
-        blocked = mi.Bool(False)
-        if occlusion:
-            blocked = _blocked(self.tracer.geometry.scene, sources.fans, mi.Point3f(origin), source,
-                               dr.atan2(launch_sine, launch_cosine), along, end, reach, exists)
-        return Connection(exists=exists, free=exists & ~blocked, horizontal_range=x, travel_time=time,
-                          arc_length=ray.arc_length, spreading_area=area, launch_direction=launch,
-                          arrival_direction=arrival, ray_parameter=p, sound_speed=c)
+        begin = mi.Point3f(start) + dr.copysign(lift, dr.dot(start_normal, way.launch_direction)) * start_normal
+        finish, nearer = _end(way, end, end_normal, heading, short)
+        blocked = along_arcs(self.geometry.scene, table, self.lib, begin, heading, z0, sine, way.ray_parameter, finish,
+                             x + nearer, dr.opaque(self.lib.Float64, 8 * TOLERANCE), folded,
+                             self.geometry.only_meshes, way.exists)
+        return replace(way, free=way.exists & ~blocked)
 
+    def launch_direction(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
+                         point: dr.ArrayBase) -> mi.Vector3f:
+        """Where the ray to each point leaves for, Vector3f (R,), as aimed; arguments as of `connect`."""
+        x, heading = _seen_from(origin, point)
+        sine, cosine, _ = aim(self.water.layers(), self.lib, sources.state, source, x, -point.z,
+                              self.lib.Bool(True))
+        return mi.Vector3f(heading.x * mi.Float(cosine), heading.y * mi.Float(cosine), -mi.Float(sine))
 
-    def launch_direction(self, sources, origin, source, point):
-        """Where the ray to each point leaves for, Vector3f (R,), as aimed; arguments as of a call."""
-        lib = self.tracer.lib
-        x, z, along = _seen_from(origin, point)
-        sine, cosine, _ = aim(self.tracer.table, lib, sources.state, source, x, z, lib.Bool(True))
-        return mi.Vector3f(along.x * mi.Float(cosine), along.y * mi.Float(cosine), -mi.Float(sine))
+    def _eigenray(self, table, state, source, x, heading, z, active):
+        """Ways of eigenrays, all of them free; cosine, Float, and sine, Float64, of the launch angle, positive down."""
+        ray = earliest(table, self.lib, state, source, x, z, self.lib.Bool(active))
+        time, area, p, c = ray.travel_time, ray.spreading_area, ray.ray_parameter, ray.sound_speed
+        _, c0, _ = state.gather(self.lib, source)
+        cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
+        square = dr.maximum(1 - dr.square(p * c0), 0)
+        sine0 = dr.copysign(dr.sqrt(mi.Float(square)), mi.Float(ray.launch_sine))
+        exists = ray.found & dr.isfinite(time) & dr.isfinite(area)
+        way = Connection(exists=exists, free=exists, horizontal_range=x, travel_time=time, arc_length=ray.arc_length,
+                         spreading_area=area, ray_parameter=p, sound_speed=c,
+                         launch_direction=mi.Vector3f(heading.x * cosine0, heading.y * cosine0, -sine0),
+                         arrival_direction=mi.Vector3f(heading.x * cosine, heading.y * cosine, -ray.arrival_sine))
+        return way, (cosine0, dr.copysign(dr.sqrt(square), ray.launch_sine))
 
 
 def _seen_from(origin, point):
-    """Horizontal distance and depth [m], Float64, of points, and the horizontal unit vector towards them."""
+    """Horizontal distance [m], Float64, of points, and the horizontal unit vector towards them."""
     dx, dy = point.x - origin.x, point.y - origin.y
     x = dr.sqrt(dr.fma(dx, dx, dy * dy))
-    upright = x < 1e-6
+    upright = x < UPRIGHT
     scale = mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
-    return x, -point.z, mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale),
-                                    dr.select(upright, 0, mi.Float(dy) * scale))
+    return x, mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale), dr.select(upright, 0, mi.Float(dy) * scale))
 
 
-@dr.syntax
-def _blocked(scene, fans, origin, source, launch_angle, heading, end, reach, active):
-    """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
-    row, off = fans.row(source, launch_angle)
-    base = row * fans.stride
-    size = dr.gather(mi.UInt32, fans.size, row)
-    v = dr.gather(fans.lib.Array4f, fans.vertex, base)
-    # -------------------------------------------------- loop state
-    r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
-    i = mi.UInt32(1)                                             # its end
-    blocked = mi.Bool(False)
-    active = mi.Bool(active)
-    one = dr.opaque(mi.UInt32, 1)
-    while active:
-        v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, active & (i < size))
-        r1, z1 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])
-        last = (r1 >= reach) | (i + 1 >= size)
-        start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
-        stop = mi.Point3f(dr.fma(r1, heading.x, origin.x), dr.fma(r1, heading.y, origin.y), -z1)
-        stop = dr.select(last, end, stop)
-        way = stop - start
-        length = dr.norm(way)
-        # of unit direction: Mitsuba's spheres and cylinders misplace hits of others; and backwards, for of those that
-        # are far from where a ray starts they do not know the edge, and a point on one is in its own shadow or not
-        ray = mi.Ray3f(mi.Ray3f(stop, -way / dr.maximum(length, 1e-9)), length)
-        met = scene.ray_test(ray, coherent=True, active=active & (length > 1e-6))
-        blocked |= met & active
-        active = active & ~blocked & ~last
-        r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
-        i += one
-    return blocked
+def _end(way, point, normal, heading, short):
+    """Where a way ends in front of its point's surface, and how much nearer that is in horizontal range [m], <= 0."""
+    lift = LIFT + LIFT_PER_RANGE * mi.Float(way.horizontal_range)
+    arrival = way.arrival_direction
+    back = dr.copysign(lift, -dr.dot(normal, arrival)) * normal - short * arrival
+    return mi.Point3f(point) + back, dr.minimum(heading.x * back.x + heading.y * back.y, 0)

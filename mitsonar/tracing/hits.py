@@ -1,12 +1,22 @@
-"""Where rays meet a scene."""
-from dataclasses import dataclass
+"""Where sound meets a surface."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+
+from ..device.arrays import picked
 
 __all__ = ["Hits"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hits:
-    """Meetings of rays and scene, one a ray; entries are meaningful where `valid`.
+    """Meetings of sound and surfaces, one a ray; entries are meaningful where `valid`.
+
+    The first nine say what was met and how: all that materials ask for. The others tell of the way there. Where the
+    maker does not know the way, as of a cell seen along a leg that is kept elsewhere, they are NaN (`on_surface`).
 
     Attributes
     ----------
@@ -15,32 +25,57 @@ class Hits:
         Scene coordinates.
     normal : Vector3f (R,)
         Unit, of the facet, on the side the ray came from.
-    label : UInt32 (R,)
-        Number of the shape, see `Geometry.labels`; 0 where nothing was hit.
+    arrival_direction : Vector3f (R,)
+        Unit, along the travel.
+    sound_speed : Float64 (R,) [m/s]
+        At the hit.
     shape : ShapePtr (R,)
     primitive, uv : UInt32 (R,), Point2f (R,)
         Facet, and texture coordinates (barycentric where the shape has none, or no material of the scene asks).
+    label : UInt32 (R,)
+        Number of the shape, see `Geometry.labels`; 0 where nothing was hit, or nobody asks.
     travel_time : Float64 (R,) [s]
     arc_length : Float (R,) [m]
     spreading_area : Float (R,) [m²/sr]
-    launch_direction, arrival_direction : Vector3f (R,)
-        Unit, along the travel, at the source and at the hit.
+        NaN of free rays, too.
+    launch_direction : Vector3f (R,)
+        Unit, at the start.
     ray_parameter : Float64 (R,) [s/m]
-    sound_speed : Float64 (R,) [m/s]
-        At the hit.
     """
 
-    valid: object
-    point: object
-    normal: object
-    label: object
-    shape: object
-    primitive: object
-    uv: object
-    travel_time: object
-    arc_length: object
-    spreading_area: object
-    launch_direction: object
-    arrival_direction: object
-    ray_parameter: object
-    sound_speed: object
+    valid: mi.Bool
+    point: dr.ArrayBase
+    normal: mi.Vector3f
+    arrival_direction: mi.Vector3f
+    sound_speed: mi.Float64
+    shape: mi.ShapePtr
+    primitive: mi.UInt32
+    uv: mi.Point2f
+    label: mi.UInt32
+    travel_time: mi.Float64
+    arc_length: mi.Float
+    spreading_area: mi.Float
+    launch_direction: mi.Vector3f
+    ray_parameter: mi.Float64
+
+    @classmethod
+    def on_surface(cls, *, valid: mi.Bool, point: dr.ArrayBase, normal: mi.Vector3f, arrival_direction: mi.Vector3f,
+                   sound_speed: mi.Float64, shape: mi.ShapePtr, primitive: mi.UInt32, uv: mi.Point2f,
+                   label: mi.UInt32 | None = None) -> Hits:
+        """Give meetings without their way; the normals may lie on either side."""
+        unknown, long = mi.Float(dr.nan), mi.Float64(dr.nan)
+        facing = dr.select(dr.dot(normal, arrival_direction) > 0, -normal, normal)
+        return cls(valid=valid, point=point, normal=facing, arrival_direction=arrival_direction,
+                   sound_speed=sound_speed, shape=shape, primitive=primitive, uv=uv,
+                   label=mi.UInt32(0) if label is None else label, travel_time=long, arc_length=unknown,
+                   spreading_area=unknown, launch_direction=mi.Vector3f(dr.nan), ray_parameter=long)
+
+    def without_way(self) -> Hits:
+        """The same meetings, their way forgotten: what is kept of them is less."""
+        unknown, long = mi.Float(dr.nan), mi.Float64(dr.nan)
+        return replace(self, travel_time=long, arc_length=unknown, spreading_area=unknown,
+                        launch_direction=mi.Vector3f(dr.nan), ray_parameter=long)
+
+    def chosen(self, index: mi.UInt32) -> Hits:
+        """The meetings with these numbers."""
+        return Hits(**{name: picked(value, index) for name, value in vars(self).items()})

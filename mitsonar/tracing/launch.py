@@ -13,8 +13,14 @@ time on a flat bed, and surface, and over the vertical beam; what it hits tells 
 still lack (`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass
 decides where rays go, never what they weigh, so the estimate stays unbiased.
 """
+from __future__ import annotations
+
+from types import ModuleType
+
 import drjit as dr
 import numpy as np
+
+from ..sonar.sidescan import Sidescan
 
 __all__ = ["CELLS", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles", "quantiles",
            "refine_quantiles"]
@@ -37,13 +43,13 @@ class Strata:
         Rows, and strata of the two coordinates of direction in each, multiples of 4.
     """
 
-    def __init__(self, lib, rows, first, second):
+    def __init__(self, lib: ModuleType, rows: int, first: int, second: int):
         self.lib, self.rows, self.shape = lib, rows, (first, second)
         self.first, self.second = (dr.opaque(lib.UInt32, count) for count in (first, second))
         self.per_row = self.first * self.second
         self.rays = rows * first * second
 
-    def split(self, index):
+    def split(self, index: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase, dr.ArrayBase, dr.ArrayBase]:
         """Row, number within it, and strata (i, j) of rays, UInt32."""
         row = index // self.per_row
         within = index - row * self.per_row
@@ -52,13 +58,13 @@ class Strata:
         tile_i = tile // across
         return row, within, 4 * tile_i + (inner >> 2), 4 * (tile - tile_i * across) + (inner & 3)
 
-    def index(self, row, i, j):
+    def index(self, row: dr.ArrayBase, i: dr.ArrayBase, j: dr.ArrayBase) -> dr.ArrayBase:
         """Number of the ray of a row in strata (i, j)."""
         tile = (i // 4) * (self.second // 4) + j // 4
         return row * self.per_row + 16 * tile + 4 * (i & 3) + (j & 3)
 
 
-def quantiles(edges, density, cells=CELLS):
+def quantiles(edges: np.ndarray, density: np.ndarray, cells: int = CELLS) -> np.ndarray:
     """Edges of cells of equal probability of piecewise constant densities.
 
     Parameters
@@ -83,7 +89,7 @@ def quantiles(edges, density, cells=CELLS):
     return found
 
 
-def along_quantiles(sonar, shifts=(0.0,)):
+def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0.0,)) -> np.ndarray:
     """Quantile table (CELLS + 1,) of u: the two-way beam, and a share spread over all directions.
 
     `shifts` (S,) are those of u until reception: a share of the draw goes to each, and where they differ one to what
@@ -105,7 +111,7 @@ def _normalised(density, edges):
     return density / np.sum(density * np.diff(edges))
 
 
-def across_quantiles(sonar):
+def across_quantiles(sonar: Sidescan) -> np.ndarray:
     """Quantile table (CELLS + 1,) of φ: the two-way beam, and a share spread over all directions."""
     phi = np.linspace(-np.pi / 2, np.pi / 2, 4 * CELLS + 1)
     middle = 0.5 * (phi[1:] + phi[:-1])
@@ -113,7 +119,8 @@ def across_quantiles(sonar):
     return quantiles(phi, ((1 - WIDE_SHARE) * beam / beam.mean() + WIDE_SHARE)[None])[0]
 
 
-def first_quantiles(sonar, depression, depth_below, sound_speed, window, depth_above=None):
+def first_quantiles(sonar: Sidescan, depression: np.ndarray, depth_below: np.ndarray, sound_speed: float,
+                    window: tuple[float, float], depth_above: np.ndarray | None = None) -> np.ndarray:
     """Quantile tables of φ for the first pass.
 
     Parameters
@@ -153,7 +160,7 @@ def first_quantiles(sonar, depression, depth_below, sound_speed, window, depth_a
     return quantiles(phi, density)
 
 
-def refine_quantiles(first, need):
+def refine_quantiles(first: np.ndarray, need: np.ndarray) -> np.ndarray:
     """Quantile tables of φ for the second pass.
 
     Parameters
@@ -176,7 +183,8 @@ def refine_quantiles(first, need):
     return quantiles(first, share / np.maximum(np.diff(first, axis=1), 1e-12))
 
 
-def draw(table, row, xi, cells=CELLS):
+def draw(table: dr.ArrayBase, row: dr.ArrayBase, xi: dr.ArrayBase,
+         cells: int = CELLS) -> tuple[dr.ArrayBase, dr.ArrayBase, dr.ArrayBase]:
     """Look a stratified sample up in a quantile table.
 
     Parameters

@@ -1,9 +1,11 @@
 """Bent rays against a Mitsuba scene: the one room of physics that knows Mitsuba.
 
-Each ray follows the chords of its row (`propagation.ray_fans`), one triangle query a chord, until the first hit. The
-hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would cost 1e-5 m), and the exact
-eigenray to that point gives time, spreading and angles (`propagation.two_point`).
+Each ray follows the chords of its row of the ray fan (`propagation.ray_fans`), one triangle query a chord, until the
+first hit. The hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would cost 1e-5 m),
+and the exact eigenray to that point gives time, spreading and angles (`propagation.two_point`).
 """
+
+from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
@@ -11,17 +13,16 @@ import numpy as np
 
 from ..device.arrays import arrays_of
 from ..device.record import Record
-from ..propagation.layer_table import layer_table
-from ..propagation.ray_fans import FEWEST_VERTICES, build_ray_fans
-from ..propagation.two_point import source_state, to_hit
+from ..propagation.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
+from ..propagation.two_point import SourceState, to_hit
 from ..scene.geometry import Geometry
 from ..scene.labels import OBJECT, SEABED
 from .hits import Hits
+from .water import DeviceWater
 
 __all__ = ["Sources", "Tracer"]
 
-TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is stationary in the path
-# [m] the same of rays drawn at random: where neighbouring rows of a fan have other chords their hits leap by as much,
+# [m] chord against arc: where neighbouring rows of a ray fan have other chords the hits of random rays leap by as much,
 # over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
 FAN_TOLERANCE = 0.0002
 BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on, over what float32 knows of places
@@ -30,8 +31,8 @@ BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on,
 class Sources(Record):
     """Ray fans and medium of the depths that a block's pings are sent from."""
 
-    fans: object
-    state: object
+    ray_fans: RayFans
+    state: SourceState
 
 
 class Tracer:
@@ -39,35 +40,40 @@ class Tracer:
 
     Parameters
     ----------
-    scene : mitsuba.Scene
-    profile : SoundSpeedProfile
+    scene : mitsuba.Scene or Geometry
+    water : DeviceWater
     max_range : float [m]
         Horizontal range at which rays end.
     tolerance : float [m]
         Largest distance between a ray and its chords.
     """
 
-    def __init__(self, scene, profile, *, max_range, tolerance=FAN_TOLERANCE):
+    def __init__(self, scene: mi.Scene | Geometry, water: DeviceWater, *, max_range: float,
+                 tolerance: float = FAN_TOLERANCE):
         self.geometry = scene if isinstance(scene, Geometry) else Geometry(scene)
-        self.profile = profile
+        self.water = water
         self.max_range = float(max_range)
         self.tolerance = float(tolerance)
         self.lib = arrays_of(mi.Float)
-        self.table = layer_table(profile, mi.Float)
-        self._known, self._room = (None, None), FEWEST_VERTICES
+        self._layers = water.layers()
+        self._known: tuple[bytes, Sources | None] = b"", None
+        self._room = FEWEST_VERTICES
 
-    def sources(self, source_depth):
-        """Prepare the fans of the source depths ((D,) [m]); the last answer is kept, a straight track asks again."""
+    def sources(self, source_depth: np.ndarray | list[float]) -> Sources:
+        """Prepare the ray fans of the source depths (D,) [m]; the last answer is kept: a straight track asks again."""
         source_depth = np.atleast_1d(np.asarray(source_depth, float))
         key = source_depth.tobytes()
-        if self._known[0] != key:
-            fans = build_ray_fans(self.table, self.profile, source_depth, slab=self.geometry.depth_range,
-                              max_range=self.max_range, tolerance=self.tolerance, max_vertices=self._room)
+        known, sources = self._known
+        if sources is None or known != key:
+            fans = build_ray_fans(self._layers, self.water.profile, source_depth, slab=self.geometry.depth_range,
+                                  max_range=self.max_range, tolerance=self.tolerance, max_vertices=self._room)
             self._room = int(fans.stride[0])        # found by trials; the next depths will need as much
-            self._known = key, Sources(fans=fans, state=source_state(self.table, source_depth))
-        return self._known[1]
+            sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth))
+            self._known = key, sources
+        return sources
 
-    def __call__(self, sources, origin, source, direction, active=True):
+    def trace(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+              active: mi.Bool | bool = True) -> Hits:
         """Trace one ray per entry of `direction`.
 
         Parameters
@@ -86,12 +92,13 @@ class Tracer:
         Hits
         """
         launch_angle, heading = _angles(direction)
-        found = _first_hit(self.geometry.scene, sources.fans, mi.Point3f(origin), source, launch_angle, heading,
+        found = _first_hit(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source, launch_angle, heading,
                            mi.Bool(active))
         return self._hits(sources, origin, source, direction, heading, *found[:3])
 
-    def with_hidden(self, sources, origin, source, direction):
-        """Trace as a call does, and on through objects to the seabed that they hide.
+    def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
+                          direction: mi.Vector3f) -> tuple[Hits, Hits]:
+        """Trace as `trace` does, and on through objects to the seabed that they hide.
 
         Returns
         -------
@@ -100,9 +107,9 @@ class Tracer:
         """
         scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
         launch_angle, heading = _angles(direction)
-        valid, pi, chord, vertex = _first_hit(scene, sources.fans, o, source, launch_angle, heading, mi.Bool(True))
+        valid, pi, chord, vertex = _first_hit(scene, sources.ray_fans, o, source, launch_angle, heading, mi.Bool(True))
         hits = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
-        behind = _seabed_behind(scene, kinds, sources.fans, o, source, launch_angle, heading, chord, vertex, pi.t,
+        behind = _seabed_behind(scene, kinds, sources.ray_fans, o, source, launch_angle, heading, chord, vertex, pi.t,
                                 valid & (_kind(kinds, pi, valid) == OBJECT))
         return hits, self._hits(sources, origin, source, direction, heading, *behind)
 
@@ -113,7 +120,7 @@ class Tracer:
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
-        time, arc, area, p, sine, c = to_hit(self.table, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
+        time, arc, area, p, sine, c = to_hit(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
                                              dr.opaque(lib.Float64, self.tolerance))
         # the hit may lie a hair off the launch bearing: directions are those of the eigenray
         along = mi.Vector2f(dx, dy) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
@@ -128,7 +135,8 @@ class Tracer:
                     label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, arrival_direction=arrival)
 
-    def rebuilt(self, pi, chord, origin, heading, valid):
+    def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
+                heading: mi.Vector2f, valid: mi.Bool) -> tuple:
         """Hit point in float64, facet normal, texture coordinates, label and shape of intersections with chords."""
         geometry, wide = self.geometry, self.lib.Array3f64
         row = dr.reinterpret_array(mi.UInt32, _solid(pi))

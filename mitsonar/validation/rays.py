@@ -69,6 +69,7 @@ def _traced(count):
     from ..device.arrays import arrays_of, upload
     from ..scene.geometry import Geometry
     from ..tracing.tracer import Tracer
+    from ..tracing.water import DeviceWater
 
     geometry = Geometry(mi.load_dict({"type": "scene", "bed": {
         "type": "seabed", "depth": BED_DEPTH, "length": 400.0, "width": 400.0, "spacing": 1.0, "fractal_rms": 0.6,
@@ -76,9 +77,10 @@ def _traced(count):
     rng = np.random.default_rng(7)
     azimuth, angle = rng.uniform(0, 2 * np.pi, count), np.radians(rng.uniform(5, 90, count))
     way = np.cos(angle) * np.cos(azimuth), np.cos(angle) * np.sin(azimuth), -np.sin(angle)
-    tracer = Tracer(geometry, SUMMER, max_range=280.0)
-    hits = tracer(tracer.sources([SONAR_DEPTH]), arrays_of(mi.Float).Array3f64(0, 0, -SONAR_DEPTH), mi.UInt32(0),
-                  mi.Vector3f(*(upload(mi.Float, axis.astype(np.float32)) for axis in way)))
+    tracer = Tracer(geometry, DeviceWater(SUMMER), max_range=280.0)
+    origin = arrays_of(mi.Float).Array3f64(0, 0, -SONAR_DEPTH)
+    direction = mi.Vector3f(*(upload(mi.Float, axis.astype(np.float32)) for axis in way))
+    hits = tracer.trace(tracer.sources([SONAR_DEPTH]), origin, mi.UInt32(0), direction)
     valid = hits.valid.numpy()
     x, y, z = hits.point.numpy()[:, valid]
     across = np.hypot(x, y)

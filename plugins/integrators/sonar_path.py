@@ -17,7 +17,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from mitsonar.echoes.ensonification import LIGHTING
+from mitsonar.echoes.ensonification import METHODS
 from mitsonar.plugins.attributes import Attributes, Choice, Integer, Number
 from mitsonar.survey.array_survey import ArraySurvey
 from mitsonar.survey.kinds import kind_of
@@ -36,7 +36,7 @@ ATTRIBUTES = (
     Integer("max_depth", default=1, minimum=1, maximum=MOST_BOUNCES,
             text="bounces an echo may have made, the surface's among them; 2: ghosts by way of the seabed or the "
                  "surface, 3: surface multiples"),
-    Choice("ensonification", default=LIGHTING[0], choices=LIGHTING, formerly="lighting",
+    Choice("ensonification", default=METHODS[0], choices=METHODS, formerly="lighting",
            text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
                 "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
     Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",

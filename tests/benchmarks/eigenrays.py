@@ -28,6 +28,7 @@ from mitsonar.propagation import eigenrays
 from mitsonar.device.arrays import arrays_of
 from mitsonar.scene.loading import prepare
 from mitsonar.tracing.tracer import Tracer
+from mitsonar.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 FIELDS = "time", "arc_length", "launch_angle", "spreading_m2_per_sr"
@@ -105,9 +106,9 @@ def traced_row(scene, name, profile, rays):
     """Errors of traced hits: time, arc length, spreading (relative)."""
     lib, errors, turned, hits = arrays_of(mi.Float), [], 0, 0
     direction = slanting(rays)
-    tracer = Tracer(scene, profile, max_range=FARTHEST)
+    tracer = Tracer(scene, DeviceWater(profile), max_range=FARTHEST)
     for depth in SOURCE_DEPTHS:
-        found = tracer(tracer.sources(depth), lib.Array3f64(0, 0, -depth), mi.UInt32(0), direction)
+        found = tracer.trace(tracer.sources(depth), lib.Array3f64(0, 0, -depth), mi.UInt32(0), direction)
         valid = found.valid.numpy()
         x, y, z = found.point.numpy()[:, valid]
         time, length, area = (getattr(found, field).numpy()[valid] for field in

@@ -24,6 +24,7 @@ from mitsonar.io import casts
 from mitsonar.device.arrays import arrays_of
 from mitsonar.scene.loading import prepare
 from mitsonar.tracing.tracer import Tracer, _angles, _first_hit
+from mitsonar.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 SOURCE_DEPTH, STEEPEST_DEG, TILE = 20.0, 90.0, 4
@@ -94,7 +95,7 @@ def straight(scene, direction):
 def refracted(scene, direction, name, profile):
     """Give the candidates of one profile: hits alone, hits with what a sonar needs, and all that a hit tells."""
     lib = arrays_of(mi.Float)
-    tracer = Tracer(scene, profile, max_range=300.0)
+    tracer = Tracer(scene, DeviceWater(profile), max_range=300.0)
     sources = tracer.sources(SOURCE_DEPTH)
     origin = lib.Array3f64(0, 0, -SOURCE_DEPTH)
     dr.make_opaque(origin)
@@ -103,16 +104,16 @@ def refracted(scene, direction, name, profile):
     def hits():
         launch_angle, heading = _angles(direction)
         start = mi.Point3f(origin)
-        valid, pi, *_ = _first_hit(scene, sources.fans, start, source, launch_angle, heading, mi.Bool(True))
+        valid, pi, *_ = _first_hit(scene, sources.ray_fans, start, source, launch_angle, heading, mi.Bool(True))
         finish(valid, pi.t, pi.prim_index, pi.prim_uv)
 
     def whole():
-        found = tracer(sources, origin, source, direction)
+        found = tracer.trace(sources, origin, source, direction)
         finish(found.valid, found.point, found.normal, found.travel_time, found.spreading_area,
                found.launch_direction, found.arrival_direction)
 
     def everything():
-        found = tracer(sources, origin, source, direction)
+        found = tracer.trace(sources, origin, source, direction)
         finish(*vars(found).values())
 
     return {f"{name}: hits alone": hits, f"{name}: point, normal, time, spreading, angles": whole,

@@ -53,13 +53,13 @@ def sure(monkeypatch):
 def echoes(scene, key=7):
     """Half the two-way time [s], energy and place (R, 3) of all echoes of the first ping, element patterns apart."""
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    light = Ensonification(Scatterers(survey.geometry, survey.cell_size), survey.profile, survey.absorption,
-                           frequency=survey.frequency, window=(survey.start, survey.time[-1]), margin=0.0,
-                           lighting=survey.ensonification, rays=survey.rays, beams=None)
+    light = Ensonification(Scatterers(survey.geometry, survey.cell_size), survey.water, frequency=survey.frequency,
+                           window=(survey.start, survey.time[-1]), margin=0.0,
+                           method=survey.ensonification, rays=survey.rays, beams=None)
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
     found = [(block.out.travel_time.numpy(), sum(part.numpy().astype(float) ** 2 for part in block.amplitude),
               origin + block.out.offset.numpy().T)
-             for block in light(origin, rotation, float(survey.depth_below[0]), key)]
+             for block in light.echoes(origin, rotation, float(survey.depth_below[0]), key)]
     return (np.concatenate(column) for column in zip(*found))
 
 

@@ -40,7 +40,8 @@ def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, lighting):
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     ensonification = PressureRecord(survey).ensonification
     energy = np.zeros((2, 2))
-    for block in ensonification(survey.track.position[0], survey.track.rotation()[0], float(survey.depth_below[0]), 3):
+    origin, rotation = survey.track.position[0], survey.track.rotation()[0]
+    for block in ensonification.echoes(origin, rotation, float(survey.depth_below[0]), 3):
         x, y, _ = block.out.offset.numpy()
         np.add.at(energy, ((x > 0).astype(int), (y > 0).astype(int)),
                   sum(part.numpy().astype(float) ** 2 for part in block.amplitude))

@@ -35,7 +35,7 @@ def test_a_bed_under_a_mirror_is_heard_once_along_each_way(variant, lighting, to
                         integrator={"max_depth": 3, "cell": 0.5, "rays": 50_000, "lighting": lighting})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     heard, ensonification = {}, PressureRecord(survey).ensonification
-    for echoes in ensonification(survey.track.position[0], survey.track.rotation()[0], 10.0, 0):
+    for echoes in ensonification.echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, 0):
         half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
         found = np.histogram(half, GATES, weights=echoes.energy.numpy().astype(float))[0]
         heard[echoes.path] = heard.get(echoes.path, 0) + found

@@ -60,7 +60,7 @@ def energy(kind, **integrator):
     ensonification = PressureRecord(survey).ensonification
     start = survey.track.position[0]
     total, point = 0.0, []
-    for echoes in ensonification(start, np.eye(3), 30.0, 1):
+    for echoes in ensonification.echoes(start, np.eye(3), 30.0, 1):
         offset = echoes.out.offset.numpy().T
         total += float(np.sum(echoes.energy.numpy().astype(float) * np.linalg.norm(offset, axis=1) ** 4))
         point.append(offset + start)

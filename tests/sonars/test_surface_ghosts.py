@@ -104,7 +104,7 @@ def test_energy_of_two_bounces_between_bed_and_wall(variant):
     origin = survey.track.position[0]
     total = np.zeros(2)
     for key in range(4):
-        for echoes in ensonification(origin, survey.track.rotation()[0], 10.0, key):
+        for echoes in ensonification.echoes(origin, survey.track.rotation()[0], 10.0, key):
             if echoes.path == "bb":
                 half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
                 total += np.histogram(half, [16, 20, 24], weights=echoes.energy.numpy())[0] / 4

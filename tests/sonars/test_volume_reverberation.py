@@ -68,7 +68,7 @@ def test_an_array_hears_as_much(variant):
     ensonification = PressureRecord(survey).ensonification
     edges = np.arange(4.0, 28.0, 4.0)
     found = np.zeros(len(edges) - 1)
-    for echoes in ensonification(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):
+    for echoes in ensonification.echoes(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):
         if echoes.path == "v":
             energy = echoes.energy.numpy().astype(float)
             found += np.histogram(1500 * echoes.out.travel_time.numpy(), edges, weights=energy)[0]

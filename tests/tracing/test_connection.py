@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from summer import SUMMER_TABLE
 
-from mitsonar.tracing.connection import LIFT, LIFT_PER_RANGE, Connector
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.occlusion import LIFT, LIFT_PER_RANGE
 from mitsonar.propagation import eigenray
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.echoes.scatterers import TARGET_RADIUS
+from mitsonar.echoes.point_targets import TARGET_RADIUS
 from mitsonar.scene.geometry import Geometry
 from mitsonar.tracing.tracer import Tracer
+from mitsonar.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 POINTS = 6000
@@ -53,9 +55,9 @@ def places(geometry, rng):
 
 
 def connect(geometry, profile, depth, point, normal, **options):
-    tracer = Tracer(geometry, profile, max_range=260.0)
+    tracer = Tracer(geometry, DeviceWater(profile), max_range=260.0)
     lib = arrays_of(mi.Float)
-    way = Connector(tracer)(
+    way = Connector(tracer.geometry, tracer.water).connect(
         tracer.sources([depth]), lib.Array3f64(0, 0, -depth), mi.UInt32(0),
         lib.Array3f64(*(upload(mi.Float64, column) for column in point.T)),
         mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in normal.T)), **options)

@@ -1,4 +1,4 @@
-"""Points connected to points: what hides them, on bodies far away, and by way of the surface.
+"""Free rays, and points connected to points: what hides them, on bodies far away, and by way of the surface.
 
 A point on a small sphere is hidden by the sphere if its normal looks away, however far the other end is: for float32 a
 sphere of 0.2 m at 300 m is known to some centimetres only from its neighbourhood. Points within asin(0.05) of the edge
@@ -9,19 +9,26 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.tracing.free_rays import FreeRays
 from mitsonar.device.arrays import arrays_of
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.free_rays import FreeRays
 from mitsonar.tracing.tracer import Tracer
+from mitsonar.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 SUMMER = [0, 11, 20, 40], [1513.2, 1506.4, 1494.2, 1492.2]
 
 
-def rays(shapes, profile):
-    """Free rays in the water and scene of {id: dict}."""
-    tracer = Tracer(mi.load_dict({"type": "scene", **shapes}, optimize=False), SoundSpeedProfile(*profile),
-                    max_range=400.0)
-    return FreeRays(tracer)
+def traced(shapes, profile):
+    """A tracer in the water and scene of {id: dict}."""
+    return Tracer(mi.load_dict({"type": "scene", **shapes}, optimize=False), DeviceWater(SoundSpeedProfile(*profile)),
+                  max_range=400.0)
+
+
+def connector(shapes, profile):
+    """A connector there."""
+    tracer = traced(shapes, profile)
+    return Connector(tracer.geometry, tracer.water)
 
 
 def wide(points):
@@ -31,7 +38,7 @@ def wide(points):
 
 @pytest.mark.parametrize("radius, distance", [(0.2, 300.0), (1.0, 300.0), (0.2, 30.0)])
 def test_a_sphere_far_away_hides_its_other_side_and_no_more(variant, rng, radius, distance):
-    free = rays({"ball": {"type": "sphere", "center": [distance, 0, -100], "radius": radius}}, ([0.0], [1500.0]))
+    free = connector({"ball": {"type": "sphere", "center": [distance, 0, -100], "radius": radius}}, ([0.0], [1500.0]))
     normal = rng.normal(size=(3, 4000))
     normal /= np.linalg.norm(normal, axis=0)
     point = np.array([[distance], [0], [-100]]) + radius * normal
@@ -39,7 +46,7 @@ def test_a_sphere_far_away_hides_its_other_side_and_no_more(variant, rng, radius
     towards = (away - point) / np.linalg.norm(away - point, axis=0)
     sine = np.sum(towards * normal, axis=0)
     on, off = mi.Vector3f(*map(mi.Float, normal.astype(np.float32))), mi.Vector3f(0, 0, 0)
-    for way in (free.connect(wide(away), off, wide(point), on), free.connect(wide(point), on, wide(away), off)):
+    for way in (free.join(wide(away), off, wide(point), on), free.join(wide(point), on, wide(away), off)):
         assert way.exists.numpy().all()
         np.testing.assert_array_equal(way.free.numpy()[abs(sine) > 0.05], (sine > 0)[abs(sine) > 0.05])
 
@@ -51,8 +58,9 @@ def test_what_hangs_from_the_surface_hides_the_way_by_it(variant, profile, top, 
     T = mi.ScalarTransform4f
     wall = {"type": "rectangle", "to_world": T().translate([0, 9, -(top + bottom) / 2]).rotate(
         [1, 0, 0], -90).scale([20, (bottom - top) / 2, 1])}
-    free = rays({"bed": {"type": "rectangle", "to_world": T().translate([0, 0, -40]).scale([99, 99, 1])}, "wall": wall,
-                 "sea": {"type": "sea_surface", "wind_speed": 0.0, "size": 100.0}}, profile)
+    bed = {"type": "rectangle", "to_world": T().translate([0, 0, -40]).scale([99, 99, 1])}
+    free = connector({"bed": bed, "wall": wall, "sea": {"type": "sea_surface", "wind_speed": 0.0, "size": 100.0}},
+                     profile)
     start, end, none = wide([[0], [0], [-10]]), wide([[0], [20], [-10]]), mi.Vector3f(0, 0, 0)
-    assert bool(dr.all(free.connect(start, none, end, none).free)) is direct
-    assert bool(dr.all(free.connect(start, none, end, none, folded=True).free)) is folded
+    assert bool(dr.all(free.join(start, none, end, none).free)) is direct
+    assert bool(dr.all(free.join(start, none, end, none, folded=True).free)) is folded

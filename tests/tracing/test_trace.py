@@ -17,6 +17,7 @@ from mitsonar.propagation import eigenrays
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scene.geometry import Geometry
 from mitsonar.tracing.tracer import Tracer
+from mitsonar.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"
@@ -43,14 +44,14 @@ def test_room_for_a_fan_is_found_once(bed, monkeypatch):
         return traced(*arguments)
 
     monkeypatch.setattr(fans, "_trace_rows", told)
-    tracer = Tracer(bed, SoundSpeedProfile(*map(np.asarray, PROFILES["zigzag"])), max_range=260.0)
+    tracer = Tracer(bed, DeviceWater(SoundSpeedProfile(*map(np.asarray, PROFILES["zigzag"]))), max_range=260.0)
     tracer.sources([10.3])
     assert len(rooms) > 1 and rooms == [fans.FEWEST_VERTICES << k for k in range(len(rooms))]
     largest = rooms[-1]
-    later = tracer.sources([10.4]).fans
+    later = tracer.sources([10.4]).ray_fans
     assert rooms[-1] == largest and rooms.count(largest) == 2 and len(rooms) == int(np.log2(largest / 16)) + 2
     # more room than it needs makes no other fan
-    alone = Tracer(bed, tracer.profile, max_range=260.0).sources([10.4]).fans
+    alone = Tracer(bed, tracer.water, max_range=260.0).sources([10.4]).ray_fans
     size = alone.size.numpy()
     assert np.array_equal(size, later.size.numpy())
     rows = [fan.vertex.numpy().reshape(len(size), -1, 4) for fan in (alone, later)]
@@ -78,10 +79,10 @@ def fan(rng, count=RAYS):
 
 
 def trace(geometry, profile, depth, direction, **options):
-    tracer = Tracer(geometry, profile, max_range=280.0, **options)
+    tracer = Tracer(geometry, DeviceWater(profile), max_range=280.0, **options)
     lib = arrays_of(mi.Float)
     origin = lib.Array3f64(0, 0, -depth)
-    return tracer(tracer.sources([depth]), origin, mi.UInt32(0), direction)
+    return tracer.trace(tracer.sources([depth]), origin, mi.UInt32(0), direction)
 
 
 def profiles():

@@ -1,14 +1,17 @@
 """Facets of the smooth surfaces of a scene, and cells of them: corners, normals, and which facet a hit lies in.
 
-A facet is cut into n² congruent triangles, numbered as in `scattering.cells`; how finely is asked for anew from where
-it is seen. Smooth surfaces are those whose material says so (attribute ``smooth``); shapes without facets are given
+A facet is cut into n² congruent triangles, numbered as in `echoes.cells`; n depends on where it is seen from. Smooth
+surfaces are those whose material says so (attribute ``smooth``); shapes without facets are given
 some (`tessellation`). Corners of cells lie on the bent surface that a facet stands for, at the height over it
 
     h = κ_ab λ_a λ_b + κ_bc λ_b λ_c + κ_ca λ_c λ_a,    κ_ij = (n_j - n_i)·(x_j - x_i) / 2
 
 λ barycentric coordinates, n normals at the facet's corners x: over an edge of a sphere l²/8R in the middle.
 """
+from __future__ import annotations
+
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -18,6 +21,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ...device.arrays import arrays_of, upload
+from ...scene.geometry import Geometry
 from ...scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 from ..cells import place
 
@@ -48,21 +52,21 @@ class SmoothCells:
     area : Float (R,) [m²]
     """
 
-    point: object
-    corners: list
-    flat: list
-    places: list
-    normal: object
-    facet: object
-    area: object
+    point: dr.ArrayBase
+    corners: list[mi.Vector3f]
+    flat: list[mi.Vector3f]
+    places: list[tuple[mi.Float, mi.Float]]
+    normal: mi.Vector3f
+    facet: mi.UInt32
+    area: mi.Float
 
 
 class SmoothFacets:
-    """See the module's text.
+    """The facets of a scene's smooth surfaces.
 
     Parameters
     ----------
-    geometry : trace.Geometry
+    geometry : Geometry
     wavelength : float [m]
         Shapes without facets are given such as lie within a thirty-second of it from them.
 
@@ -82,7 +86,7 @@ class SmoothFacets:
         Nothing smooth can be seen from anything smooth: there is one shape, and it is bent outwards everywhere.
     """
 
-    def __init__(self, geometry, wavelength):
+    def __init__(self, geometry: Geometry, wavelength: float):
         self.lib = arrays_of(mi.Float)
         parts, rows, grids, first = [], [], [], 0
         known = [(index, shape, slice(row, row + count)) for index, shape, row, count in geometry.meshes]
@@ -135,15 +139,15 @@ class SmoothFacets:
         self._facts, self._rows = upload(mi.UInt32, facts.astype(np.uint32)), upload(mi.UInt32, table)
         dr.eval(self._corners, self._normals, self._bend, self._facts, self._rows)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.corner) if self.shapes else 0
 
-    def corners_of(self, facet, active=True):
+    def corners_of(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> list[dr.ArrayBase]:
         """Corners of facets, three Array3f64 (R,) [m]."""
         rows = (dr.gather(self.lib.Array4f64, self._corners, 3 * facet + i, active) for i in range(3))
         return [self.lib.Array3f64(row[0], row[1], row[2]) for row in rows]
 
-    def cells(self, facet, s, n):
+    def cells(self, facet: mi.UInt32, s: mi.UInt32, n: mi.UInt32) -> SmoothCells:
         """Give cells s of facets cut n-fold, UInt32 (R,) each."""
         lib = self.lib
         a, b, c = self.corners_of(facet)
@@ -160,27 +164,28 @@ class SmoothFacets:
         return SmoothCells(point=a + middle, corners=corners, flat=flat, places=places, normal=normal, facet=facet,
                            area=0.5 * twice / (cuts * cuts))
 
-    def bend_of(self, facet, active=True):
+    def bend_of(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Float]:
         """κ of the three edges of facets, Float (R,) [m]."""
         row = dr.gather(self.lib.Array4f, self._bend, facet, active)
         return [row[0], row[1], row[2]]
 
-    def normals_of(self, facet, active=True):
+    def normals_of(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Vector3f]:
         """Normals of the surface at the three corners of facets, Vector3f (R,)."""
         rows = (dr.gather(self.lib.Array4f, self._normals, 3 * facet + i, active) for i in range(3))
         return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
 
-    def flat_normal(self, facet):
+    def flat_normal(self, facet: mi.UInt32) -> mi.Vector3f:
         """Normals of the facets themselves, Vector3f (R,)."""
         a, b, c = self.corners_of(facet)
         return dr.normalize(dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a)))
 
-    def height(self, facet, u, v):
+    def height(self, facet: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Float:
         """How far the bent surface lies over the facet, to the side of its normal [m]."""
         bend = self.bend_of(facet)
         return bend[0] * (1 - u - v) * u + bend[1] * u * v + bend[2] * v * (1 - u - v)
 
-    def barycentric(self, facet, point, offsets):
+    def barycentric(self, facet: mi.UInt32, point: dr.ArrayBase,
+                    offsets: Sequence[mi.Vector3f]) -> list[tuple[mi.Float, mi.Float]]:
         """Barycentric coordinates (u, v) of `point` + each of `offsets` [m] in facets."""
         a, b, c = self.corners_of(facet)
         e, f, w = mi.Vector3f(b - a), mi.Vector3f(c - a), mi.Vector3f(point - a)
@@ -189,12 +194,12 @@ class SmoothFacets:
         products = [(dr.dot(w + offset, e), dr.dot(w + offset, f)) for offset in offsets]
         return [((ff * we - ef * wf) * scale, (ee * wf - ef * we) * scale) for we, wf in products]
 
-    def facts(self, facet):
+    def facts(self, facet: mi.UInt32) -> tuple[mi.ShapePtr, mi.UInt32, mi.UInt32]:
         """Shape, primitive and label of facets."""
         row = dr.gather(self.lib.Array4u, self._facts, facet)
         return dr.reinterpret_array(mi.ShapePtr, row[0]), row[1], row[2]
 
-    def normals_at(self, facet, point, offsets):
+    def normals_at(self, facet: mi.UInt32, point: dr.ArrayBase, offsets: Sequence[mi.Vector3f]) -> list[mi.Vector3f]:
         """Normals of the surface that facets stand for, Vector3f (R,), at `point` + each of `offsets` [m].
 
         Linear between those of the corners: the side is that the facet's corners run round counter-clockwise.
@@ -202,7 +207,8 @@ class SmoothFacets:
         a, b, c = self.normals_of(facet)
         return [dr.normalize(a + (b - a) * u + (c - a) * v) for u, v in self.barycentric(facet, point, offsets)]
 
-    def of(self, shape, primitive, point, active):
+    def of(self, shape: mi.ShapePtr, primitive: mi.UInt32, point: dr.ArrayBase,
+           active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Facet of hits, and whether what they hit is smooth."""
         registry = dr.reinterpret_array(mi.UInt32, shape)
         active = active & (registry < self._registry)
@@ -217,7 +223,8 @@ class SmoothFacets:
         return dr.select(gridded & (beyond | (dr.squared_norm(e) < 1e-16)), facet + 1, facet), smooth
 
 
-def too_coarse(corner, wavelength, bend=0.0):
+def too_coarse(corner: np.ndarray, wavelength: float,
+               bend: np.ndarray | float = 0.0) -> tuple[float, float] | None:
     """Where a mesh stands for a bent surface, but not finely enough for a wavelength.
 
     The sagitta of two neighbours is l a / 8: l their mean height over the edge they share, a the angle between them;
@@ -256,7 +263,7 @@ def too_coarse(corner, wavelength, bend=0.0):
     return float(sagitta[worst]), float(np.sqrt(height[worst] / angle[worst] * wavelength / 2))
 
 
-def warn_where_too_coarse(geometry, wavelength):
+def warn_where_too_coarse(geometry: Geometry, wavelength: float) -> None:
     """Say which smooth meshes are too coarse for a wavelength [m], one sentence each."""
     vertices = faces = None
     for _, shape, first, count in geometry.meshes:

@@ -1,32 +1,39 @@
 """Kirchhoff's integral over cells of bent surfaces, part by part.
 
-A cell is lit as a whole, along one ray, and heard along one; over it the bent surface is cut into m² parts so small
-that a phase is linear over each and no angle is left at which they act as a grating:
+Sound meets a cell as a whole along one ray, and goes back along one. Over the cell the bent surface is cut into m²
+parts so small that a phase is linear over each and no angle is left at which they act as a grating:
 
     <n·u e^iφ> = (1/m²) Σ_j ½ (n_j·u_s + n_j·u_r) <e^iφ>_j,    φ = -k (|x - s| - |x_c - s| + |x - r| - |x_c - r|)
 
 s and r where the wave comes from and goes to, at the radius of its curvature behind the cell's middle x_c; n_j the
-surface's own normal in the middle of part j, which counts where it is lit and heard (`smooth_facets` on heights and
-normals, `scattering.facets` on the means).
+surface's own normal in the middle of part j, which counts where both s and r see it (`facets` on heights and normals,
+`scattering.facets` on the means).
 """
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 import drjit as dr
 import mitsuba as mi
 
 from ...scattering.facets import phase_mean
 from ..cells import place
+from .facets import SmoothCells, SmoothFacets
 
 __all__ = ["further", "mean_sent_back"]
 
 CORNERS = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
 
 
-def further(offset, direction, radius):
+def further(offset: mi.Vector3f, direction: mi.Vector3f, radius: mi.Float) -> mi.Float:
     """How much further a spherical wave of a radius [m] along `direction` has come at `offset` [m] from its middle."""
     twice = 2 * radius * dr.dot(direction, offset) + dr.squared_norm(offset)
     return twice / (dr.sqrt(dr.maximum(radius * radius + twice, 0)) + radius)
 
 
-def mean_sent_back(facets, cells, parts, ways, wavenumber, active):
+def mean_sent_back(facets: SmoothFacets, cells: SmoothCells, parts: mi.UInt32,
+                   ways: Sequence[tuple[mi.Vector3f, mi.Float]], wavenumber: mi.Float,
+                   active: mi.Bool) -> tuple[mi.Float, mi.Float]:
     """Mean of n·u e^iφ over cells, from one place to another.
 
     Parameters

@@ -1,12 +1,13 @@
 """Echoes of smooth surfaces: coherent, from cells so small that phases are linear over them, corners included.
 
-A cell of a facet is lit like a scatterer, along its own bent ray, and sends back (`scattering.facets`)
+A cell of a facet is seen like a scatterer, along its own bent ray, and sends back (`scattering.facets`)
 
-    e = √(g_out g_back) (ik/4π) R (n·u_s + n·u_r) S <e^iφ>,    g = (c_h / c_0) 10^(-ᾱ L / 10) / A
+    e = √(g_out g_back) (ik/4π) R (n·u_s + n·u_r) S <e^iφ>
 
-S its area, φ the phases at its corners: by how much further they are than the cell's centroid, out and back, for
-spherical waves of the radius √A; symbols as in `signal.echoes`. Neighbours' phases meet at their corners. Cells are as
-small as the curvature of the waves, the array's size and the range resolution ask for where they are seen from.
+g the gains of its legs (`sonar_equation`), S its area, φ the phases at its corners: by how much further they are than
+the cell's centroid, out and back, for spherical waves of the radius √A, A the leg's spreading area. Neighbours' phases
+meet at their corners. Cells are as small as the curvature of the waves, the array's size and the range resolution ask
+for where they are seen from.
 
 Sound goes on from a lit cell as a tube: its corners are mirrored each at the surface's own normal there, as geometrical
 optics has it, until they meet the next smooth facet. There the tube's footprint sends back as a cell does, S its area,
@@ -16,7 +17,10 @@ a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE T
 
 Under a flat surface all of it is seen straight and by way of the mirror (`sights`).
 """
-from dataclasses import dataclass, fields
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -25,9 +29,12 @@ import numpy as np
 from ...device.arrays import arrays_of, upload
 from ...scattering.facets import phase_mean
 from ...scene.materials import reflection
-from ...tracing.connection import LIFT
+from ...tracing.hits import Hits
+from ...tracing.occlusion import LIFT
+from ...tracing.tracer import Sources
 from ..cells import divisions
 from ..record import Echoes, Leg
+from ..sights import Sights
 from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
 from .kirchhoff import further, mean_sent_back
@@ -54,21 +61,22 @@ STRONGEST_FOCUS = 1e4              # ratio of power densities along a tube: beyo
 class _Tube:
     """Sound between two facets, or between sonar and facet, where it meets a facet; one an entry."""
 
-    active: object
-    place: object                  # number of the ping
-    facet: object
-    point: object                  # of its middle [m]
-    corners: list                  # of its footprint, from there [m]
-    ways: list                     # how much further the corners have come than the middle [m]
-    directions: list               # of the middle and of the corners
-    area: object                   # of the footprint [m²]
-    pressure: object               # at the footprint
-    reflected: tuple               # product of reflection coefficients so far
-    between: object                # from the first facet on [s]
+    active: mi.Bool
+    place: mi.UInt32               # number of the ping
+    facet: mi.UInt32
+    point: dr.ArrayBase            # of its middle [m]
+    corners: list[mi.Vector3f]     # of its footprint, from there [m]
+    ways: list[mi.Float]           # how much further the corners have come than the middle [m]
+    directions: list[mi.Vector3f]  # of the middle and of the corners
+    area: mi.Float                 # of the footprint [m²]
+    pressure: mi.Float             # at the footprint
+    reflected: tuple[mi.Float, mi.Float]    # product of reflection coefficients so far
+    between: mi.Float64            # from the first facet on [s]
     out: Leg
 
-    def chosen(self, index):
-        return _Tube(**{field.name: _picked(getattr(self, field.name), index) for field in fields(self)})
+    def chosen(self, index: mi.UInt32) -> _Tube:
+        """The tubes with these numbers."""
+        return _Tube(**{name: _picked(value, index) for name, value in vars(self).items()})
 
 
 def _picked(value, index):
@@ -84,7 +92,6 @@ class SmoothTargets:
     ----------
     sights : Sights
         How they are seen; its bounces are the most facets, and mirrors, that an echo may have met.
-    tracer : trace.Tracer
     frequency : float [Hz]
     resolution : float [m]
         c / 2B: what ranges are told apart.
@@ -96,29 +103,31 @@ class SmoothTargets:
         Range beyond which nothing matters.
     """
 
-    def __init__(self, sights, tracer, *, frequency, resolution, reach, farthest, drift=0.0):
-        self.sights, self.tracer, self.loss_db = sights, tracer, sights.loss_db
+    def __init__(self, sights: Sights, *, frequency: float, resolution: float, reach: float, farthest: float,
+                 drift: float = 0.0):
+        self.sights, self.geometry, self.water = sights, sights.geometry, sights.water
         self.lib = arrays_of(mi.Float)
         self.frequency, self.bounces = float(frequency), sights.max_depth
         self.resolution, self.reach, self.farthest = float(resolution), float(reach), float(farthest)
         self.drift = float(drift)
-        profile, geometry = self.tracer.profile, self.tracer.geometry
-        slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
+        slowest = float(np.min(self.water.profile.at(np.linspace(*self.geometry.depth_range, 9))))
         self.wavelength = slowest / self.frequency
-        warn_where_too_coarse(geometry, self.wavelength)
-        self.facets = SmoothFacets(geometry, self.wavelength)
+        warn_where_too_coarse(self.geometry, self.wavelength)
+        self.facets = SmoothFacets(self.geometry, self.wavelength)
         self.turn_rate = dr.opaque(mi.Float, 2 * np.pi * self.frequency)
         self.longest = dr.opaque(self.lib.Float64, self.farthest / slowest)
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
         return len(self.facets) > 0
 
-    def __call__(self, sources, origins, source, choose=None):
-        """Light the surfaces.
+    def echoes(self, sources: Sources, origins: np.ndarray, source: np.ndarray,
+               choose: Callable[[int, np.ndarray, np.ndarray], np.ndarray] | None = None,
+               ) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
+        """Ensonify the surfaces.
 
         Parameters
         ----------
-        sources : trace.Sources
+        sources : Sources
         origins : (P, 3) [m]
             NumPy; where sound leaves from.
         source : (P,) uint32
@@ -145,7 +154,7 @@ class SmoothTargets:
             if self.sights.mirror and self.bounces > 2:
                 yield from self._several(sources, place, choose, True)
 
-    def edges(self, origin):
+    def edges(self, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Longest side of cells of every facet as seen from an origin (3,), (F,) [m], and which facets may be."""
         facets = self.facets
         towards = facets.centre - origin
@@ -201,8 +210,8 @@ class SmoothTargets:
         path = {0: "b", 1: "bs", 2: "sbs"}[there + back]
         for number, facet, s, n, parts in self._blocks(places, False, choose, {there, back}):
             cells = self.facets.cells(facet, s, n)
-            origin, source = places(number)
-            sights = [self.sights(sources, origin, source, cells.point, cells.normal, folded=folded)
+            origin, source = places.at(number)
+            sights = [self.sights.see(sources, origin, source, cells.point, cells.normal, folded=folded)
                       for folded in sorted({there, back})]
             ways = [sight.way for sight in sights]
             active = mi.Bool(True)
@@ -214,7 +223,7 @@ class SmoothTargets:
             mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
             gain = sights[0].gain if len(sights) == 1 else pressure_along_legs(1.0, sights[0].gain, sights[1].gain)
             pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
-            # what is not specular is told by both angles: the same both ways
+            # off the specular direction the mean of both angles' coefficients: the same both ways
             factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
                        for way, (direction, _) in zip(ways, waves)]
             factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
@@ -227,8 +236,8 @@ class SmoothTargets:
         """Echoes of more facets, of tubes that start straight or by way of the mirror."""
         for number, facet, s, n, _ in self._blocks(places, True, choose, {folded}):
             cells = self.facets.cells(facet, s, n)
-            origin, source = places(number)
-            sight = self.sights(sources, origin, source, cells.point, cells.normal, folded=folded)
+            origin, source = places.at(number)
+            sight = self.sights.see(sources, origin, source, cells.point, cells.normal, folded=folded)
             way = sight.way
             direction, radius = way.arrival_direction, dr.sqrt(way.spreading_area)
             tube = _Tube(
@@ -244,10 +253,10 @@ class SmoothTargets:
                 tube = self._on(sources, tube, way)
                 if tube is None:
                     break
-                origin, source = places(tube.place)
+                origin, source = places.at(tube.place)
                 normal, path, ends = self.facets.flat_normal(tube.facet), path + "b", {}
                 for back in (False, True)[:1 + (self.sights.mirror and len(path) + folded < self.bounces)]:
-                    ends[back] = self.sights(sources, origin, source, tube.point, normal, folded=back)
+                    ends[back] = self.sights.see(sources, origin, source, tube.point, normal, folded=back)
                 way = ends[False].way
                 tube = self._reflected(tube, way.sound_speed)
                 for back, sight in ends.items():
@@ -262,17 +271,16 @@ class SmoothTargets:
         """Reflection coefficient for sound that comes along `direction`."""
         shape, primitive, _ = self.facets.facts(facet)
         normal = self._normal(facet, point)
-        hits = _Hits(point=point, normal=dr.select(dr.dot(normal, direction) > 0, -normal, normal),
-                     arrival_direction=direction, sound_speed=sound_speed, shape=shape, primitive=primitive,
-                     uv=dr.zeros(mi.Point2f, dr.width(primitive)))
+        hits = Hits.on_surface(valid=active, point=point, normal=normal, arrival_direction=direction,
+                               sound_speed=sound_speed, shape=shape, primitive=primitive,
+                               uv=dr.zeros(mi.Point2f, dr.width(primitive)))
         return reflection(hits, active, self.frequency)
 
     def _reflected(self, tube, sound_speed):
         """The tube with the coefficient of the facet it meets."""
         real, imaginary = self._coefficient(tube.facet, tube.point, tube.directions[0], sound_speed, tube.active)
         a, b = tube.reflected
-        changed = {"reflected": (a * real - b * imaginary, a * imaginary + b * real)}
-        return _Tube(**{field.name: getattr(tube, field.name) for field in fields(tube)} | changed)
+        return replace(tube, reflected=(a * real - b * imaginary, a * imaginary + b * real))
 
     def _sent_back(self, tube, sight, path, sign):
         """What the footprints of tubes send back to where they are seen from."""
@@ -300,7 +308,7 @@ class SmoothTargets:
         active = tube.active & (dr.dot(side, directions[0]) > FLATTEST)
         ray = mi.Ray3f(mi.Ray3f(mi.Point3f(tube.point) + LIFT * side, directions[0]),
                        dr.opaque(mi.Float, self.farthest))
-        met = self.tracer.geometry.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        met = self.geometry.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         active &= met.is_valid() & (met.instance == None)    # noqa: E711  (element-wise)
         wide = self.lib.Array3f64
         facet, smooth = self.facets.of(met.shape, met.prim_index, wide(ray.o) + wide(ray.d) * self.lib.Float64(met.t),
@@ -333,12 +341,13 @@ class SmoothTargets:
         area = 0.5 * dr.norm(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
         # power in the tube: its cross-section before and after
         widening = area * abs(steep) / dr.maximum(tube.area * abs(dr.dot(side, direction)), 1e-30)
-        loss_db = 0.5 * self.loss_db(mi.Float(-height), mi.Float(-point.z), short, dr.zeros(mi.Float, dr.width(short)))
+        loss_db = 0.5 * self.water.direct.loss_db(mi.Float(-height), mi.Float(-point.z), short,
+                                                  dr.zeros(mi.Float, dr.width(short)))
         pressure = tube.pressure * dr.sqrt(absorbed(loss_db) / dr.maximum(widening, 1 / STRONGEST_FOCUS))
         tube = _Tube(active=active & (area > 0), place=tube.place, facet=facet, point=point, corners=corners, ways=ways,
                      directions=directions, area=area, pressure=pressure, reflected=tube.reflected,
                      between=tube.between + length / speed, out=tube.out)
-        dr.eval({field.name: getattr(tube, field.name) for field in fields(tube) if field.name != "out"})
+        dr.eval({name: value for name, value in vars(tube).items() if name != "out"})
         return tube
 
 
@@ -361,19 +370,6 @@ def _sent(place, label, out, back, between, amplitude, path, active):
                echoes.chosen(index).evaluated())
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Hits:
-    """Footprints as `materials` looks at hits."""
-
-    point: object
-    normal: object
-    arrival_direction: object
-    sound_speed: object
-    uv: object
-    shape: object
-    primitive: object
-
-
 class _Places:
     """Where sound leaves from: look-ups by number."""
 
@@ -383,7 +379,8 @@ class _Places:
         self._source = upload(mi.UInt32, np.asarray(source, np.uint32))
         dr.eval(self._origin, self._source)
 
-    def __call__(self, number):
+    def at(self, number: mi.UInt32) -> tuple[dr.ArrayBase, mi.UInt32]:
+        """Place, Array3f64 (R,) [m], and index of the source."""
         row = dr.gather(self.lib.Array4f64, self._origin, number)
         return self.lib.Array3f64(row[0], row[1], row[2]), dr.gather(mi.UInt32, self._source, number)
 

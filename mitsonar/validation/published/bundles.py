@@ -90,11 +90,11 @@ def send(survey, offset, launch_angle):
     origin = survey.track.position[0] + np.asarray(offset, float) @ rotation.T
     direction = np.stack([np.zeros_like(launch_angle), np.cos(launch_angle), np.sin(launch_angle)], -1) @ rotation.T
     reach = 0.55 * survey.time[-1] * float(np.max(survey.profile.sound_speed))
-    tracer = Tracer(survey.geometry, survey.profile, max_range=reach)
+    tracer = Tracer(survey.geometry, survey.water, max_range=reach)
     depth, source = np.unique(-origin[:, 2], return_inverse=True)
-    hits = tracer(tracer.sources(depth), lib.Array3f64(*(upload(lib.Float64, column) for column in origin.T)),
-                  upload(mi.UInt32, source.astype(np.uint32)),
-                  mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)))
+    start = lib.Array3f64(*(upload(lib.Float64, column) for column in origin.T))
+    hits = tracer.trace(tracer.sources(depth), start, upload(mi.UInt32, source.astype(np.uint32)),
+                        mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)))
     strength, sin_grazing = scattering_strength(hits, hits.valid, survey.frequency)
     intensity = strength / (dr.maximum(sin_grazing, 1e-6) * hits.spreading_area)
     met = hits.valid.numpy()
