@@ -102,7 +102,8 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
         r1, z1 = mi.Float(r + advance), mi.Float(z2)
         a = mi.Point3f(dr.fma(r0, heading.x, start.x), dr.fma(r0, heading.y, start.y), -z0)
         b = mi.Point3f(dr.fma(r1, heading.x, start.x), dr.fma(r1, heading.y, start.y), -z1)
-        ray, long_enough = segment(a, b)
+        # chords end at the layers' edges, and one that ends on a flat bed there must not pass it by a rounding
+        ray, long_enough = segment(a, b, LIFT)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active & long_enough)
         valid = pi.is_valid() & active & long_enough
         going = active & ~valid

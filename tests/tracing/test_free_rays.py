@@ -64,3 +64,25 @@ def test_what_hangs_from_the_surface_hides_the_way_by_it(variant, profile, top, 
     start, end, none = wide([[0], [0], [-10]]), wide([[0], [20], [-10]]), mi.Vector3f(0, 0, 0)
     assert bool(dr.all(free.join(start, none, end, none).free)) is direct
     assert bool(dr.all(free.join(start, none, end, none, folded=True).free)) is folded
+
+
+@pytest.mark.parametrize("profile", [([0.0], [1500.0]), SUMMER])
+def test_free_rays_meet_what_the_rays_of_a_source_meet(variant, rng, profile):
+    """From the same place in the same directions, within 2 mm: a free ray's chords lie so far off, and what follows it.
+
+    The bed lies where a layer of the summer's water ends, where chords end, too: none slips through.
+    """
+    tracer = traced({"bed": {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([0, 0, -40]).scale(
+        [300, 300, 1])}}, profile)
+    angle, azimuth = np.radians(rng.uniform(8, 80, 500)), rng.uniform(0, 2 * np.pi, 500)
+    direction = mi.Vector3f(*(mi.Float(axis.astype(np.float32)) for axis in (
+        np.cos(angle) * np.cos(azimuth), np.cos(angle) * np.sin(azimuth), -np.sin(angle))))
+    origin = wide([[0], [0], [-10]])
+    known = tracer.trace(tracer.sources([10.0]), origin, mi.UInt32(0), direction)
+    start = origin + dr.zeros(type(origin), 500)
+    free = FreeRays(tracer).hit(start, mi.Vector3f(0, 0, 0), direction)
+    assert known.valid.numpy().all() and free.valid.numpy().all()
+    np.testing.assert_allclose(free.point.numpy(), known.point.numpy(), atol=2e-3)
+    np.testing.assert_allclose(free.travel_time.numpy(), known.travel_time.numpy(), atol=2e-3 / 1490)
+    np.testing.assert_allclose(free.arrival_direction.numpy(), known.arrival_direction.numpy(), atol=2e-5)
+    assert np.isnan(free.spreading_area.numpy()).all()
