@@ -6,7 +6,7 @@ What is asked of hits is a `Meeting`, as `tracing.hits.Hits` are. Materials are 
 from __future__ import annotations
 
 import re
-from typing import Protocol
+from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -127,7 +127,8 @@ def _check_kind(shape, material, inside):
 def _check_texture(shape, texture):
     """A texture that finds nothing to read at a shape is 0 there, and would pass for a parameter."""
     if texture.class_name() == "MeshAttribute":
-        name = re.search(r'name = "(.*?)"', str(texture))[1]
+        found = re.search(r'name = "(.*?)"', str(texture))
+        name = found[1] if found else ""
         if not np.any(shape.has_attribute(name)):
             raise ValueError(f'a texture of {_name(shape)} reads the mesh attribute "{name}", which this shape does '
                              'not have; in a PLY file, face_mud is the property "mud_1" of the faces, vertex_mud of '
@@ -157,12 +158,12 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tup
     """
     si = _interaction(hits, active)
 
-    def strength(material, si, frequency, sound_speed, active):
+    def backwards(material, si, frequency, sound_speed, active):
         return _strength(material, si, si.wi, frequency, sound_speed, active)
 
-    strength = dr.dispatch(hits.shape.bsdf(), strength, si, dr.opaque(mi.Float, frequency),
+    strength = dr.dispatch(hits.shape.bsdf(), backwards, si, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), active)
-    return strength, mi.Frame3f.cos_theta(si.wi)
+    return strength, mi.Float(mi.Frame3f.cos_theta(si.wi))
 
 
 def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
@@ -179,7 +180,7 @@ def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
     seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
     strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), seen)
-    return dr.select(seen, strength, 0), mi.Frame3f.cos_theta(si.wi)
+    return dr.select(seen, strength, 0), mi.Float(mi.Frame3f.cos_theta(si.wi))
 
 
 def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
@@ -250,7 +251,7 @@ def _strength(material, si, wo, frequency, sound_speed, active):
 def _interaction(hits, active):
     """The hits as Mitsuba's materials want them."""
     frame = mi.Frame3f(hits.normal)
-    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(hits.normal))
+    si: Any = dr.zeros(mi.SurfaceInteraction3f, dr.width(hits.normal))
     si.t = dr.select(active, 1.0, dr.inf)
     si.p = mi.Point3f(hits.point)
     si.n, si.sh_frame, si.uv = hits.normal, frame, hits.uv
