@@ -103,10 +103,10 @@ class Ensonification:
         Yields
         ------
         Echoes
-            Block by block; point targets and smooth surfaces come after cells, and last what is `drawn`.
+            Block by block; point targets and smooth surfaces come after cells, and `random_echoes` last.
         """
-        yield from self.lit(origin, rotation, depth_below, key)
-        yield from self.drawn(origin, rotation, depth_below, key)
+        yield from self.scatterer_echoes(origin, rotation, depth_below, key)
+        yield from self.random_echoes(origin, rotation, depth_below, key)
 
     def stretches(self, origin: np.ndarray) -> list[tuple[str, tuple, int]]:
         """Cells within reach of a source: triples of path, `Scatterers.stretches` and how many there are."""
@@ -118,13 +118,13 @@ class Ensonification:
             cells = int(stretches[2].sum())
             if cells > MOST_CELLS:
                 raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping, and {MOST_CELLS:.0e} is "
-                                 "the most; take larger cells, a shorter range, or let rays light them")
+                                 "the most; take larger cells, a shorter range, or let rays find them")
             found.append((path, stretches, cells))
         return found
 
-    def lit(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
-            progress: Callable[[float], object] | None = None) -> Iterator[Echoes]:
-        """Echoes of scatterers alone, whose phases are their own: the same from wherever they are ensonified.
+    def scatterer_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
+                         progress: Callable[[float], object] | None = None) -> Iterator[Echoes]:
+        """Echoes of scatterers, whose phases are their own: the same from wherever they are ensonified.
 
         `progress` is called with the share of the cells that are done, from 0 to 1, block by block.
         """
@@ -154,8 +154,9 @@ class Ensonification:
             yield echoes
         yield from self.ghosts.overhead(sources, start)
 
-    def drawn(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int) -> Iterator[Echoes]:
-        """Echoes of more bounces and of the water: by chance, and others from every source."""
+    def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
+                      key: int) -> Iterator[Echoes]:
+        """Echoes of more bounces and of the water, which are drawn by chance: other ones from every source."""
         sources, start = self._source(origin)
         if self.ghosts.bounces is not None:
             rays = self.drawn_rays.draw(start, rotation, depth_below, key)
@@ -169,7 +170,7 @@ class Ensonification:
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
     def _echoes(self, sources, origin, rotation, facet, s, path, brought=None):
-        """Echoes of cells, lit by connecting them, or with the energies and areas (R,) that rays have brought."""
+        """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought."""
         if self.beams is not None:
             # where the rays leave for: the straight line there may lie in another lobe
             point = self.scatterers.at(facet, s).point
@@ -184,20 +185,20 @@ class Ensonification:
         cells = self.scatterers.at(facet, s)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
                                      occlusion=brought is None)
-        lit = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
+        reached = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
         if brought is not None:
             energy, area = brought
         else:
             area = cells.area
-            strength, sin_grazing = scattering_strength(cells.hits(way), lit, self.frequency)
+            strength, sin_grazing = scattering_strength(cells.hits(way), reached, self.frequency)
             gain = self.sights.along(sources, origin, mi.UInt32(0), cells.point, way).gain
             energy = along_legs(strength * cells.area, gain, gain)
-            lit &= sin_grazing > GRAZING
+            reached &= sin_grazing > GRAZING
         root = dr.sqrt(dr.maximum(energy, 0))
-        lit &= (root > 0) & dr.isfinite(root)
+        reached &= (root > 0) & dr.isfinite(root)
         leg = Leg.along(way, origin, cells.point)
-        yield from Echoes(out=leg, back=leg, between=dr.zeros(mi.Float64, dr.width(lit)), energy=energy, path=path,
-                          amplitude=(root * cells.amplitude[0], root * cells.amplitude[1])).where(lit)
+        yield from Echoes(out=leg, back=leg, between=dr.zeros(mi.Float64, dr.width(reached)), energy=energy, path=path,
+                          amplitude=(root * cells.amplitude[0], root * cells.amplitude[1])).where(reached)
         if path == "b":
             yield from self.ghosts.of_cells(sources, origin, way, cells, area)
 

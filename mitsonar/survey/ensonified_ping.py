@@ -63,7 +63,7 @@ class EnsonifiedPing:
             position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
             self._sources[number] = PingSource(
                 position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
-                travel=self.survey.travel(self.ping, position), water=self.survey.water.layers)
+                travel=self.survey.travel(self.ping, position), water=self.survey.water)
         return self._sources[number]
 
     def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
@@ -94,5 +94,5 @@ class EnsonifiedPing:
         key = ping_key(self.seed, self.ping, max(number, 0))
         below = float(self.survey.depth_below[self.ping])
         if number == BY_CHANCE:
-            return self.ensonification.drawn(source.origin, source.rotation, below, key)
-        return self.ensonification.lit(source.origin, source.rotation, below, key, progress=progress)
+            return self.ensonification.random_echoes(source.origin, source.rotation, below, key)
+        return self.ensonification.scatterer_echoes(source.origin, source.rotation, below, key, progress=progress)

@@ -69,7 +69,7 @@ def test_a_wall_that_mirrors_first_last_and_between(variant):
     ensonification = PressureRecord(survey).ensonification
     found, keys = {True: 0, "last": 0, False: 0}, 12
     for key in range(keys):
-        for echoes in ensonification.drawn(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
+        for echoes in ensonification.random_echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
             if echoes.path == "bbb":
                 half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
                 energy = echoes.energy.numpy().astype(float) / keys

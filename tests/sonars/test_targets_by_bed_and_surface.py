@@ -47,7 +47,7 @@ def test_elements_hear_point_targets_by_way_of_the_bed(variant, targets):
     ensonification = PressureRecord(survey).ensonification
     found, keys = 0, 4
     for key in range(keys):
-        for echoes in ensonification.drawn(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
+        for echoes in ensonification.random_echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
             assert echoes.path == "bb"
             half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
             found = found + np.histogram(half, edges, weights=echoes.energy.numpy().astype(float))[0] / keys
@@ -135,7 +135,7 @@ def test_a_flat_surface_straight_above_is_heard_half_from_either_side(variant, r
 
 def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
     """As a point of its strength where both ways halve their angle, and no element hears another level or sign."""
-    monkeypatch.setattr("mitsonar.echoes.ensonification.Ensonification.drawn", nothing)
+    monkeypatch.setattr("mitsonar.echoes.ensonification.Ensonification.random_echoes", nothing)
     centre, radius, sonar = np.array([0.0, 36.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     ball = {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": {"type": "rigid"}}
     line = {"receive": "line", "receive_elements": 3, "receive_pitch": 0.2, "start": list(sonar)}
@@ -159,10 +159,10 @@ def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
 
 
 def pressures(scene):
-    """Complex sums of what is lit, by path and by which of the ways out and back go by the mirror."""
+    """Complex sums of the echoes of scatterers, by path and by which of the ways out and back go by the mirror."""
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    out = {}
-    for echoes in PressureRecord(survey).ensonification.lit(survey.track.position[0], np.eye(3), 10.0, 0):
+    out, ensonification = {}, PressureRecord(survey).ensonification
+    for echoes in ensonification.scatterer_echoes(survey.track.position[0], np.eye(3), 10.0, 0):
         cycles = survey.frequency * (echoes.arrival + echoes.back.travel_time).numpy()
         z = (echoes.amplitude[0].numpy() + 1j * echoes.amplitude[1].numpy()) * np.exp(-2j * np.pi * cycles)
         kind = echoes.path, echoes.out.folded, echoes.back.folded

@@ -33,7 +33,7 @@ class EigenrayDelays(ElementDelays):
         factor, first, towards = dr.opaque(mi.Float, weight), echoes.out.travel_time, echoes.out.launch_direction
         if self.stands_off(element):
             offset = opaque64(way_out.offsets(transmit)[element])
-            first, towards = exact_return(way_out.table, lib, dr.opaque(lib.Float64, way_out.depth), echoes.out.offset,
+            first, towards = exact_return(way_out.layers, lib, dr.opaque(lib.Float64, way_out.depth), echoes.out.offset,
                                           mi.Float64(0), offset, REST, first)
             factor = factor * lib.Float(echoes.out.travel_time / first)
         if not omni(transmit):
@@ -41,12 +41,12 @@ class EigenrayDelays(ElementDelays):
         # ---- back to the source, and from there a guess for each receive element
         place, out = echoes.back.offset, first + echoes.between
         amplitude = tuple(part * factor for part in echoes.amplitude)
-        middle, _ = exact_return(view.table, lib, depth, place, out, opaque64(np.zeros(3)), travel,
+        middle, _ = exact_return(view.layers, lib, depth, place, out, opaque64(np.zeros(3)), travel,
                                  echoes.back.travel_time)
         dr.eval(out, amplitude, middle)
         for row in range(receive.elements)[rows]:
             offset = opaque64(view.offsets(receive)[row])
-            back, towards = exact_return(view.table, lib, depth, place, out, offset, travel, middle)
+            back, towards = exact_return(view.layers, lib, depth, place, out, offset, travel, middle)
             self.counts.count(echoes.count, lost=int(dr.count(dr.isnan(out + back))[0]))
             phase, sample, fraction = self.sampling.place(out + back + late)
             spread = lib.Float(middle / back)

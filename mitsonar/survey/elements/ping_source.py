@@ -5,7 +5,7 @@ water mirrored there. `View` is the one or the other, so that what follows is wr
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,9 +18,10 @@ from ...echoes.record import Echoes, Leg
 from ...propagation.layer_table import LayerTable
 from ...propagation.return_paths import ReturnPaths, return_paths
 from ...propagation.travel import REST, Travel
-from ...propagation.two_point import SourceState, source_state
+from ...propagation.two_point import SourceState
 from ...sonar.array import Array
 from ...sonar.trajectory import PingTravel
+from ...tracing.water import DeviceWater, Medium
 from ...water.profile import SoundSpeedProfile
 
 __all__ = ["PingSource", "View", "opaque", "opaque64"]
@@ -34,7 +35,8 @@ class View:
 
     Attributes
     ----------
-    table : LayerTable
+    medium : Medium
+        The water, or the water unfolded about the surface.
     state : SourceState
         Of the source's depth.
     depth : float [m]
@@ -51,7 +53,7 @@ class View:
         Its largest vertical speed meanwhile.
     """
 
-    table: LayerTable
+    medium: Medium
     state: SourceState
     depth: float
     position: np.ndarray
@@ -61,12 +63,17 @@ class View:
     climb: float
 
     @property
+    def layers(self) -> LayerTable:
+        """Layers of the water that is seen."""
+        return self.medium.layers
+
+    @property
     def profile(self) -> SoundSpeedProfile:
-        """Sound speed of the water that is seen."""
-        return self.table.profile
+        """Its sound speed."""
+        return self.medium.profile
 
     @classmethod
-    def of(cls, travel: PingTravel, table: LayerTable, depth: float, position: np.ndarray, rotation: np.ndarray,
+    def of(cls, travel: PingTravel, medium: Medium, depth: float, position: np.ndarray, rotation: np.ndarray,
            mirror: np.ndarray = np.ones(3)) -> View:
         """See a source from its `PingTravel` of one ping, or its image under the diagonal of a mirror (3,)."""
         # A rotation vector is axial: its image turns the other way, but for the part about the mirror's normal.
@@ -75,8 +82,8 @@ class View:
         powers = np.arange(1, len(d) + 1)
         on_device = Travel(displacement=tuple(map(opaque64, d)), turn=tuple(map(opaque64, r)),
                            duration=dr.opaque(mi.Float64, travel.duration))
-        return cls(table=table, state=source_state(table, np.array([depth])), depth=depth, position=position,
-                   rotation=rotation, travel=on_device, tilt=float(np.linalg.norm(travel.reach(travel.turn)[:2])),
+        return cls(medium=medium, state=medium.at(depth), depth=depth, position=position, rotation=rotation,
+                   travel=on_device, tilt=float(np.linalg.norm(travel.reach(travel.turn)[:2])),
                    climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])))
 
     def offsets(self, array: Array) -> np.ndarray:
@@ -90,7 +97,7 @@ class View:
 
     def carried(self, leg: Leg, method: str, travel: Travel, elapsed: mi.Float64) -> ReturnPaths:
         """Carry echoes along a leg back to the source, which moves; arguments as of `return_paths`."""
-        return return_paths(self.table, self.state, mi.UInt32(0), leg.offset, leg.travel_time, leg.ray_parameter,
+        return return_paths(self.layers, self.state, mi.UInt32(0), leg.offset, leg.travel_time, leg.ray_parameter,
                             leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method,
                             elapsed=elapsed)
 
@@ -108,8 +115,7 @@ class PingSource:
         Body to scene.
     travel : PingTravel
         Of the source, which is carried round the body's origin as the platform turns.
-    water : callable
-        ``water(mirrored)`` gives the `LayerTable` of the water, or of its mirrored twin.
+    water : DeviceWater
 
     Attributes
     ----------
@@ -120,21 +126,21 @@ class PingSource:
     """
 
     def __init__(self, *, position: np.ndarray, centre: np.ndarray, rotation: np.ndarray, travel: PingTravel,
-                 water: Callable[[bool], LayerTable]):
+                 water: DeviceWater):
         self.position, self.rotation, self.travel, self._water = position, rotation, travel, water
         self.origin = centre + rotation @ position
         self.depth = -float(self.origin[2])
-        self.speed = float(water(False).profile.at(self.depth))
+        self.speed = float(water.profile.at(self.depth))
 
     @cached_property
     def direct(self) -> View:
         """The platform and the water as they are."""
-        return View.of(self.travel, self._water(False), self.depth, self.position, self.rotation)
+        return View.of(self.travel, self._water.direct, self.depth, self.position, self.rotation)
 
     @cached_property
     def mirrored(self) -> View:
         """Their image above the surface."""
-        return View.of(self.travel, self._water(True), -self.depth, self.position, UPSIDE_DOWN @ self.rotation,
+        return View.of(self.travel, self._water.folded, -self.depth, self.position, UPSIDE_DOWN @ self.rotation,
                        mirror=np.diag(UPSIDE_DOWN))
 
     def view(self, leg: Leg) -> View:
