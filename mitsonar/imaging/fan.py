@@ -91,8 +91,8 @@ def image(signals: xarray.DataArray, pulse: Pulse, angle: np.ndarray, direction:
     values = signals.values
     if signals["rx_delay"].values.any():                     # receivers that steer: their beams are formed here
         values = delayed(values, -signals["rx_delay"].values, rate, signals.attrs["frequency"])
-    heard = signals.copy(data=matched_filter(values, pulse, rate))
-    beams = delay_and_sum(heard, direction)
+    compressed = signals.copy(data=matched_filter(values, pulse, rate))
+    beams = delay_and_sum(compressed, direction)
     speed = signals.attrs["sound_speed"]
     level = 20 * np.log10(np.maximum(np.abs(beams.values), 10 ** (NOTHING_DB / 20)))
     coords = {name: (value.dims, value.values, value.attrs) for name, value in beams.coords.items()

@@ -246,5 +246,5 @@ def _level(intensity):
 
 
 def _shadow(rays_in_beam, below):
-    heard = (rays_in_beam > 0) & below
-    return (np.logical_or.accumulate(heard, -1) & (rays_in_beam == 0)).astype(np.uint8)
+    lit = (rays_in_beam > 0) & below
+    return (np.logical_or.accumulate(lit, -1) & (rays_in_beam == 0)).astype(np.uint8)

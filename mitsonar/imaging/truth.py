@@ -68,11 +68,11 @@ def shares(intensity: np.ndarray, shown: Callable[[np.ndarray], np.ndarray],
     """
     total = shown(np.asarray(intensity, float))
     if coherent_power is not None:
-        power, heard = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
+        power, combined = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
         # an echo near the edge of its bin lasts into the next, where its power is not counted
-        power = power + np.where(power.sum(-2, keepdims=True) < HALF * heard, _beside(power), 0)
+        power = power + np.where(power.sum(-2, keepdims=True) < HALF * combined, _beside(power), 0)
         whole = power.sum(-2, keepdims=True)
-        total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * heard
+        total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * combined
     whole = total.sum(-2, keepdims=True)
     return np.where(whole > 0, total / np.where(whole > 0, whole, 1), 0).astype(np.float32)
 

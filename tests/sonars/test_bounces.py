@@ -16,6 +16,7 @@ import pytest
 import mitsuba as mi
 import mitsonar
 from mitsonar.io import exr
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030
@@ -26,11 +27,9 @@ def scene(max_depth, *, pings=40, **more):
     T = mi.ScalarTransform4f
     wall = {"type": "rectangle", "bsdf": lambert(-8.0),
             "to_world": T().translate([35, 0, -32.5]).rotate([0, 1, 0], -90).scale([7.5, 200, 1])}
-    made = sidescan({"seabed": bed(40.0, lambert(-10.0)), "wall": wall}, rays=400_000,
+    return sidescan({"seabed": bed(40.0, lambert(-10.0)), "wall": wall}, rays=400_000,
                     sensor={"vertical_beam_width_deg": 180.0, "beam_width_deg": 20.0, "pings": pings, **more},
-                    film={"bins": 100, "range": 80.0})
-    made.integrator().max_depth = max_depth
-    return made
+                    film={"bins": 100, "range": 80.0}, integrator={"max_depth": max_depth})
 
 
 def brute_force(sonar):
@@ -57,7 +56,7 @@ def test_two_bounces_against_brute_force(variant):
     made = scene(2)
     dataset = mitsonar.render(made)
     assert list(dataset["path_name"].values) == ["b", "bb"]
-    expected, error = brute_force(made.sensors()[0].sonar(20.0))
+    expected, error = brute_force(sonar_at(made.sensors()[0], 20.0))
     power = 10 ** (dataset["path_level"].sel(path_name="bb", side="starboard").values.astype(float) / 10)
     gates = np.stack([power[:, g:g + 4].sum(1) for g in GATES])
     spread = gates.std(1, ddof=1) / np.sqrt(gates.shape[1])
@@ -101,5 +100,5 @@ def test_paths_count_in_the_memory_that_a_record_takes(variant, monkeypatch):
     monkeypatch.setattr("mitsonar.survey.limits._memory", lambda: (90 + 13 * 2) * 4 * 2 * 100 + 1)
     with pytest.raises(ValueError, match="4 pings with 2 x 100 bins and 2 paths takes .* fewer pings, bins or bounces"):
         made.integrator().survey(made, made.sensors()[0])
-    made.integrator().max_depth = 1
+    made = scene(1, pings=4)
     made.integrator().survey(made, made.sensors()[0])

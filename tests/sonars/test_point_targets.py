@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mitsonar
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target, sidescan
 
 
@@ -13,7 +14,7 @@ from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_targe
 def test_level_side_and_label_of_a_point_target(variant, where):
     scene = sidescan({"bed": buried_bed(40.0, size=800.0), "ball": point_target(where, -12.0)})
     image = mitsonar.render(scene)
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     offset = np.array(where) - [0, 0, -20]
     distance = np.linalg.norm(offset)
     level = image["mean_level"].values[0]
@@ -49,7 +50,7 @@ def test_element_signals_of_a_sidescan_have_the_level_of_its_picture(variant, wh
     """
     scene = sidescan({"bed": buried_bed(40.0, size=800.0), "ball": point_target(where, -12.0)},
                      integrator={"cell": 4.0})
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     signals = mitsonar.element_signals(scene)
     assert dict(signals.sizes) | {"sample": 0} == {"ping": 1, "tx": 1, "rx": 2, "sample": 0}
     offset = np.array(where) - [0, 0, -20]

@@ -10,13 +10,14 @@ import pytest
 import mitsonar
 from mitsonar.imaging.sidescan import realisation
 from mitsonar.scene.loading import prepare
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import bed, buried_bed, sidescan
 
 RIGID, SILENT = {"type": "rigid"}, -190.0
 
 
 def expected_db(scene, offset, strength_db):
-    sonar, distance = scene.sensors()[0].sonar(20.0), np.linalg.norm(offset)
+    sonar, distance = sonar_at(scene.sensors()[0], 20.0), np.linalg.norm(offset)
     u, down = offset[1] / distance, -offset[2] / distance
     v = down * np.cos(sonar.depression_angle) - abs(offset[0]) / distance * np.sin(sonar.depression_angle)
     beam = sonar.along_intensity(u) * sonar.across_intensity(v)
@@ -72,8 +73,7 @@ def test_dihedral_is_a_path_of_two_bounces(variant):
         matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = 0.5 * a * side[i], [0, 0, 0.5 * b], side[1 - i]
         matrix[:3, 3] = at + 0.5 * a * side[i]
         shapes[f"plate{i}"] = {"type": "rectangle", "to_world": mi.ScalarTransform4f(matrix), "bsdf": RIGID}
-    scene = sidescan(shapes, rays=2000)
-    scene.integrator().max_depth = 2
+    scene = sidescan(shapes, rays=2000, integrator={"max_depth": 2})
     image = mitsonar.render(scene)
     # 40 m are less than the aperture of 0.3 m wants: 0.2 dB of near field
     assert total_db(image, 1) == pytest.approx(expected_db(scene, at + [0, 0, 20], 15.0515), abs=0.5)

@@ -10,6 +10,7 @@ import mitsonar
 import mitsonar.scene.loading
 from mitsonar.imaging.sidescan import pulse_shares
 from mitsonar.io import exr
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALTITUDE, HEIGHT, RANGE = 20.0, 1.5, 40.0          # sonar above the bed, box, ground range of its front
@@ -133,7 +134,7 @@ def test_noise_fills_the_water_column_at_the_level_of_band_and_beam():
     """NL + 10 log BW - DI; the mean of 40,000 exponential values is known to 0.5 %."""
     scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 40, "speckle": True, "noise": True, "noise_level_db": 40.0})
     dataset = mitsonar.render(scene, 5)
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     expected = 40 + 10 * np.log10(1 / sonar.pulse_length) - sonar.directivity_index_db()
     column = 10 ** (dataset["level"].values[..., :150] / 10)
     assert abs(10 * np.log10(column.mean()) - expected) < 0.12
@@ -152,7 +153,7 @@ def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch)
         first = written("a.exr")
         dr.set_thread_count(5)
         assert written("b.exr") == first
-        monkeypatch.setattr("mitsonar.survey.energy.RAYS_PER_BLOCK", 40_000)
+        monkeypatch.setattr("mitsonar.survey.sides.RAYS_PER_BLOCK", 40_000)
         assert written("c.exr") == first
         assert written("d.exr", seed=8) != first
     finally:

@@ -16,6 +16,7 @@ from scipy.integrate import trapezoid
 
 import mitsuba as mi
 
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030
@@ -24,7 +25,7 @@ OMNI = {"vertical_beam_width_deg": 180.0}
 
 def flat_level(scene, dataset, altitude, bins, mu_db=-27.0):
     """Intensity [µPa²] of the bins by the sonar equation integrated over range and azimuth."""
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     azimuth = np.linspace(0, 1, 8001) ** 3 * np.pi / 2               # dense where the beam is
     width = dataset.attrs["bin_width"]
     found = []
@@ -74,7 +75,7 @@ def test_level_follows_refraction_by_the_ray_tube_in_a_constant_gradient():
     scene = sidescan({"seabed": bed(40.0)}, sensor={**OMNI, "pings": 10, "sound_speed": 1500.0},
                      water=water, rays=3_000_000, film={"bins": 200})
     dataset, intensity, _ = render(scene)
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     x = np.linspace(1e-3, 110, 400_001)
     d2 = x * x + 400
     t = np.arccosh(1 + g * g * d2 / (2 * c0 * c1)) / abs(g)
@@ -162,7 +163,7 @@ def test_uneven_beds_match_a_brute_force_integral_within_a_tenth_of_a_decibel(na
     traced = grid(np.arange(-90, 90, 0.02), np.array([-90.0, 90.0]), surface)
     scene = sidescan({"seabed": mesh(traced)}, sensor={"pings": 8}, rays=1_000_000, film={"bins": 200})
     dataset, intensity, _ = render(scene)
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     expected = sum(patches(grid(np.arange(x, x + 5.005, 0.01), y, surface), sonar, np.array([0, 0, -20.0]), 10 ** -2.7,
                            (0.0, 100.0, 200)) for x in np.arange(-65.0, 65.0, 5.0))
     R = dataset["range"].values
@@ -179,7 +180,7 @@ def test_vertical_face_matches_a_brute_force_integral_within_a_tenth_of_a_decibe
     dataset, intensity, _ = render(scene)
     v, w = np.arange(y0, y1 + 1e-9, 0.02), np.linspace(z0, z1, 1201)
     fine = grid(v, w, lambda a, b: 0 * a)[..., [2, 0, 1]] + np.array([x, 0, 0])
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     expected = patches(fine, sonar, np.array([0, 0, -20.0]), 10 ** -2.7, (0.0, 40.0, 160))[1]
     R = dataset["range"].values
     inside = (R > np.hypot(20, 2) + 0.3) & (R < np.hypot(20, 14) - 0.3)

@@ -11,6 +11,7 @@ from scipy.integrate import trapezoid
 
 import mitsonar
 from mitsonar.scattering import backscatter_strength_db
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030
@@ -42,7 +43,7 @@ def ring_level(sonar, height, strength, edges, steps=80):
 
 
 def expected(scene, bins):
-    sonar = scene.sensors()[0].sonar(DEPTH)
+    sonar = sonar_at(scene.sensors()[0], DEPTH)
     edges = np.arange(bins + 1) * 100.0 / bins
     above = ring_level(sonar, DEPTH, lambda angle: 10 ** (backscatter_strength_db(
         "sea_surface", angle, sonar.frequency, wind_speed=WIND) / 10), edges)

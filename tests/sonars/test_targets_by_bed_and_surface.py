@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import mitsonar
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target, sidescan
 from mitsonar.survey.pressure import PressureRecord
 
@@ -61,10 +62,9 @@ def test_a_sidescan_hears_point_targets_by_way_of_the_bed(variant, height):
     scene = sidescan({"bed": bed(40.0, lambert(-10.0)),
                       "ball": {"type": "point_target", "position": list(where), "target_strength_db": -5.0}},
                      sensor={"vertical_beam_width_deg": 180.0, "beam_width_deg": 20.0, "pings": 6}, rays=100_000,
-                     film={"bins": 100, "range": 80.0})
-    scene.integrator().max_depth = 2
+                     film={"bins": 100, "range": 80.0}, integrator={"max_depth": 2})
     image = mitsonar.render(scene)
-    sonar = scene.sensors()[0].sonar(20.0)
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     power = 10 ** (image["path_level"].sel(path_name="bb").values.astype(float) / 10)
     # a flat bed does not light itself, and on the other side there is nothing
     assert power[:, 0].max() < 1e-15
@@ -100,8 +100,8 @@ def test_a_sidescan_hears_targets_by_way_of_the_mirror(variant, monkeypatch):
     scene = sidescan({"bed": buried_bed(200.0, size=800.0), "sea": MIRROR,
                       "point": point_target(centre * [-1, 1, 1], strength_db),
                       "ball": {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": {"type": "rigid"}}},
-                     sensor={"vertical_beam_width_deg": 180.0, "pings": 1, "frequency_khz": 50.0}, rays=400)
-    scene.integrator().max_depth = 3
+                     sensor={"vertical_beam_width_deg": 180.0, "pings": 1, "frequency_khz": 50.0}, rays=400,
+                     integrator={"max_depth": 3})
     image = mitsonar.render(scene)
     ends = [centre - sonar, centre * [1, 1, -1] - sonar]
     # a glint lies where the normal halves the angle between both ways

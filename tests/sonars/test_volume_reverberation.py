@@ -11,6 +11,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 import mitsonar
+from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, sidescan
 from mitsonar.survey.pressure import PressureRecord
 from mitsonar.water.volume import volume_reverberation_db
@@ -22,7 +23,7 @@ def rendered(water, pings=20, rays=40_000):
     scene = sidescan({"seabed": bed(400.0, lambert(-60.0), size=200.0)}, rays=rays, water=water,
                      sensor={"pings": pings, "start": [0.0, 0.0, -200.0]}, film={"bins": 400, "range": 100.0})
     dataset = mitsonar.render(scene)
-    sonar = scene.sensors()[0].sonar(200.0)
+    sonar = sonar_at(scene.sensors()[0], 200.0)
     width = dataset.attrs["bin_width"]
     share = min(1.0, sonar.resolution / width)
     power = 10 ** (dataset["path_level"].sel(path_name="v").values.astype(float) / 10) / share
