@@ -3,6 +3,7 @@ import re
 
 import numpy as np
 import pytest
+from small_scene import spoilt
 
 from mitsonar.cli import main as cli
 from mitsonar.io import signals as netcdf
@@ -127,6 +128,8 @@ def test_a_name_that_is_none_of_netcdf(variant, folder, scene, refusal):
 
 
 def test_the_faces_of_a_sidescan_are_elements_too(variant, folder):
+    coarse = ('value="$rays"/></integrator>', 'value="$rays"/><float name="cell" value="1"/></integrator>')
+    (folder / "scene.xml").write_text(spoilt(coarse), encoding="utf-8")
     assert cli.main(["signals", "scene.xml", "-o", "a.nc", "--ping", "1", "-D", "range=40"]) == 0
     there = netcdf.read("a.nc")
     assert there.sizes["rx"] == 2 and there["ping"].values.tolist() == [1]

@@ -275,23 +275,29 @@ def test_levels_do_not_depend_on_the_variant(variant):
     assert all(np.array_equal(image, first) for image in others)
 
 
-def test_shapes_that_share_a_material_keep_their_labels(tmp_path, scene_file):
+@pytest.fixture
+def two_meshes(scene_file):
+    """The scene with two meshes of one material on its bed."""
     ply = '<shape type="ply" id="{0}"><string name="filename" value="{1}"/><ref id="stone"/></shape>'
     shapes = ('<bsdf type="lambert" id="stone"/>'
               + ply.format("one", SCENES / "meshes/boulder.ply") + ply.format("two", SCENES / "meshes/tyre.ply"))
     scene_file.write_text(TEXT.replace("</scene>", f"{shapes}</scene>"), encoding="utf-8")
-    assert set(mitsonar.render(scene_file).attrs["labels"].values()) == {"bed", "one", "two"}
+    return scene_file
+
+
+def test_shapes_that_share_a_material_keep_their_labels(two_meshes):
+    assert set(mitsonar.render(two_meshes).attrs["labels"].values()) == {"bed", "one", "two"}
 
 
 @pytest.mark.parametrize("ask", [
     lambda mi, scene: mi.render(scene), lambda mi, scene: mitsonar.render(scene),
     lambda mi, scene: mitsonar.element_signals(scene)], ids=["mi.render", "render", "element_signals"])
-def test_meshes_that_mitsuba_merged_are_refused(variant, ask):
+def test_meshes_that_mitsuba_merged_are_refused(variant, two_meshes, ask):
     import mitsuba as mi
 
     from mitsonar.scene.errors import plain
 
-    scene = mi.load_file(str(SCENES / "sidescan_targets.xml"), **{key: str(value) for key, value in SMALL.items()})
+    scene = mi.load_file(str(two_meshes))
     with pytest.raises((ValueError, RuntimeError)) as caught:       # Mitsuba's own verb wraps what a plugin raises
         ask(mi, scene)
     assert "merged meshes of one material in this scene, and their names with them; load it by mitsonar.load_file" in (

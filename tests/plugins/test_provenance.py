@@ -34,7 +34,7 @@ def test_a_scene_that_was_altered_says_so(variant):
     parameters.update()
     image = mitsonar.render(scene)
     assert image.attrs["altered"] == ["boulder.vertex_positions", "sand.strength", "sphere.to_world"]
-    signals = mitsonar.element_signals(mitsonar.load_file("sidescan_flat", range=40, **SMALL))
+    signals = mitsonar.element_signals(mitsonar.load_file("forward_looking", elements=2, range=10, cell=1))
     assert signals.attrs["altered"] == []
 
 
