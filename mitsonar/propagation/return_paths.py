@@ -27,7 +27,8 @@ from .paper_approximation import paper_centre_return
 from .straight_vectors import hit_fields
 from .travel import Travel
 from .two_point import LEVEL, SERIES_LIMIT, PointState, SourceState
-from .vector_approximation import centre_return, expected_error, matched_leg
+from .vector_approximation import expected_error
+from .vector_legs import centre_return, matched_leg
 
 __all__ = ["ReturnPaths", "return_paths"]
 

@@ -26,7 +26,8 @@ from .paper_approximation import published_time
 from .slices import Slices
 from .straight_vectors import dot, straight_delay
 from .turned import BATCH
-from .vector_approximation import corrections, matched_leg
+from .vector_approximation import corrections
+from .vector_legs import matched_leg
 
 __all__ = ["GUARD", "METHODS", "approximate", "leg_integrals", "return_time", "return_time_error"]
 

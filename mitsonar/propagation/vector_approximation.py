@@ -26,7 +26,8 @@ For flatter rays twice the third order and the slice, 2 γ (Δp c_m)³ + |h ε| 
 doubted too: little where water hardly changes or elements lie level. Elsewhere nothing is promised. By reciprocity the
 same with v = 0 gives the delays of transmit elements.
 
-Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields are in scene coordinates, z up.
+`vector_legs` matches the vector to a leg. Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields
+are in scene coordinates, z up.
 """
 from collections.abc import Callable, Sequence
 from typing import Literal
@@ -34,16 +35,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers, Triple
+from ..device.types import Numbers
 from ..water import SoundSpeedProfile
 from .paper_approximation import paper_difference, paper_element_fields
 from .slices import Slices
-from .straight_vectors import (
-    Leg, dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay)
-from .travel import Travel
+from .straight_vectors import dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay
 
-__all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "centre_return", "corrections", "difference_of", "expected_error",
-           "level_difference", "matched_leg", "vector_difference", "vector_element_fields"]
+__all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "corrections", "difference_of", "expected_error", "level_difference",
+           "vector_difference", "vector_element_fields"]
 
 LEVEL = 1e-4               # vertical cosines are kept above this: no division by zero
 FLATTEST = 0.02            # vertical cosine below which the last orders are not trusted
@@ -111,133 +110,9 @@ def corrections(leg_vertical: Numbers, leg_horizontal: Numbers, third: Numbers, 
 
 
 def _at_least(limit: float, array: Numbers) -> Numbers:
-    """Cheaper than maximum, which heeds NaN."""
+    """Give the larger of the two; cheaper than `maximum`, which looks for NaN."""
     return select(array > limit, array, limit)
 
-
-# -------------------------------------------------------------------------------------------------- legs, float64
-
-def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, ray_parameter: Numbers,
-                speed: Numbers) -> Leg:
-    """Match a straight vector to a leg.
-
-    Parameters
-    ----------
-    range_per_parameter, second, third : float64 (H,)
-        Y, E and G of the module's equations. Where E is not positive (a ray beyond its caustic) there is no such
-        vector: the one with the speed of the origin is taken, right to first order alone.
-    ray_parameter : float64 (H,) [s/m]
-    speed : float64 (H,) or float [m/s]
-        Sound speed at the origin.
-
-    Returns
-    -------
-    Leg
-    """
-    y, p, xp = range_per_parameter, ray_parameter, library(ray_parameter)
-    matched = (second > 0) & (y > 0)
-    local = xp.maximum(1 / (speed * speed) - p * p, (LEVEL / speed) ** 2)
-    e = select(matched, second, y / local)
-    g = select(matched, third - e * e / xp.maximum(y, 1e-30), 0.0)
-    speed = xp.sqrt(e / xp.maximum(y + p * p * e, 1e-30))
-    u = xp.sqrt(y / xp.maximum(e, 1e-30))
-    return Leg(y / speed, speed, p * speed, u * speed, 0.5 * g * p**3 / (speed * speed))
-
-
-def centre_return(leg: Leg, travel_time: Numbers, bearing: tuple[Numbers, Numbers], upwards: Numbers, travel: Travel,
-                  slice_to: Callable[[Numbers], tuple[Numbers, Numbers]],
-                  elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
-    """Follow the platform to where the echo meets the array's centre, and match the leg to there.
-
-    Parameters
-    ----------
-    leg : Leg
-        From the hit to the origin.
-    travel_time : float64 (H,) [s]
-        Of the traced ray, origin to hit.
-    bearing : pair of float64 (H,) [-]
-        Horizontal unit vector (x, y) from the origin to the hit.
-    upwards : float64 (H,) [-]
-        +1 where the returning ray comes up to the origin, -1 where it comes down.
-    travel : Travel
-        Of the platform since the ping.
-    slice_to : callable
-        Height above the origin [m] -> mean [s²/m²] and variance [s⁴/m⁴] of 1/c² from the origin to there.
-    elapsed : float64 (H,) [s] or None
-        From the ping to when the hit sends the echo back; None: the travel time.
-
-    Returns
-    -------
-    return_time : float64 (H,) [s]
-        From the hit to the centre, where that is at reception.
-    leg : Leg
-        From the hit to the centre at reception.
-    direction : triple of float64 (H,)
-        n, the way the echo travels there.
-    rise : float64 (H,) [m]
-        Height of the centre at reception above the origin.
-    """
-    xp = library(travel_time)
-    n = (-bearing[0] * leg.horizontal, -bearing[1] * leg.horizontal, upwards * leg.vertical)
-    elapsed = travel_time if elapsed is None else elapsed
-    wait = travel_time + elapsed
-    # the way as a straight one, x + v (t - wait), that touches it within microseconds of when the echo is there
-    about = wait + dot(n, travel.moved(wait)) / leg.speed
-    velocity = travel.velocity(about)
-    place = [part + v * (wait - about) for part, v in zip(travel.moved(about), velocity)]
-    inverse = 1 / xp.maximum(leg.length, 1e-9)
-    square, along = dot(velocity, velocity), dot(velocity, place)
-    toward = dot(n, velocity)
-    closing = leg.speed - toward - inverse * along
-    c2 = leg.speed * leg.speed
-    straight, shrinking = straight_delay(dot(n, place), dot(place, place), inverse, leg.speed, closing, c2 - square)
-    delay, height, excess = straight, 0.0, 0.0
-    closing = leg.speed - (leg.speed - closing + inverse * square * delay) * shrinking
-    for _ in range(2):          # the slice moves the time, the time the slice: a thousandth of it
-        height = upwards * (place[2] + velocity[2] * delay)
-        mean, variance = slice_to(upwards * height)
-        excess = c2 * mean - 1
-        correction = corrections(leg.vertical, leg.horizontal, leg.third, inverse, shrinking, height, excess,
-                                 c2 * c2 * variance)[0]
-        delay = straight + correction / closing
-    # the leg to there: the matched layer and the slice in a row, at the p that spans the new range; in units of c_m
-    place = [part + v * delay for part, v in zip(place, velocity)]
-    x, y = leg.length * n[0] + place[0], leg.length * n[1] + place[1]
-    across = xp.sqrt(x * x + y * y)
-    layer, height = leg.length * leg.vertical, upwards * place[2]
-    p = across / xp.sqrt(across * across + xp.maximum(layer + height, 1e-9) ** 2)
-    for _ in range(2):
-        first, second, _ = _two_layers(leg, p, layer, height, excess)
-        p = xp.minimum(p + (across - p * first) / (first + p * p * second), 1 - 0.5 * LEVEL**2)
-    there = matched_leg(*_two_layers(leg, p, layer, height, excess), p, 1.0)
-    # a level ray has no layer to match; it only moves
-    level = leg.vertical <= 2 * LEVEL
-    there = Leg(select(level, leg.length + dot(n, place), there.length), leg.speed * select(level, 1.0, there.speed),
-                select(level, leg.horizontal, there.horizontal), select(level, leg.vertical, there.vertical),
-                there.third)
-    still = across < 1e-9
-    scale = there.horizontal / select(still, 1.0, across)
-    direction = select(still, 0.0, x * scale), select(still, 0.0, y * scale), upwards * there.vertical
-    return travel_time + delay, there, direction, upwards * height
-
-
-def _two_layers(leg: Leg, p: Numbers, layer: Numbers, height: Numbers,
-                excess: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Y, E and G, speeds in units of c_m, of the leg's layer and the slice above it; to third order of the leg."""
-    xp = library(p)
-    below = xp.maximum(1 - p * p, LEVEL**2)
-    above = xp.maximum(below + excess, LEVEL**2)
-    first, further = layer / xp.sqrt(below), height / xp.sqrt(above)
-    second, third = first / below + further / above, first / (below * below) + further / (above * above)
-    first = first + further
-    beyond = third - second * second / first + 2 * leg.third / xp.maximum(leg.horizontal, 1e-6) ** 3
-    change = p - leg.horizontal
-    bent = 3 * leg.third * change / xp.maximum(leg.horizontal, 1e-6) ** 2
-    first, second = first + bent * change * leg.horizontal, second + 2 * bent
-    return first, second, second * second / first + beyond
-
-
-# ------------------------------------------------------------------------------------------------- the difference
 
 def vector_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
     """Make what `vector_difference` needs of the elements (NumPy).

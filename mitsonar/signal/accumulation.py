@@ -17,15 +17,15 @@ result, depends on the hits alone. Where elements are too few to make 32 groups,
 for its share of the hits. On a GPU the sums are atomic, and their last bits vary from run to run.
 """
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import TypeAlias, cast
 
 import drjit as dr
 import numpy as np
 
 from ..device.arrays import arrays_of, looped, upload
-from ..device.types import ArrayTypes, DrJitArray, Float, Float64, Int32, UInt32
+from ..device.types import DrJitArray, Float, Float64, Int32, UInt32
 from .impulses import Nearest, Peterson, make_kernel
+from .taps import tap_weights, turned
 
 __all__ = ["ImpulseResponses", "centre"]
 
@@ -38,7 +38,6 @@ ROWS = 4                           # of a group, where elements suffice
 ROUNDS = 16                        # hits of a lane at least: fewer do not pay for its start
 NEIGHBOURS = 64                    # lanes that read neighbouring hits, a multiple of every vector's width
 NOWHERE = -(1 << 30)               # sample of a hit that brings nothing
-POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell: higher ones leave the error as it is
 
 
 def centre(delay: Float64, *, start: float, frequency: float, sampling_rate: float) -> tuple[Float, Int32, Float]:
@@ -274,7 +273,7 @@ class ImpulseResponses:
         """Packets of one echo, `delta` later than at the centre and `factor` times as large: their index and values."""
         lib = self.lib
         real, imaginary, phase, fraction = hit
-        cosine, sine = _turn(lib, dr.fma(self.frequency, delta, phase))
+        cosine, sine = turned(lib, dr.fma(self.frequency, delta, phase))
         if factor is not None:
             cosine, sine = cosine * factor, sine * factor
         real, imaginary = dr.fma(real, cosine, imaginary * sine), dr.fma(imaginary, cosine, -(real * sine))
@@ -286,22 +285,11 @@ class ImpulseResponses:
         active &= (tap <= self.numbers["span"] - self.kernel.taps) & (abs(place) < LANES)
         packet = row + tap if self.planes == 1 else row + (tap & 3) * self.numbers["plane"] + (tap >> 2)
         packet = dr.select(active, packet, group)
-        weights = self._weights(place - whole)
+        weights = tap_weights(lib, self.kernel, place - whole)
         step = self.packet // 2
         for k in range(0, len(weights), step):
             values = [part * weight for weight in weights[k:k + step] for part in (real, imaginary)]
             yield dr.select(active, packet + k // step, group) if k else packet, *values
-
-    def _weights(self, x: Float) -> list[Float]:
-        """The kernel's taps for an echo x in [0, 1) after the middle one."""
-        lib, taps = self.lib, self.kernel.taps
-        if taps == 1:
-            return [lib.Float(1)]
-        if isinstance(self.kernel, Peterson):
-            return _hann_sinc(lib, x, taps)
-        x = x - 0.5
-        pairs = [_even_and_odd(lib, x, coefficients) for coefficients in _bell(self.kernel)]
-        return [even + odd for even, odd in pairs] + [even - odd for even, odd in reversed(pairs)]
 
     def _fold(self) -> Float:
         """Planes and copies added up: interleaved complex rows, (elements x span)."""
@@ -329,54 +317,3 @@ class ImpulseResponses:
 
 def _gather(kind, field, index, active):
     return field if dr.width(field) == 1 else dr.gather(kind, field, index, active)
-
-
-def _turn(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
-    """Cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
-    x = (cycles - dr.round(cycles)) * np.pi
-    x2 = x * x
-    x4 = x2 * x2
-    sine = x * dr.fma(x4, dr.fma(x4, lib.Float(1 / 362880), dr.fma(x2, lib.Float(-1 / 5040), lib.Float(1 / 120))),
-                      dr.fma(x2, lib.Float(-1 / 6), lib.Float(1)))
-    cosine = dr.fma(x4, dr.fma(x4, dr.fma(x2, lib.Float(-1 / 3628800), lib.Float(1 / 40320)),
-                               dr.fma(x2, lib.Float(-1 / 720), lib.Float(1 / 24))),
-                    dr.fma(x2, lib.Float(-0.5), lib.Float(1)))
-    twice = sine + sine
-    return dr.fma(-twice, sine, 1), twice * cosine
-
-
-@lru_cache
-def _bell(kernel):
-    """Polynomials, even and odd part, of the bell's first two taps for an echo x = -1/2..1/2 off their middle."""
-    x = 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
-    fits = (np.polynomial.Polynomial.fit(x, kernel.impulse(tap - (kernel.taps - 1) / 2 - x), POLYNOMIAL, domain=[-1, 1])
-            for tap in range(kernel.taps // 2))
-    return [(fit.coef[0::2], fit.coef[1::2]) for fit in fits]
-
-
-def _even_and_odd(lib, x, coefficients):
-    x2, parts = x * x, []
-    for series in coefficients:
-        total = lib.Float(float(series[-1]))
-        for coefficient in series[-2::-1]:
-            total = dr.fma(total, x2, lib.Float(float(coefficient)))
-        parts.append(total)
-    return parts[0], parts[1] * x
-
-
-def _hann_sinc(lib: ArrayTypes, x: Float, taps: int) -> list[Float]:
-    """Taps of the Peterson kernel for an echo x after tap taps/2 - 1."""
-    turn = x * (1 / taps)
-    cosine, sine = _turn(lib, turn)
-    wave = _turn(lib, x * 0.5)[1] * (1 / np.pi)            # sin(πx)/π
-    weights = []
-    for tap in range(taps):
-        whole = tap - (taps // 2 - 1)
-        angle = 2 * np.pi * whole / taps
-        window = 0.5 + 0.5 * dr.fma(cosine, lib.Float(np.cos(angle)), sine * float(np.sin(angle)))
-        away = whole - x
-        near = abs(away) < 1e-4
-        # sin(π (whole - x)) = -(-1)^whole sin(πx)
-        sinc = dr.select(near, 1, (wave if whole % 2 else -wave) / dr.select(near, 1, away))
-        weights.append(window * sinc)
-    return weights

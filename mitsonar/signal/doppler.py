@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..device.types import Numbers
-from ..sonar.pulses import Pulse
+from ..sonar.pulse import Pulse
 
 __all__ = ["doppler_class", "doppler_classes", "factor_tolerance", "pieces_of", "two_way_doppler"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ..sonar.pulses import Pulse, Window
+from ..sonar.pulse import Pulse, Window
 from .reception import band_filter, check_record, padded_length
 
 __all__ = ["matched_filter"]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ..sonar.pulses import Pulse
+from ..sonar.pulse import Pulse
 from ..units import amplitude_from_db
 
 __all__ = ["absorbed", "band_filter", "check_record", "delayed", "received", "received_classes", "transmitted"]

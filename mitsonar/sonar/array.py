@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..device.types import Numbers, Triple
+from .array_checks import as_numbers, check_face, checked_speed, positions_of, refuse, vector_of
 from .axes import axis_vector
-from .element_patterns import BAFFLES, PATTERNS, element_pressure
+from .element_patterns import element_pressure
 from .shading import window_weights
 
 __all__ = ["Array", "Face"]
@@ -83,7 +84,8 @@ class Array:
     layout: tuple[int, ...] = ()
 
     def __post_init__(self):
-        elements = self._check_position()
+        self._set("position", positions_of(self.position))
+        elements = self.elements
         for name, wanted in (("normal", (elements, 3)), ("along", (elements, 3)), ("weight", (elements,)),
                              ("delay", (elements,))):
             value = as_numbers(name, getattr(self, name))
@@ -92,45 +94,19 @@ class Array:
             except ValueError:
                 raise ValueError(f"array: {name} has shape {value.shape}, but {elements} elements need "
                                  f"{wanted}.") from None
-            _refuse(~np.isfinite(value.reshape(elements, -1)).all(axis=1), name, value, "give finite numbers")
+            refuse(~np.isfinite(value.reshape(elements, -1)).all(axis=1), name, value, "give finite numbers")
             if name in ("normal", "along"):
                 size = np.linalg.norm(value, axis=1, keepdims=True)
-                _refuse(size[:, 0] == 0, name, value, "give a direction")
+                refuse(size[:, 0] == 0, name, value, "give a direction")
                 value = value / size
             self._set(name, value)
         tilt = np.abs(np.sum(self.normal * self.along, axis=1))
-        _refuse(tilt > SQUARE, "along", self.along, "it must be perpendicular to the element's normal")
+        refuse(tilt > SQUARE, "along", self.along, "it must be perpendicular to the element's normal")
         if not self.working.any():
             raise ValueError("array: no element has a weight; give at least one a weight other than 0.")
         if self.layout and np.prod(self.layout) != elements:
             raise ValueError(f"array: layout {self.layout} does not hold {elements} elements.")
-        self._check_face()
-
-    def _check_position(self) -> int:
-        position = as_numbers("position", self.position)
-        if position.ndim != 2 or position.shape[1] != 3:
-            raise ValueError(f"array: position has shape {position.shape}; give three coordinates [m] for each "
-                             "element.")
-        if len(position) == 0:
-            raise ValueError("array: it has no elements; give at least one position.")
-        _refuse(~np.isfinite(position).all(axis=1), "position", position, "give finite numbers")
-        self._set("position", position)
-        return len(position)
-
-    def _check_face(self) -> None:
-        for name, known in (("pattern", PATTERNS), ("baffle", BAFFLES)):
-            if getattr(self, name) not in known:
-                raise ValueError(f'array: {name} is "{getattr(self, name)}"; give one of {", ".join(known)}.')
-        for name in ("length", "height"):
-            size = getattr(self, name)
-            if not (np.isfinite(size) and size >= 0):
-                raise ValueError(f"array: element {name} is {size} m; give a finite size of at least 0.")
-        if self.pattern == "omni" and (self.length or self.height):
-            raise ValueError(f"array: elements are omni, but their length is {self.length} m and their height "
-                             f"{self.height} m; leave the sizes out or make the pattern rectangular or circular.")
-        if self.pattern == "circular" and self.height:
-            raise ValueError(f"array: elements are circular, but their height is {self.height} m; the length is the "
-                             "diameter, leave the height out.")
+        check_face(self.length, self.height, self.pattern, self.baffle)
 
     def _set(self, name: str, value: np.ndarray) -> None:
         value = np.array(value)
@@ -258,7 +234,7 @@ class Array:
         Array
         """
         towards = axis_vector("steering direction", direction)
-        return replace(self, delay=self.delay + self.position @ towards / _speed(sound_speed))
+        return replace(self, delay=self.delay + self.position @ towards / checked_speed(sound_speed))
 
     def focused(self, point: ArrayLike, sound_speed: float) -> "Array":
         """Add the delays that focus the array on a point.
@@ -274,9 +250,9 @@ class Array:
         -------
         Array
         """
-        point = _vector("point to focus on", point)
+        point = vector_of("point to focus on", point)
         nearer = np.linalg.norm(point) - np.linalg.norm(point - self.position, axis=1)
-        return replace(self, delay=self.delay + nearer / _speed(sound_speed))
+        return replace(self, delay=self.delay + nearer / checked_speed(sound_speed))
 
     def failing(self, indices: ArrayLike) -> "Array":
         """Take elements out of work: their weight becomes 0.
@@ -327,36 +303,8 @@ class Array:
 
     def moved(self, offset: ArrayLike) -> "Array":
         """Move the array by an offset (3,) [m] in the body frame, away from where the track leads."""
-        return replace(self, position=self.position + _vector("offset", offset))
+        return replace(self, position=self.position + vector_of("offset", offset))
 
     def centred(self) -> "Array":
         """Move the array so that the mean of its positions is its centre."""
         return self.moved(-self.position.mean(axis=0))
-
-
-def as_numbers(name: str, value: ArrayLike) -> np.ndarray:
-    """A new float64 array of what is given, or a ValueError that names it."""
-    try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"array: {name} must be numbers, got {value!r}.") from None
-
-
-def _vector(name: str, value: ArrayLike) -> np.ndarray:
-    vector = as_numbers(name, value)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"array: {name} is {value}; give three finite numbers (forward, starboard, down) [m].")
-    return vector
-
-
-def _speed(sound_speed: float) -> float:
-    if not (np.isfinite(sound_speed) and sound_speed > 0):
-        raise ValueError(f"array: sound_speed is {sound_speed} m/s; give a finite number above 0.")
-    return sound_speed
-
-
-def _refuse(bad: np.ndarray | np.bool_, name: str, values: np.ndarray, remedy: str) -> None:
-    """Raise for the first element marked bad."""
-    first = np.flatnonzero(bad)[:1]
-    if first.size:
-        raise ValueError(f"array: {name} of element {first[0]} is {values[first[0]]}; {remedy}.")

@@ -22,7 +22,7 @@ LATEST, FARTHEST = 1e11, 1e8       # [s], [m]: three thousand years, and more th
 FIELDS = ("time", "position", "roll", "pitch", "heading")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, init=False)
 class Track:
     """Hold time, position and attitude of the sonar, a row per ping.
 
@@ -52,13 +52,13 @@ class Track:
     pitch: np.ndarray
     heading: np.ndarray
 
-    def __post_init__(self):
-        time = _array("time", self.time)
-        pings = time.size
-        if time.ndim != 1 or pings == 0:
-            raise ValueError(f"track: time must be a list of at least one number, got shape {time.shape}.")
-        for name in FIELDS:
-            value = _array(name, getattr(self, name))
+    def __init__(self, *, time: ArrayLike, position: ArrayLike, roll: ArrayLike, pitch: ArrayLike,
+                 heading: ArrayLike):
+        pings = (times := _array("time", time)).size
+        if times.ndim != 1 or pings == 0:
+            raise ValueError(f"track: time must be a list of at least one number, got shape {times.shape}.")
+        for name, given in zip(FIELDS, (time, position, roll, pitch, heading)):
+            value = _array(name, given)
             if name in ("roll", "pitch", "heading") and value.ndim == 0:
                 value = np.full(pings, value)
             wanted = (pings, 3) if name == "position" else (pings,)
@@ -124,8 +124,7 @@ class Track:
                              f"{interval!r} is not finite; give finite numbers.")
         time = np.arange(int(pings)) * float(interval)
         course = np.array([np.sin(heading), np.cos(heading), 0.0])
-        return cls(time=time, position=start + speed * time[:, None] * course, roll=np.asarray(roll),
-                   pitch=np.asarray(pitch), heading=np.asarray(heading))
+        return cls(time=time, position=start + speed * time[:, None] * course, roll=roll, pitch=pitch, heading=heading)
 
     def rotation(self) -> np.ndarray:
         """Give the rotation from body to scene at every ping.

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..units import Values
 from .profile import SoundSpeedProfile
@@ -21,7 +22,7 @@ from .profile import SoundSpeedProfile
 __all__ = ["AbsorptionColumn", "column_integrals"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class AbsorptionColumn:
     """Absorption against depth, linear between nodes and constant beyond the ends.
 
@@ -36,29 +37,29 @@ class AbsorptionColumn:
     depth: np.ndarray
     absorption_db: np.ndarray
 
-    def __post_init__(self):
-        depth, alpha = (np.atleast_1d(np.asarray(v, float)) for v in (self.depth, self.absorption_db))
-        if depth.shape != alpha.shape or np.any(np.diff(depth) <= 0):
+    def __init__(self, depth: ArrayLike, absorption_db: ArrayLike):
+        nodes, alpha = (np.atleast_1d(np.asarray(v, float)) for v in (depth, absorption_db))
+        if nodes.shape != alpha.shape or np.any(np.diff(nodes) <= 0):
             raise ValueError("an absorption column needs one value per depth, depths increasing")
         if not np.all(np.isfinite(alpha) & (alpha >= 0)):
             raise ValueError("absorption must be finite and not negative [dB/m]")
-        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "depth", nodes)
         object.__setattr__(self, "absorption_db", alpha)
 
     def mirrored(self) -> "AbsorptionColumn":
-        """The column below the surface, and above it the same upside down."""
+        """Make the column of this water below the surface, and above it of the same water upside down."""
         below = self.depth > 0
         depth, alpha = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.absorption_db[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
 
     def at(self, depth: Values) -> Values:
-        """Absorption [dB/m] at depths [m]."""
+        """Give the absorption [dB/m] at depths [m]."""
         return cast(Values, np.interp(depth, self.depth, self.absorption_db))
 
 
 def column_integrals(column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, steps: int,
                      top: float = 0.0) -> tuple[np.ndarray, float]:
-    """Integrals down from `top`, at `steps` + 1 equal depths from there to `deepest` [m].
+    """Integrate down from `top`, at `steps` + 1 equal depths from there to `deepest` [m].
 
     Parameters
     ----------

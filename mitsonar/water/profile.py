@@ -18,7 +18,7 @@ _SIDES: dict[str, Literal["left", "right"]] = {"below": "right", "above": "left"
 SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid a sonar swims in is faster
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class SoundSpeedProfile:
     """Hold sound speed against depth, linear between nodes and constant beyond the ends.
 
@@ -43,16 +43,16 @@ class SoundSpeedProfile:
     depth: np.ndarray
     sound_speed: np.ndarray
 
-    def __post_init__(self):
-        depth, sound_speed = (_as_column(name, getattr(self, name)) for name in ("depth", "sound_speed"))
-        _check(depth, sound_speed)
-        object.__setattr__(self, "depth", depth)
-        object.__setattr__(self, "sound_speed", sound_speed)
+    def __init__(self, depth: ArrayLike, sound_speed: ArrayLike):
+        nodes, speeds = _as_column("depth", depth), _as_column("sound_speed", sound_speed)
+        _check(nodes, speeds)
+        object.__setattr__(self, "depth", nodes)
+        object.__setattr__(self, "sound_speed", speeds)
 
     @classmethod
     def constant(cls, sound_speed: float) -> "SoundSpeedProfile":
         """Make the profile of water with one sound speed [m/s] everywhere."""
-        return cls(np.zeros(1), np.array([sound_speed]))
+        return cls([0.0], [sound_speed])
 
     def mirrored(self) -> "SoundSpeedProfile":
         """Make the profile of this water below the surface, and above it of the same water upside down."""

@@ -21,8 +21,9 @@ from mitsonar.propagation.slices import Slices
 from mitsonar.propagation.travel import REST, steady
 from mitsonar.propagation.two_point import source_state
 from mitsonar.propagation.vector_approximation import (
-    DIFFERENCES, ELEMENT_FIELDS, corrections, difference_of, expected_error, level_difference, matched_leg,
-    vector_difference, vector_element_fields)
+    DIFFERENCES, ELEMENT_FIELDS, corrections, difference_of, expected_error, level_difference, vector_difference,
+    vector_element_fields)
+from mitsonar.propagation.vector_legs import matched_leg
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH, HITS = 8.3, 300
