@@ -1,1 +1,1 @@
-"""What numbers are computed on: libLLVM, arrays on the device, tables that no number leads astray, chance."""
+"""What numbers are computed on: libLLVM, arrays on the device and their types, safe look-ups in tables, chance."""

@@ -1,7 +1,7 @@
 """NumPy arrays to the device, always at the same alignment.
 
 Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows of four as one packet. A NumPy buffer
-used in place lies anywhere, so the same code would compile again and again, and now and then run without packets.
+may lie anywhere. Used in place, it would make the same code compile again and again, and run without packets at times.
 """
 import importlib
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def looped(state: tuple, condition: Callable[..., Bool], body: Callable[..., tup
 
 
 def picked(value: Kept, index: UInt32) -> Kept:
-    """Values with these numbers (UInt32), Dr.Jit arrays; one value for all is picked every time."""
+    """Give the values at these indices; an array of one value gives it for every index."""
     return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
 
 

@@ -1,7 +1,7 @@
-"""Places in tables that no number leads astray.
+"""Places in tables that are never outside the table, NaN included.
 
 Dr.Jit's `clip`, `minimum` and `maximum` let NaN through, and `UInt32(NaN)` is 4294967295: a gather there reads whatever
-lies outside the table, or ends the process. A comparison with NaN is false, which is what `held` rests upon.
+lies outside the table, or ends the process. A comparison with NaN is false; `held` relies on that.
 """
 from typing import TypeVar, cast
 

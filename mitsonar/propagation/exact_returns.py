@@ -28,7 +28,7 @@ SETTLED = 1e-10                # [s] a step that needs no other: at 20 m/s, turn
 
 def exact_return(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, displacement: Vector64, elapsed: Float64,
                  offset: Triple, travel: Travel, first: Float64) -> tuple[Float64, tuple[Float64, Float64, Float64]]:
-    """Time from hits to one element, where that is when the echo arrives, and where from it comes.
+    """Find the time from hits to one element, where it is when the echo arrives, and the direction back from there.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def exact_return(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, disp
 
 def _looked_for(table: LayerTable, origin_depth: Float64, displacement: Vector64, elapsed: Float64, offset: Triple,
                 travel: Travel, first: Float64) -> tuple[np.ndarray, ...]:
-    """What `_solve` solves, by the reference: time and direction, four arrays; NaN where there is no ray."""
+    """Solve what `_solve` does by the reference: time and direction, four arrays; NaN where there is no ray."""
     time, towards, kind = first.numpy().copy(), np.empty((3, dr.width(first))), type(first)
     depth, rest = (origin_depth - displacement.z).numpy(), np.arange(time.size)
     for _ in range(NEWTON_STEPS):
@@ -92,13 +92,13 @@ def _looked_for(table: LayerTable, origin_depth: Float64, displacement: Vector64
 
 def _seen_from_element(origin_depth: Float64, displacement: Vector64, offset: Triple, travel: Travel,
                        passed: Float64) -> tuple[Float64, Float64, Float64, Float64, Float64, Float64]:
-    """Of an element some time after the ping: its depth, how far the hits lie from it along x and y, its velocity."""
+    """Give an element's depth some time after the ping, its distances from the hits along x and y, its velocity."""
     x, y, z = (part + d for part, d in zip(rotated(offset, travel.turned(passed)), travel.moved(passed)))
     return origin_depth - z, displacement.x - x, displacement.y - y, *travel.velocity(passed)
 
 
 def _closing(velocity: Triple, across_x: Numbers, across_y: Numbers, ray_parameter: Numbers, steep: Numbers) -> Numbers:
-    """Speed of the element against the echo, over that of sound; `steep` is the vertical slowness of the ray sent."""
+    """Give the element's speed against the echo over that of sound; `steep`: vertical slowness of the ray sent."""
     scale = ray_parameter / ((across_x * across_x + across_y * across_y) ** 0.5 + 1e-9)
     return -(velocity[0] * across_x + velocity[1] * across_y) * scale + velocity[2] * steep
 

@@ -47,7 +47,7 @@ class LayerTable(Record):
     count: int
 
     def find(self, depth: Float64) -> UInt32:
-        """Index of the layer that holds each depth (Float64 [m]); a node is of the layer below it, NaN of the first."""
+        """Give the index of the layer that holds each depth [m]; a node is of the layer below it, NaN of the first."""
         lib = self.lib
         cell = held((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
         k = dr.gather(lib.UInt32, self.lookup, lib.UInt32(cell))
@@ -55,12 +55,12 @@ class LayerTable(Record):
         return _step_down(lib, self.layers, k, depth, self.last)
 
     def shape(self, k: UInt32, active: Bool | bool = True) -> tuple[Float64, Float64, Float64, Float64]:
-        """Depth, sound speed, gradient of layer k and the depth of its lower side (Float64)."""
+        """Give depth, sound speed and gradient of layer k, and the depth of its lower side."""
         row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
         return row[0], row[1], row[2], row[3]
 
     def sole_range(self, depth: Float64, other: Float64) -> Float:
-        """Range within which no two rays lead from a depth to another [m]: see `sole_range`."""
+        """Give the range [m] within which no two rays lead from a depth to another: see `sole_range`."""
         lib, ranges = self.lib, []
         # a depth at the edge of two cells is of both, and of one of them more may be known; but along an edge of
         # uniform water runs a level ray that the other side does not know
@@ -74,7 +74,7 @@ class LayerTable(Record):
         return dr.select(abs(depth - other) < 3 * EDGE, dr.minimum(*ranges), dr.maximum(*ranges))
 
     def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
-        """Sound speed [m/s] and the four moments M_n at each depth."""
+        """Give the sound speed [m/s] and the four moments M_n at each depth."""
         k = self.find(depth)
         z_k, c_k, g, _ = self.shape(k)
         moments = dr.gather(self.lib.Array4f64, self.layers, 2 * k + 1)

@@ -46,7 +46,7 @@ class SoleRange(NamedTuple):
     range: np.ndarray
 
     def places(self, top: np.ndarray, bottom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of cells as a line over depth, slope and offset (2, K), within layers from top to bottom (K,)."""
+        """Give the cell's number as a line over depth, slope and offset (2, K), in layers from top to bottom (K,)."""
         cell = np.clip(np.searchsorted(self.edge, (top + bottom) / 2) - 1, 0, len(self.edge) - 2)
         slope = 1 / np.diff(self.edge)[cell]
         return slope, cell - self.edge[cell] * slope
@@ -79,7 +79,7 @@ def _sole_range(depth: bytes, speed: bytes) -> SoleRange:
 
 
 def _edges(depth: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Edges of cells: nodes, what lies evenly between, and some beyond."""
+    """Give the edges of cells: the nodes, even steps between them, and some beyond."""
     thickness, change = np.diff(depth), np.abs(np.diff(speed))
     if not change.any():
         return np.array([depth[0] - 1.0, depth[-1] + 1.0])
@@ -178,7 +178,7 @@ def _bounds(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray, near: np.nd
 
 
 def _ratio(sine: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Of sines; where a ray just turns at the place of both it is one."""
+    """Give the ratio of two sines; 1 where both are 0, as a ray just turns at both places."""
     return np.where((sine == 0) & (of == 0), 1.0, sine / np.maximum(of, TINY))
 
 

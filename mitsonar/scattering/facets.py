@@ -26,7 +26,7 @@ SMALL = 0.5                        # |w|² of the phases [rad²] below which the
 
 
 def phase_mean(a: Numbers, b: Numbers, c: Numbers) -> tuple[Numbers, Numbers]:
-    """Mean of e^iφ over triangles in which φ is linear.
+    """Give the mean of e^iφ over triangles in which φ is linear.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def phase_mean(a: Numbers, b: Numbers, c: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def triangle_integral(corners: ArrayLike, w: ArrayLike) -> np.ndarray:
-    """∫ e^(iw·x) dS over triangles.
+    """Integrate e^(iw·x) dS over triangles.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def triangle_integral(corners: ArrayLike, w: ArrayLike) -> np.ndarray:
 
 def scattering_length(corners: ArrayLike, wavenumber: float, towards_source: ArrayLike,
                       towards_receiver: ArrayLike | None = None, *, reflection: complex | np.ndarray = 1.0) -> complex:
-    """Far-field scattering length of lit facets together.
+    """Sum the far-field scattering lengths of the facets that the source ensonifies.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def scattering_length(corners: ArrayLike, wavenumber: float, towards_source: Arr
         Corner, component, from the point that ranges are taken to.
     wavenumber : float [rad/m]
     towards_source, towards_receiver : (3,)
-        Unit; without a receiver it is where the source is. Facets count from whichever side the source lights them.
+        Unit; without a receiver it is where the source is. Facets count from whichever side the source ensonifies them.
     reflection : complex or (F,) [-]
         In the convention e^(+iωt).
 
@@ -98,8 +98,8 @@ def scattering_length(corners: ArrayLike, wavenumber: float, towards_source: Arr
     receiver = source if towards_receiver is None else np.asarray(towards_receiver, float)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-300)
-    lit = normal @ source
-    cosines = np.sign(lit) * (lit + normal @ receiver)
+    towards = normal @ source
+    cosines = np.sign(towards) * (towards + normal @ receiver)
     integral = triangle_integral(corners, wavenumber * (source + receiver))
     return complex(np.sum(1j * wavenumber / (4 * np.pi) * reflection * cosines * integral))
 

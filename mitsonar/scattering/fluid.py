@@ -40,12 +40,12 @@ class Fluid:
     volume_parameter: Numbers
 
     def vertical(self, sine: Numbers) -> Numbers:
-        """P; the principal root has Im >= 0, for κ² lies in the upper half plane."""
+        """Give P; the principal root has Im >= 0, as κ² lies in the upper half plane."""
         real, imaginary = self._kappa_square()
         return self.arithmetic.module.sqrt(self.arithmetic.complex(real - 1 + sine * sine, imaginary))
 
     def transmission(self, sine: Numbers, vertical: Numbers) -> Numbers:
-        """1 + R, written so that it is finite where P or sin θ is 0."""
+        """Give 1 + R, in a form that is finite where P or sin θ is 0."""
         through = self.density_ratio * sine
         return 2 * through / (through + vertical)
 

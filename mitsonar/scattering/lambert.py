@@ -15,7 +15,7 @@ STRONGEST = 1 / np.pi              # all the incident power comes back
 
 
 def scattering_strength(strength: Numbers, sin_incident: Numbers, sin_scattered: Numbers) -> Numbers:
-    """Scattered power per area and solid angle over incident intensity [-].
+    """Give the scattered power per area and solid angle over the incident intensity [-].
 
     Parameters
     ----------

@@ -4,7 +4,7 @@
 
 ρ, ν density and sound speed of what lies behind over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ the
 imaginary over the real part of its wavenumber -> ``loss``; θ grazing angle -> ``sin_grazing`` (Rayleigh's coefficient
-of a fluid; Jackson and Richardson, 2007, ch. 8). The formula is that of e^(-iωt); given is its conjugate, for time goes
+of a fluid; Jackson and Richardson, 2007, ch. 8). The formula is that of e^(-iωt); its conjugate is given, as time goes
 as e^(+iωt) in mitsonar. A rigid surface has R = 1, a soft one (pressure release, air) R = -1.
 """
 import drjit as dr
@@ -19,7 +19,7 @@ WATER_DENSITY = 1025.0             # [kg/m³]
 
 def fluid_reflection(sin_grazing: Numbers, density_ratio: Numbers, sound_speed_ratio: Numbers,
                      loss: Numbers = 0.0) -> tuple[Numbers, Numbers]:
-    """Reflection coefficient of a fluid half-space.
+    """Give the reflection coefficient of a fluid half-space.
 
     Parameters
     ----------

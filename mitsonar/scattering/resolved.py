@@ -99,7 +99,7 @@ def _log_structure(module: ModuleType, alpha: Numbers) -> Numbers:
 
 @lru_cache(maxsize=8)
 def ratio_table(gamma: float) -> np.ndarray:
-    """Logarithm of R over the integral without a cut, float32 (SIZE_M, SIZE_T)."""
+    """Make the table of ln of R over the integral without a cut, float32 (SIZE_M, SIZE_T)."""
     alpha = 0.5 * gamma - 1
     log_x = np.linspace(-HIGH_M / (2 * alpha) - 12.0, np.log(FARTHEST), POINTS)
     x, step = np.exp(log_x), log_x[1] - log_x[0]

@@ -101,7 +101,7 @@ class Body:
 
 
 def turn_onto(start: ArrayLike, end: ArrayLike) -> np.ndarray:
-    """The least rotation (3, 3) that turns one unit vector into another."""
+    """Give the least rotation (3, 3) that turns one unit vector into another."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     cosine = start @ end
     if cosine < -1 + 1e-12:                                            # half a turn, about any axis across

@@ -1,8 +1,8 @@
 """Draw bodies onto a bed: species, pose, burial and place of each, no two nearer than asked.
 
 Target number k has random streams of its own (seed, k): one for what it is, one for where it lies. Its place is the
-first of its stream that is free of the targets before it, so that it does not depend on how many follow, and what it is
-does not depend on where it lies.
+first of its stream that is free of the targets before it. So its place does not depend on how many targets follow, and
+its kind does not depend on its place.
 """
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -10,9 +10,9 @@ more than float32: with f₀ = 500 kHz at 100 m the phase is right to 0.02 degre
 Taps lie in packets of four complex numbers. A packet is added in one go but must start at a multiple of four, so every
 response is kept as four planes, shifted against each other by one sample, which `ImpulseResponses.read` folds.
 
-Who adds where is fixed: a group of 16384 lanes owns up to four rows of the sums and streams hits past them. A work
-block of Dr.Jit's LLVM backend is 16384 lanes whenever a launch has more than two blocks per thread; idle groups see to
-that. So no two threads ever meet, no atomic operation is needed, and the order of additions, hence every bit of the
+A group of 16384 lanes owns up to four rows of the sums and streams all hits past them. A work block of Dr.Jit's LLVM
+backend is 16384 lanes whenever a launch has more than two blocks per thread; idle groups make sure that it has. So no
+two threads add to the same row, no atomic operation is needed, and the order of additions, hence every bit of the
 result, depends on the hits alone. Where elements are too few to make 32 groups, rows are kept several times over, each
 for its share of the hits. On a GPU the sums are atomic, and their last bits vary from run to run.
 """
@@ -184,11 +184,11 @@ class ImpulseResponses:
     # -- who adds where ------------------------------------------------------------------------------------------
 
     def _rows(self, elements: int) -> int:
-        """Rows of a group."""
+        """Give the number of rows of a group."""
         return 1 if isinstance(self.kernel, Peterson) or elements < 3 else ROWS
 
     def _copies(self, elements: int) -> int:
-        """Private copies of the rows that make about GROUPS groups."""
+        """Give the number of private copies of the rows that make about GROUPS groups."""
         return -(-GROUPS // -(-elements // self._rows(elements)))
 
     def _check(self, rows: np.ndarray, fields: list[Float]) -> None:
@@ -243,7 +243,7 @@ class ImpulseResponses:
                 dr.scatter_add(self.sums, kind(*values) if self.packet == 2 else kind(values), index, mode=mode)
 
         def stream(hit):
-            """All hits of a lane; idle lanes never come here."""
+            """Add all hits of a lane; idle lanes do not run this."""
             owned = []
             for k in range(together):
                 element = first + k
@@ -270,7 +270,7 @@ class ImpulseResponses:
     # -- one hit at one element ----------------------------------------------------------------------------------
 
     def _packets(self, hit, sample, delta, factor, row, group, active):
-        """Packets of one echo, `delta` later than at the centre and `factor` times as large: their index and values."""
+        """Yield index and values of one echo's packets, `delta` later than at the centre, `factor` times as large."""
         lib = self.lib
         real, imaginary, phase, fraction = hit
         cosine, sine = turned(lib, dr.fma(self.frequency, delta, phase))
@@ -292,7 +292,7 @@ class ImpulseResponses:
             yield dr.select(active, packet + k // step, group) if k else packet, *values
 
     def _fold(self) -> Float:
-        """Planes and copies added up: interleaved complex rows, (elements x span)."""
+        """Add up planes and copies: interleaved complex rows, (elements x span)."""
         lib = self.lib
         U, n = lib.UInt32, self.numbers
         copies, spare = dr.opaque(U, self.copies), dr.opaque(U, self.spare * self.packet // 2)

@@ -47,13 +47,13 @@ def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_
 
 
 def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR) -> float:
-    """By how much a factor may be wrong for an error of phase [cycles] at the ends of a pulse, near a factor of 1."""
+    """Give how wrong a factor near 1 may be for an error of phase [cycles] at the ends of a pulse."""
     return 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
 
 
 def pieces_of(pulse: Pulse, speed: float, sound_speed: float, nearest: float, acceleration: float = 0.0,
               phase_error: float = PHASE_ERROR) -> int:
-    """Into how many pieces of one factor each a pulse is cut.
+    """Count the pieces that a pulse is cut into, each of one factor.
 
     For echoes from `nearest` [m] on, at a speed [m/s] and an acceleration [m/s²].
     """

@@ -48,7 +48,7 @@ class Nearest:
     margin = MARGIN
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
-        """k at x samples from the echo."""
+        """Give k at x samples from the echo."""
         x = np.asarray(x, float)
         return np.where((x > -0.5) & (x <= 0.5), 1.0, 0.0)
 
@@ -58,7 +58,7 @@ class Nearest:
         return 1.0
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Fourier transform of k at `frequency` [cycles per sample]."""
+        """Give the Fourier transform of k at `frequency` [cycles per sample]."""
         return np.sinc(np.asarray(frequency, float))
 
     def finish(self, records: np.ndarray) -> np.ndarray:
@@ -88,7 +88,7 @@ class Peterson:
         return max(MARGIN, self.taps)
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
-        """k at x samples from the echo."""
+        """Give k at x samples from the echo."""
         x = np.asarray(x, float)
         window = 0.5 * (1 + np.cos(2 * np.pi * x / self.taps))
         return np.where(np.abs(x) < self.taps / 2, window * np.sinc(x), 0.0)
@@ -100,7 +100,7 @@ class Peterson:
         return float(self.impulse(0.5 * self.taps * nodes) ** 2 @ weights) * 0.5 * self.taps
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Fourier transform of k at `frequency` [cycles per sample]."""
+        """Give the Fourier transform of k at `frequency` [cycles per sample]."""
         return _transform(self, frequency)
 
     def finish(self, records: np.ndarray) -> np.ndarray:
@@ -122,12 +122,12 @@ class BandLimited:
         return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
-        """k at x samples from the echo, before `finish`."""
+        """Give k at x samples from the echo, before `finish`."""
         inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
         return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Fourier transform of k at `frequency` [cycles per sample], before `finish`.
+        """Give the Fourier transform of k at `frequency` [cycles per sample], before `finish`.
 
         Notes
         -----
@@ -146,7 +146,7 @@ class BandLimited:
         return float(0.5 * weights @ (self.response(frequency) ** 2 * aliases))
 
     def response(self, frequency: ArrayLike) -> np.ndarray:
-        """Spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine down to 0 at the half."""
+        """Give the spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine to 0 at the half."""
         beyond = (np.abs(frequency) - FLAT) / (0.5 - FLAT)
         return 0.5 * (1 + np.cos(np.pi * np.clip(beyond, 0, 1)))
 
@@ -164,7 +164,7 @@ KERNELS: dict[str, type[Kernel]] = {"nearest": Nearest, "peterson": Peterson, "b
 
 
 def make_kernel(name: str, *, taps: int | None = None) -> "Kernel":
-    """The kernel called `name`; `taps` only where its length is free (``peterson``)."""
+    """Make the kernel called `name`; `taps` only where its length is free (``peterson``)."""
     if name not in KERNELS:
         raise ValueError(f"there is no kernel {name!r}; known are {', '.join(KERNELS)}")
     if taps is None:
@@ -210,7 +210,7 @@ def element_responses(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
 
 def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: float, offset: ArrayLike,
                       start: float = 0.0) -> np.ndarray:
-    """Exact spectrum Z of the responses, see the module.
+    """Compute the exact spectrum Z of the responses, see the module.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
 
 
 def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.ndarray, exact: np.ndarray) -> float:
-    """Error of responses (E, samples) within a band [dB]: rms of the difference of the spectra over rms of `exact`.
+    """Give the error [dB] of responses (E, samples) within a band: rms of the spectra's difference over rms of `exact`.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ class Array:
         return float(np.max(np.linalg.norm(self.position, axis=1)))
 
     def pitch(self) -> float:
-        """Spacing of a uniform line [m].
+        """Give the spacing of a uniform line [m].
 
         Raises
         ------
@@ -171,7 +171,7 @@ class Array:
         return [Face(np.flatnonzero(face.ravel() == k), self.normal[e], self.along[e]) for k, e in enumerate(first)]
 
     def element_pressure(self, direction: Triple, wavelength: Numbers, normal: Triple, along: Triple) -> Numbers:
-        """Pressure pattern of an element whose face has a normal and an along, as `element_patterns.element_pressure`.
+        """Give the pressure pattern of an element by its face's normal and along, see `element_patterns`.
 
         Parameters
         ----------

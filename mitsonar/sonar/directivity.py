@@ -19,7 +19,7 @@ HALF_POWER = 0.44294647069         # sinc² = 1/2
 
 
 def sinc(x: Numbers) -> Numbers:
-    """sin(πx)/(πx) of a NumPy or Dr.Jit array."""
+    """Give sin(πx)/(πx) of a NumPy or Dr.Jit array."""
     if isinstance(x, (np.ndarray, float)):
         return np.sinc(x)
     x = np.pi * x
@@ -27,7 +27,7 @@ def sinc(x: Numbers) -> Numbers:
 
 
 def length_for_beam_width(beam_width: float, wavelength: float) -> float:
-    """Side [m] whose full one-way -3 dB beam is `beam_width` [rad] at `wavelength` [m]; 0 for π or more (no beam)."""
+    """Give the side [m] whose full one-way -3 dB beam is `beam_width` [rad]; 0 for π or more (no beam)."""
     if beam_width >= np.pi:
         return 0.0
     return HALF_POWER * wavelength / np.sin(0.5 * beam_width)
@@ -55,15 +55,15 @@ class Aperture:
                 raise ValueError(f"aperture {name} is {value} m; give a finite size >= 0 (0: omnidirectional)")
 
     def along(self, u: Numbers, wavelength: Numbers) -> Numbers:
-        """Pressure pattern along the platform, of the direction cosine u [-]."""
+        """Give the pressure pattern along the platform, of the direction cosine u [-]."""
         return sinc(u * (self.length / wavelength))
 
     def across(self, v: Numbers, wavelength: Numbers) -> Numbers:
-        """Pressure pattern across, of the direction cosine v [-]."""
+        """Give the pressure pattern across, of the direction cosine v [-]."""
         return sinc(v * (self.height / wavelength))
 
     def beam_widths(self, wavelength: float) -> tuple[float, float]:
-        """Full one-way -3 dB widths along and across [rad]; π where a side is too short to make a beam."""
+        """Give the full one-way -3 dB widths along and across [rad]; π where a side is too short to make a beam."""
         along, across = (2 * np.arcsin(min(1.0, HALF_POWER * wavelength / side)) if side > 0 else np.pi
                          for side in (self.length, self.height))
         return along, across

@@ -35,7 +35,7 @@ DEGREES = 12, 5                    # of the polynomials below and above, errors 
 
 
 def piston(x: Numbers) -> Numbers:
-    """2 J1(x)/x of a NumPy or Dr.Jit array x >= 0; the latter to 1e-6.
+    """Give 2 J1(x)/x of a NumPy or Dr.Jit array x >= 0; the latter to 1e-6.
 
     Notes
     -----

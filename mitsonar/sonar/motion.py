@@ -57,7 +57,7 @@ class RandomMotion:
 
     @property
     def moves(self) -> bool:
-        """Whether there is any."""
+        """Whether the platform rocks at all."""
         return any(getattr(self, name) for name in _NAMES)
 
     def at(self, times: ArrayLike) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

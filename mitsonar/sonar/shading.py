@@ -83,6 +83,6 @@ def window_weights(window: str | tuple, elements: int) -> np.ndarray:
 
 
 def taper_loss_db(weights: ArrayLike) -> float:
-    """Level lost against independent noise by unequal weights (E,) [dB], 0 for equal ones and negative for others."""
+    """Give the level [dB] that weights (E,) lose against independent noise: 0 for equal ones, negative for others."""
     weights = np.asarray(weights, dtype=np.float64)
     return float(db_from_power(weights.sum() ** 2 / (weights.size * (weights ** 2).sum())))

@@ -5,8 +5,8 @@ plane, `depression_angle` below horizontal, the length along x, the height acros
 
     d_body = (u, ± sqrt(1 - u²) cos φ, sqrt(1 - u²) sin φ)            + starboard, - port
 
-u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face hears nothing from behind it, that is
-from the other side of the body (a hard baffle in the plane y = 0).
+u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face receives nothing from behind it, that
+is from the other side of the body (a hard baffle in the plane y = 0).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -75,26 +75,26 @@ class Sidescan:
         return max(self.transmit.length, self.receive.length, self.wavelength)
 
     def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:
-        """Two-way intensity pattern along the platform, of the cosine u; `u_back` at reception, where that differs."""
+        """Give the two-way intensity pattern along the platform, of the cosine u, at reception of `u_back` if given."""
         back = u if u_back is None else u_back
         return (self.transmit.along(u, self.wavelength) * self.receive.along(back, self.wavelength)) ** 2
 
     def across_intensity(self, v: Numbers) -> Numbers:
-        """Two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
+        """Give the two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
         return (self.transmit.across(v, self.wavelength) * self.receive.across(v, self.wavelength)) ** 2
 
     def solid_angle(self) -> float:
-        """Two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr]."""
+        """Integrate the two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr]."""
         return self._over_directions(self.along_intensity, self.across_intensity)
 
     def directivity_index_db(self) -> float:
-        """Receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
+        """Give the receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
         beam = self._over_directions(lambda u: self.receive.along(u, self.wavelength) ** 2,
                                      lambda v: self.receive.across(v, self.wavelength) ** 2)
         return float(10 * np.log10(4 * np.pi / beam))
 
     def _over_directions(self, along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers]) -> float:
-        """∫ along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
+        """Integrate along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
         phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
         w = np.linspace(0, 1, 129)
         ring = [trapezoid(across(root * np.sin(phi)), phi) for root in w]         # smooth in w = sqrt(1 - u²)

@@ -73,7 +73,7 @@ class Lead(ABC):
         ----------
         times : array (...) [s]
         since : array (...) [s]
-            Transmission of the ping that is asked about: while its echoes come in, nobody turns in a corner.
+            Transmission of the ping that is asked about: while its echoes come in, the sonar stays on its leg.
         """
 
 

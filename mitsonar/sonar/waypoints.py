@@ -78,7 +78,7 @@ class Course:
 
     @staticmethod
     def _cuts(turns: np.ndarray, lengths: np.ndarray, radius: float) -> np.ndarray:
-        """How much of the legs on both sides of each inner way point its arc takes [m]."""
+        """Give how much of the legs on both sides of each inner way point its arc takes [m]."""
         if radius == 0:
             return np.zeros(len(turns))
         back = np.flatnonzero(np.abs(turns) > np.deg2rad(_BACK_DEG))
@@ -137,7 +137,7 @@ class Course:
         return position, heading
 
     def _part(self, distance: np.ndarray) -> np.ndarray:
-        """Number of the leg or arc that distances lie on."""
+        """Give the number of the leg or arc that distances lie on."""
         return np.clip(np.searchsorted(self._begins, distance, side="right") - 1, 0, len(self._lengths) - 1)
 
     def at(self, distance: ArrayLike, on: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

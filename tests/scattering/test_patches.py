@@ -59,7 +59,7 @@ def test_a_patch_is_a_square_of_its_size(patches):
 
     field = patches(1.0, 2.5)
     x, y = mi.Float([0.1, 2.4, 2.6, 0.1, -0.1, 0.1]), mi.Float([0.1, 2.4, 0.1, 2.6, 0.1, -0.1])
-    g = field(x, y).numpy()
+    g = field.at(x, y).numpy()
     assert g[0] == g[1] and len(set(g)) == 5
     np.testing.assert_array_equal(patches(1.0, 2.5).at(x, y).numpy(), g)
 

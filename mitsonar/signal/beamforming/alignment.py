@@ -26,7 +26,7 @@ TINY = 1e-12                       # [m], so that an element at its own focus di
 
 
 def device_arrays(like: DrJitArray | type | None = None) -> ArrayTypes:
-    """Dr.Jit namespace of `like` (array or type), or of the best backend that works here: CUDA, then LLVM."""
+    """Give the Dr.Jit namespace of `like` (array or type), or of the best backend that works here: CUDA, then LLVM."""
     return arrays_of(importlib.import_module("drjit.auto.ad").Float if like is None else like)
 
 
@@ -77,12 +77,12 @@ class ElementSignals:
         dr.eval(self.values, self.place)
 
     def detour(self, point: Sequence[Float], distance: Float, place: Sequence[Float] | Array4f) -> Float:
-        """|P - R| - |P| [m] of points (three Floats) at a distance |P| and elements (x, y, z, |R|²)."""
+        """Give |P - R| - |P| [m] of points (three Floats) at a distance |P| and elements (x, y, z, |R|²)."""
         q = dr.fma(-2 * point[0], place[0], dr.fma(-2 * point[1], place[1], dr.fma(-2 * point[2], place[2], place[3])))
         return q / dr.maximum(dr.sqrt(dr.maximum(dr.fma(distance, distance, q), 0)) + distance, TINY)
 
     def read(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[Float, Float]:
-        """Weighted signal (re, im) of an element at the instants the echoes of foci reach it.
+        """Read the weighted signal (re, im) of an element at the instants that the echoes of foci reach it.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class ElementSignals:
         return dr.fma(re, cos, -im * sin), dr.fma(re, sin, im * cos)
 
     def element(self, number: UInt32) -> Array4f:
-        """Place (x, y, z, |R|²) of elements."""
+        """Give the place (x, y, z, |R|²) of elements."""
         return dr.gather(self.lib.Array4f, self.place, number)
 
     def summed(self, foci: Iterable[Sequence[Focus]]) -> np.ndarray:
@@ -115,8 +115,8 @@ class ElementSignals:
         Parameters
         ----------
         foci : iterable over the transmitters of lists of Focus
-            All of the same size; those of one transmitter share the loads of an element, which a third of the time
-            would otherwise go into.
+            All of the same size; those of one transmitter share the loads of an element, which would otherwise
+            take a third of the time.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class ElementSignals:
 
 
 def to_complex(re: Float, im: Float) -> np.ndarray:
-    """NumPy complex64 of two Floats."""
+    """Make NumPy complex64 of two Floats."""
     return re.numpy() + 1j * im.numpy()
 
 

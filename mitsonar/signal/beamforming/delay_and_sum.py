@@ -75,7 +75,7 @@ def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shadi
 
 
 def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) -> np.ndarray:
-    """Element signals of a ping brought into line for one look direction, their sum being `delay_and_sum`.
+    """Align the element signals of a ping for one look direction; their sum is `delay_and_sum`.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _images(recording: Recording, points: np.ndarray, window: Shading, interpola
 
 
 def _point_foci(array: ElementSignals, points: np.ndarray, centre: np.ndarray, transmitter: np.ndarray) -> Focus:
-    """Points (P, 3) seen from the centre of the elements, the echo's place and phase there by float64."""
+    """Make foci of points (P, 3) seen from the elements' centre, the echo's place and phase there in float64."""
     lib, recording = array.lib, array.recording
     column = [upload(lib.Float64, axis) for axis in points.T]
 
@@ -202,7 +202,7 @@ def _point_foci(array: ElementSignals, points: np.ndarray, centre: np.ndarray, t
 
 
 def _beam_foci(array: ElementSignals, vectors: np.ndarray, transmitter: np.ndarray) -> Focus:
-    """Where beams (B, 3) are focused at their samples, beam by beam; phases count from an echo by way of the origin."""
+    """Make the foci of beams (B, 3) at their samples, beam by beam; phases count from an echo by way of the origin."""
     lib, recording = array.lib, array.recording
     samples = recording.values.shape[-1]
     index = dr.arange(lib.UInt32, len(vectors) * samples)

@@ -162,11 +162,11 @@ class _Fan:
                          f"at {khz_from_hertz(self.recording.frequency):g} kHz; {what}")
 
     def vectors(self, sines: np.ndarray) -> np.ndarray:
-        """Unit vectors (B, 3) of beams."""
+        """Give the unit vectors (B, 3) of beams."""
         return np.outer(sines, self.axis) + np.outer(np.sqrt(1 - sines ** 2), self.facing)
 
     def offset(self, sines: np.ndarray) -> np.ndarray:
-        """How much nearer a far target is by way of transmitter and first element than of the origin [m], (B,)."""
+        """Give how much nearer [m] a far target is by way of transmitter and first element than of the origin, (B,)."""
         return self.vectors(sines) @ self.first
 
     def labelled(self, values: np.ndarray, sines: np.ndarray, method: str) -> xr.DataArray:

@@ -36,11 +36,11 @@ class Linear:
     first = 0                      # the first tap's sample, relative to the whole part of the place
 
     def taps(self, fraction: Numbers) -> list[Numbers]:
-        """Weights of the samples at 0 and 1, of the fractional part of the place in [0, 1)."""
+        """Give the weights of the samples at 0 and 1, of the fractional part of the place in [0, 1)."""
         return [1 - fraction, fraction]
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
-        """φ̂ at a frequency in cycles per sample."""
+        """Give φ̂ at a frequency in cycles per sample."""
         return np.sinc(frequency) ** 2
 
 
@@ -62,7 +62,7 @@ class KaiserBessel:
         return i0(self.beta * np.sqrt(np.maximum(1 - (x / 2) ** 2, 0))) / i0(self.beta)
 
     def taps(self, fraction: Numbers) -> list[Numbers]:
-        """Weights of the samples at -1, 0, 1, 2, of the fractional part of the place in [0, 1)."""
+        """Give the weights of the samples at -1, 0, 1, 2, of the fractional part of the place in [0, 1)."""
         v = fraction - 0.5
         square = v * v
         (outer, outer_odd), (inner, inner_odd) = ((_horner(even, square), v * _horner(odd, square))
@@ -70,7 +70,7 @@ class KaiserBessel:
         return [outer + outer_odd, inner + inner_odd, inner - inner_odd, outer - outer_odd]
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
-        """φ̂ at a frequency in cycles per sample."""
+        """Give φ̂ at a frequency in cycles per sample."""
         root = np.sqrt((self.beta ** 2 - (4 * np.pi * np.asarray(frequency)) ** 2).astype(complex))
         return 4 / i0(self.beta) * np.real(np.sinc(1j * root / np.pi))
 

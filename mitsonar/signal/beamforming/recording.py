@@ -250,7 +250,7 @@ def uniform_line(position: np.ndarray, wavelength: float) -> tuple[np.ndarray, n
 
 
 def weights_of(window: Shading, recording: Recording) -> np.ndarray:
-    """Weights of the receive elements, their sum 1.
+    """Give the weights of the receive elements, their sum 1.
 
     Parameters
     ----------
