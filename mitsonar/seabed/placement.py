@@ -17,7 +17,6 @@ TRIES = 1000                       # places tried for a target before there is s
 SMALLEST, LARGEST = 1e-3, 100.0    # [m] that a target may measure; beyond, its file is not in metres
 _SAMPLES = 9                       # points along either side of a footprint at which the bed's height is taken
 
-POSES = ("upright", "rest", "any")
 Box: TypeAlias = tuple[float, float, float, float]    # [m] west, south, east, north
 
 
