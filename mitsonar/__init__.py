@@ -17,8 +17,24 @@ import importlib
 import os
 import sys
 import threading
+from typing import TYPE_CHECKING
 
 from mitsonar.device import llvm
+
+if TYPE_CHECKING:
+    # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
+    from mitsonar import (dataset, imaging, io, plots, plugins, propagation, scattering, seabed, signal, sonar, sweep,
+                          units, water)
+    from mitsonar.cli import doctor
+    from mitsonar.dataset import labels as labelling
+    from mitsonar.device.llvm import BackendError
+    from mitsonar.io.reading import read, write
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs import element_signals, impulse_response, render
+
+__all__ = ["BackendError", "dataset", "doctor", "element_signals", "imaging", "impulse_response", "io", "labelling",
+           "load_file", "plots", "plugins", "propagation", "read", "render", "scattering", "seabed", "signal", "sonar",
+           "sweep", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -70,7 +86,7 @@ def __getattr__(name):
 
 
 def __dir__():
-    return sorted(set(globals()) | set(_PUBLIC))
+    return sorted({*_PUBLIC, *(name for name in globals() if name.startswith("__"))})
 
 
 class _FirstImport:
@@ -86,8 +102,8 @@ class _FirstImport:
             return None
         others = (finder for finder in sys.meta_path if finder is not cls)
         spec = next(filter(None, (finder.find_spec(name, path, target) for finder in others)), None)
-        if spec is None:
-            return None
+        if spec is None or spec.loader is None:
+            return spec
         execute = spec.loader.exec_module
 
         def execute_between(module):

@@ -5,7 +5,7 @@ Standard library only, and plain enough for any Python 3 to read, so that an old
 import sys
 
 
-def main(argv=None):
+def main(argv: "list[str] | None" = None) -> int:
     """Run one command and return its exit code: 2 for what the user can mend, said in one sentence, 130 for Ctrl-C."""
     argv = sys.argv[1:] if argv is None else list(argv)
     if sys.version_info < (3, 10):

@@ -1,12 +1,17 @@
 """The verbs: a scene in, an image (`render`) or what elements hear (`impulse_response`, `element_signals`) out."""
+from __future__ import annotations
+
 import importlib.metadata
 import operator
 import os
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
 
 from . import __version__
+from .io.files import FilePath
 from .io.records import SonarImage, SonarSignals
 from .propagation.vector_approximation import DIFFERENCES
 from .scene.alterations import altered
@@ -16,6 +21,7 @@ from .signal.impulses import KERNELS, make_kernel
 from .spelling import meant
 from .survey.pressure import PressureRecord
 from .survey.signals import LEAD, pair_responses, received_signals
+from .survey.survey import Survey
 
 __all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "impulse_response", "opened", "pings", "provenance",
            "render"]
@@ -24,7 +30,8 @@ RETURN_PATHS = (*DIFFERENCES, "eigenray")
 SEEDS = 1 << 32                    # what Mitsuba takes, and what tells rays apart
 
 
-def render(scene, seed=0, *, sensor=0, progress=None, say=None):
+def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
+           progress: Callable[[int, int], None] | None = None, say: Callable[[str], None] | None = None) -> SonarImage:
     """Render a sonar scene.
 
     Parameters
@@ -69,8 +76,10 @@ def render(scene, seed=0, *, sensor=0, progress=None, say=None):
     return SonarImage.of(image.assign_attrs(provenance(scene, sensor, survey)))
 
 
-def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
-                     progress=None, say=None):
+def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
+                     return_path: str = "vector", seed: int = 0, *, sensor: int = 0, paths: Sequence[str] | None = None,
+                     progress: Callable[[float, int], None] | None = None,
+                     say: Callable[[str], None] | None = None) -> SonarSignals:
     """Compute the response of every pair of transmit and receive elements.
 
     Parameters
@@ -118,12 +127,14 @@ def impulse_response(scene, ping=0, kernel="band_limited", return_path="vector",
     record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = pair_responses(record, chosen, progress=progress, say=say)
-    return _told(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
+    return _with_attributes(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
                  **provenance(scene, sensor, survey))
 
 
-def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", seed=0, *, sensor=0, paths=None,
-                    progress=None, say=None):
+def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
+                    return_path: str = "vector", seed: int = 0, *, sensor: int = 0, paths: Sequence[str] | None = None,
+                    progress: Callable[[float, int], None] | None = None,
+                    say: Callable[[str], None] | None = None) -> SonarSignals:
     """Compute what every receive element hears of a ping: echoes of the pulse, and noise.
 
     All transmit elements send together, with their weights and delays. Doppler from the platform's motion stretches
@@ -161,16 +172,16 @@ def element_signals(scene, ping=0, kernel="band_limited", return_path="vector", 
     record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = received_signals(record, chosen, progress=progress, say=say)
-    return _told(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor, survey))
+    return _with_attributes(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor, survey))
 
 
-def pings(scene, *, sensor=0):
+def pings(scene: mi.Scene | FilePath, *, sensor: int = 0) -> int:
     """Number of pings of a scene's sensor with arrays."""
     scene, sensor, integrator = opened(scene, sensor)
     return integrator.array_survey(scene, sensor).track.pings
 
 
-def opened(scene, sensor=0):
+def opened(scene: mi.Scene | FilePath, sensor: int = 0) -> tuple[mi.Scene, Any, Any]:
     """Give a scene (loaded if it is a path), the sensor of that number, and an integrator that renders sound.
 
     Raises
@@ -195,7 +206,7 @@ def opened(scene, sensor=0):
     return scene, sensors[sensor], integrator
 
 
-def checked_seed(seed):
+def checked_seed(seed: int) -> int:
     """Give a seed as a number, or refuse it."""
     number = operator.index(seed)
     if not 0 <= number < SEEDS:
@@ -203,7 +214,7 @@ def checked_seed(seed):
     return number
 
 
-def provenance(scene, sensor, survey):
+def provenance(scene: mi.Scene, sensor: Any, survey: Survey) -> dict[str, Any]:
     """Where a result comes from: scene, parameters, versions, origin."""
     passage, geometry = survey.passage, survey.geometry
     origin, crs = geometry.local_origin, geometry.crs
@@ -218,7 +229,7 @@ def provenance(scene, sensor, survey):
             "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}
 
 
-def _told(array, **attributes):
+def _with_attributes(array, **attributes):
     """Signals that say where they come from."""
     return SonarSignals.of(array.assign_attrs(attributes))
 

@@ -1,26 +1,32 @@
 """What the commands' arguments have in common: the parser, scenes, ``-D KEY=VALUE``, seeds and threads."""
 import argparse
 import re
+from collections.abc import Sequence
+from typing import NoReturn, TypeAlias
 
 from ..spelling import meant
-from .completion import SCENES
+from .completion import SCENES, complete_with
 
-__all__ = ["Parser", "add_scene", "parameters", "set_up", "whole"]
+__all__ = ["Commands", "Parser", "add_scene", "parameters", "set_up", "whole"]
 
 MOST_THREADS = 1024
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # what commands are added to
 
 
 class Parser(argparse.ArgumentParser):
     """Argument parser whose complaints are errors like all others."""
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message)
         hint = meant(choice[1], re.findall(r"[\w.-]+", choice[2])) if choice else ""
         raise ValueError(f"{message}{hint}; see {self.prog} --help")
 
-    def parse_args(self, args=None, namespace=None):
+    def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  one form of two
+            self, args: Sequence[str] | None = None,
+            namespace: argparse.Namespace | None = None) -> argparse.Namespace:
         """Parse, and say of an unknown option which one may be meant."""
-        found, rest = self.parse_known_args(args, namespace)
+        found = argparse.Namespace() if namespace is None else namespace
+        found, rest = self.parse_known_args(args, found)
         if rest:
             commands = next(action for action in self._actions if isinstance(action, argparse._SubParsersAction))
             command = commands.choices[found.command]
@@ -29,17 +35,17 @@ class Parser(argparse.ArgumentParser):
         return found
 
 
-def add_scene(command):
+def add_scene(command: argparse.ArgumentParser) -> None:
     """Add what a command that loads a scene takes: the scene, its parameters, seed and threads."""
     scene = command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
-    scene.complete = SCENES
+    complete_with(scene, SCENES)
     command.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
                          help="value for a $parameter of the scene; repeatable")
     command.add_argument("--seed", type=whole, default=0, metavar="N", help="of all that is random; default: 0")
     command.add_argument("--threads", type=whole, metavar="N", help="worker threads, at least 2; default: one per core")
 
 
-def parameters(arguments):
+def parameters(arguments: argparse.Namespace) -> dict[str, str]:
     """Give the values of ``-D`` by name, as text."""
     values = {}
     for key, value in map(_key_value, arguments.parameters):
@@ -49,7 +55,7 @@ def parameters(arguments):
     return values
 
 
-def set_up(threads):
+def set_up(threads: int | None) -> None:
     """Silence what Mitsuba says beside its errors, and set the number of threads."""
     import drjit as dr
     import mitsuba as mi
@@ -65,7 +71,7 @@ def set_up(threads):
         raise ValueError(f"--threads is {threads}, more than this machine starts: {error}; give fewer") from None
 
 
-def whole(text):
+def whole(text: str) -> int:
     """Read a whole number."""
     try:
         return int(text)

@@ -16,6 +16,7 @@ import os
 import re
 import shutil
 import sys
+from collections.abc import Sequence
 
 from mitsonar.cli import installer
 from mitsonar.cli.installer import SetupError
@@ -28,7 +29,7 @@ UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
 AT_ONCE = ("-h", "--help", "-v", "--version", "completion")  # commands that nobody wants to wait for a library with
 
 
-def enter(argv):
+def enter(argv: Sequence[str]) -> None:
     """Return when this interpreter can run the command `argv`; start it again in an interpreter that can, otherwise.
 
     A libLLVM that cannot be had stops only the commands that need it, by `mitsonar.device.llvm.check`.
@@ -90,7 +91,7 @@ def _have_library():
                 say(str(error).partition("\n")[0])
 
 
-def run_tests(arguments):
+def run_tests(arguments: Sequence[str]) -> int:
     """Run the checkout's tests by pytest with `arguments` and return its exit code.
 
     Raises
@@ -107,10 +108,10 @@ def run_tests(arguments):
     import pytest
 
     os.chdir(ROOT)  # where pytest finds its settings, the tests, and a place for its cache
-    return int(pytest.main(arguments if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider", *arguments]))
+    return int(pytest.main([*arguments] if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider", *arguments]))
 
 
-def environment():
+def environment() -> str:
     """Return the folder of the environment that belongs to this checkout."""
     folder = os.path.join(ROOT, ".venv")
     if os.access(ROOT, os.W_OK) or _is_ready(folder):
@@ -118,13 +119,13 @@ def environment():
     return os.path.join(llvm.cache_folder(), f"venv-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:12]}")
 
 
-def missing(with_tests=False):
+def missing(with_tests: bool = False) -> list[str]:
     """Return the requirements of ``pyproject.toml`` that this interpreter does not meet, as ``name>=version``."""
     with open(PROJECT, encoding="utf-8") as file:
         text = file.read()
     # The TOML reader came with Python 3.11; these two plain lists of strings need none.
     keys = ["dependencies", "test"] if with_tests else ["dependencies"]
-    text = "".join(re.search(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[1] for key in keys)
+    text = "".join("".join(re.findall(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[:1]) for key in keys)
     requirement = r'^ *"([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
     unmet = []
     for name, relation, version, before in re.findall(requirement, text, re.M):
@@ -140,7 +141,7 @@ def missing(with_tests=False):
     return unmet
 
 
-def set_up(folder):
+def set_up(folder: str) -> None:
     """Make the environment `folder`, or bring it up to date; the caller holds its lock.
 
     Raises
@@ -153,7 +154,7 @@ def set_up(folder):
     before, waiting = _read(_state_file(folder)), f"{folder}.old"
     there = os.path.isdir(folder) and bool(os.listdir(folder))
     foreign = there and (before is None or before.endswith(ADDED_TO))
-    in_place = foreign or there and before.startswith(_identity(folder))
+    in_place = foreign or before is not None and there and before.startswith(_identity(folder))
     if there and not in_place:
         if os.path.lexists(waiting):  # then what is here is a replacement that was not finished
             shutil.rmtree(folder)
@@ -183,7 +184,7 @@ def _restore(folder, state):
         _write(_state_file(folder), state)
 
 
-def about_import(error):
+def about_import(error: ImportError) -> str:
     """Say what to do about a package that is there, or should be, and cannot be imported."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     what = f"a package that mitsonar needs cannot be imported: {lines[0] if lines else type(error).__name__}"
@@ -194,7 +195,7 @@ def about_import(error):
     return f"{what}; install it again for {sys.executable}, or mitsonar by pip install --force-reinstall"
 
 
-def say(line):
+def say(line: str) -> None:
     """Print one line of progress, beside the command's own output."""
     print(f"mitsonar: {line}", file=sys.stderr, flush=True)
 

@@ -1,9 +1,10 @@
 """Completion of commands, options, scenes and files in bash and zsh, by shtab."""
 import argparse
+from typing import Any, cast
 
 from ..io import scenes
 
-__all__ = ["FILES", "SCENES", "SHELLS", "Completion"]
+__all__ = ["FILES", "SCENES", "SHELLS", "Completion", "complete_with"]
 
 SHELLS = ("bash", "zsh")
 FILES = {"bash": "_shtab_compgen_files", "zsh": "_files"}              # as shtab names them
@@ -18,13 +19,19 @@ PREAMBLE = {
 }}"""}
 
 
+def complete_with(argument: argparse.Action, names: dict[str, str]) -> None:
+    """Say what completes an argument: `FILES` or `SCENES`."""
+    setattr(argument, "complete", names)               # where shtab looks for it
+
+
 class Completion(argparse.Action):
     """Print the script for a shell, and end."""
 
-    def __call__(self, parser, namespace, values, option_string=None):
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
+                 option_string: str | None = None) -> None:
         import shtab
 
         names = " ".join(scenes.shipped())
         preamble = {shell: text.format(names=names) for shell, text in PREAMBLE.items()}
-        print(shtab.complete(parser, values, preamble=preamble))
+        print(shtab.complete(parser, values, preamble=cast(Any, preamble)))      # declared as text alone
         parser.exit()

@@ -4,7 +4,8 @@ import textwrap
 
 from ..io import scene_words, scenes
 from ..spelling import meant
-from .completion import SCENES
+from .arguments import Commands
+from .completion import SCENES, complete_with
 from .words import announce
 
 __all__ = ["add"]
@@ -12,14 +13,14 @@ __all__ = ["add"]
 NARROWEST, WIDEST = 40, 110        # columns; within these as wide as the terminal
 
 
-def add(commands):
+def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     listed = commands.add_parser("scenes", help="list the scenes that come with mitsonar")
     listed.set_defaults(run=_scenes)
     describe = commands.add_parser("describe", help="say which parameters a scene, or which attributes a plugin takes")
     name = describe.add_argument("name", metavar="SCENE|PLUGIN", nargs="?",
                                  help="a scene's name or file, or one such as sidescan")
-    name.complete = SCENES
+    complete_with(name, SCENES)
     describe.add_argument("--markdown", action="store_true", help="print the reference page of all plugins")
     describe.set_defaults(run=_describe)
 

@@ -4,6 +4,7 @@ import os
 import platform
 import sys
 import time
+from collections.abc import Callable
 
 import mitsonar
 from mitsonar.device import llvm
@@ -12,7 +13,7 @@ PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
 BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what compiles its kernels
 
 
-def report():
+def report() -> None:
     """Print versions, libLLVM, usable variants, threads and caches, one line each.
 
     Raises
@@ -40,7 +41,7 @@ def report():
     _line("cache", _size(llvm.cache_folder()))
 
 
-def run(render_check=None):
+def run(render_check: Callable[[], object] | None = None) -> int:
     """Print the report, call `render_check`, and say how that went.
 
     Parameters

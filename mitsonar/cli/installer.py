@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 
 LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "requirements.lock")
 LOCKED = ("--require-hashes", "--only-binary", ":all:", "-r", LOCK)
@@ -30,7 +31,7 @@ class SetupError(Exception):
     """The environment cannot be made; the message is one sentence."""
 
 
-def install(folder, root, say):
+def install(folder: str, root: str, say: Callable[[str], object]) -> None:
     """Make the environment `folder` if it is not there, and have all packages in it.
 
     Parameters
@@ -50,7 +51,7 @@ def install(folder, root, say):
         _by_pip(folder, root, say)
 
 
-def python_of(folder):
+def python_of(folder: str) -> str:
     """Return the interpreter of an environment."""
     return os.path.join(folder, "bin", "python")
 
@@ -109,7 +110,7 @@ def _debian_pip(folder, say):
     return glob.glob(os.path.join(folder, "pip/usr/share/python-wheels/pip-*.whl"))[0]
 
 
-def run(folder, say, *command, **defaults):
+def run(folder: str, say: Callable[[str], object], *command: str, **defaults: str) -> None:
     """Run a command that installs into `folder`, and pass on what it says of its progress; `defaults` are variables.
 
     Raises
@@ -131,7 +132,7 @@ def run(folder, say, *command, **defaults):
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
                               errors="replace") as child:
             try:
-                for line in child.stdout:
+                for line in child.stdout or ():
                     said.append(line)
                     if SHOWN.match(line) and ".whl.metadata" not in line:
                         say(line.strip()[:WIDEST])

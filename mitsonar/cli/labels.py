@@ -3,19 +3,19 @@ import argparse
 import os
 import sys
 
-from .arguments import whole
-from .completion import FILES
+from .arguments import Commands, whole
+from .completion import FILES, complete_with
 from .progress import Progress
 from .words import announce
 
 __all__ = ["add"]
 
 
-def add(commands):
+def add(commands: Commands) -> None:
     """Add the command to the parser's."""
     labels = commands.add_parser("labels", help="write pictures with masks, boxes and polygons to train on")
     images = labels.add_argument("images", nargs="+", metavar="IN.exr|SWEEP", help="EXR files and folders of sweeps")
-    images.complete = FILES
+    complete_with(images, FILES)
     labels.add_argument("-o", "--output", metavar="FOLDER", help="default, for one input: its name with _labels")
     labels.add_argument("--coco", action="store_true", help="annotations.json: boxes and polygons of COCO")
     labels.add_argument("--yolo", nargs="?", const="boxes", metavar="FORM",
@@ -60,9 +60,9 @@ def _labels(arguments):
         split_seed=arguments.split_seed, split_by=arguments.split_by)
     with Progress("images", "labelling") as progress:
         counts = write(arguments.images, output, rules, progress)
-    black, empty = counts.pop("in the black"), counts.pop("empty")
+    invisible, empty = counts.pop("invisible"), counts.pop("empty")
     print(", ".join(f"{count} {kind[:-1] if count == 1 else kind}" for kind, count in counts.items())
-          + f"; {black} more where the picture is black all around" * bool(black)
+          + f"; {invisible} more where the picture is black all around" * bool(invisible)
           + f"; {empty} empty picture{'s' * (empty != 1)} left out" * bool(empty), file=sys.stderr)
     announce(output)
 

@@ -1,10 +1,11 @@
 """The commands about this machine: doctor, test, llvm."""
 from ..io import scenes
+from .arguments import Commands
 
 __all__ = ["add"]
 
 
-def add(commands):
+def add(commands: Commands) -> None:
     """Add the commands to the parser's; ``test`` and ``llvm`` run before this package is imported."""
     doctor = commands.add_parser("doctor", help="say what was found on this machine and render one ping")
     doctor.set_defaults(run=_doctor)

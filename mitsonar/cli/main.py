@@ -6,6 +6,7 @@ mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or inter
 import signal
 import sys
 import warnings
+from collections.abc import Sequence
 
 from .. import __version__
 from ..io.errors import sentence
@@ -19,7 +20,7 @@ __all__ = ["main"]
 GROUPS = (rendering, describing, sweep, results, labels, machine)      # of commands, in the order of the help
 
 
-def main(argv=None):
+def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     with Signals() as signals:
         try:

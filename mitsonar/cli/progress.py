@@ -21,7 +21,7 @@ class Progress:
         What is done to them.
     """
 
-    def __init__(self, unit="pings", verb="rendering"):
+    def __init__(self, unit: str = "pings", verb: str = "rendering"):
         self.unit, self.verb = unit, verb
         self.start = self.last_line = time.monotonic()
         self.bar = self.task = None
@@ -33,7 +33,7 @@ class Progress:
         if self.bar is not None:
             self.bar.stop()
 
-    def __call__(self, done, total, failed=0):
+    def __call__(self, done: float, total: float, failed: int = 0) -> None:
         now = time.monotonic()
         if now - self.start < QUIET_SECONDS or not done:
             return
@@ -45,7 +45,7 @@ class Progress:
             if now - self.last_line > LINE_SECONDS:
                 self.last_line = now
                 print(f"{_count(done)} of {total} {self.unit}, {pace}", file=sys.stderr)
-        elif self.bar is None:
+        elif self.bar is None or self.task is None:
             self._open(done, total, pace)
         else:
             self.bar.update(self.task, completed=done, count=_count(done), pace=pace)

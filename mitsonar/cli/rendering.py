@@ -2,8 +2,8 @@
 import os
 
 from ..io import scenes
-from .arguments import add_scene, parameters, set_up, whole
-from .completion import FILES
+from .arguments import Commands, add_scene, parameters, set_up, whole
+from .completion import FILES, complete_with
 from .progress import Progress
 from .words import announce, warn
 
@@ -12,18 +12,18 @@ __all__ = ["DEMO", "add"]
 DEMO = {"rays": 60_000}            # a ping: 32 a bin, whose noise is a fourteenth of the speckle's
 
 
-def add(commands):
+def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     render = commands.add_parser("render", help="render a scene to an EXR")
     add_scene(render)
-    render.add_argument("-o", "--output", required=True, metavar="OUT.exr").complete = FILES
+    complete_with(render.add_argument("-o", "--output", required=True, metavar="OUT.exr"), FILES)
     preview = render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
-    preview.complete = FILES
+    complete_with(preview, FILES)
     render.set_defaults(run=_render)
 
     signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
     add_scene(signals)
-    signals.add_argument("-o", "--output", required=True, metavar="OUT.nc").complete = FILES
+    complete_with(signals.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
     signals.add_argument("--ping", type=whole, action="append", metavar="N",
                          help="which ping; repeatable; default: all")
     signals.add_argument("--response", action="store_true",
@@ -45,7 +45,8 @@ def _render(arguments):
 
 
 def _signals(arguments):
-    from ..io import files, signals as netcdf
+    from ..io import files
+    from ..io import signals as netcdf
 
     path = scenes.find(arguments.scene)
     files.check_writable(arguments.output)
@@ -56,12 +57,12 @@ def _signals(arguments):
 
     set_up(arguments.threads)
     scene = load_file(path, **parameters(arguments))
-    listen = impulse_response if arguments.response else element_signals
+    compute = impulse_response if arguments.response else element_signals
     with Progress() as progress:
-        heard = listen(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
+        recorded = compute(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
                        return_path=arguments.return_path, seed=arguments.seed, paths=arguments.path,
                        progress=progress, say=warn)
-    netcdf.write(arguments.output, heard)
+    netcdf.write(arguments.output, recorded)
     announce(arguments.output)
 
 

@@ -1,17 +1,17 @@
 """The commands that look at results: plot, published, validate."""
 import os
 
-from .arguments import set_up, whole
-from .completion import FILES
+from .arguments import Commands, set_up, whole
+from .completion import FILES, complete_with
 from .words import announce
 
 __all__ = ["add"]
 
 
-def add(commands):
+def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
-    plot.add_argument("image", metavar="IN.exr").complete = FILES
+    complete_with(plot.add_argument("image", metavar="IN.exr"), FILES)
     plot.add_argument("--what", default="waterfall", metavar="VIEW",
                       help="waterfall (default), objects, ping, mean, labels, class, share, hidden, shadow, "
                            "layover, depth or rays")

@@ -2,8 +2,8 @@
 import datetime
 import os
 
-from .arguments import whole
-from .completion import FILES
+from .arguments import Commands, whole
+from .completion import FILES, complete_with
 from .progress import Progress
 from .words import announce, warn
 
@@ -12,11 +12,11 @@ __all__ = ["add"]
 SHOWN = 5                          # failures told at the end
 
 
-def add(commands):
+def add(commands: Commands) -> None:
     """Add the command to the parser's."""
     sweep = commands.add_parser("sweep", help="render all that a plan asks for and is not there yet")
     plan = sweep.add_argument("plan", metavar="PLAN.toml", help="or the name of a plan that comes with mitsonar")
-    plan.complete = FILES
+    complete_with(plan, FILES)
     sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
     sweep.add_argument("--dry-run", action="store_true", help="say how many renders, how long and how large, and end")
     sweep.add_argument("--verify", action="store_true",
@@ -55,7 +55,7 @@ def _sweep(arguments):
 
 def _tell(plan, arguments):
     from ..sweep.estimate import estimate
-    from ..sweep.execute import stray
+    from ..sweep.execute import unplanned_said
 
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
@@ -64,9 +64,9 @@ def _tell(plan, arguments):
     there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
     announce(f"{_count(found.total, 'render')} into {found.folder}, {there}"
              + (f", {found.changed + found.damaged} to be made anew" if found.changed + found.damaged else ""))
-    if found.strangers:
-        warn(stray(found.strangers, found.folder))
-    if found.missing:
+    if found.unplanned:
+        warn(unplanned_said(found.unplanned, found.folder))
+    if found.seconds is not None and found.bytes is not None and found.duration is not None:
         how = f"tried {found.trials}" if found.trials else "as those there took"
         length = datetime.timedelta(seconds=round(found.duration))
         announce(f"time: about {length}, {found.seconds:.2g} s each ({how}), by "

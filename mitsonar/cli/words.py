@@ -24,7 +24,7 @@ class Signals:
         self.received = number
         raise KeyboardInterrupt
 
-    def end(self):
+    def end(self) -> int:
         """Say that the command was interrupted, and end it, or give its exit code where no signal came."""
         for number in self.before:
             signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C shall not break into the last words
@@ -36,7 +36,7 @@ class Signals:
         os._exit(128 + self.received)
 
 
-def announce(path):
+def announce(path: object) -> None:
     """Print the name of a file that was written; that nobody listens does not undo it."""
     try:
         print(path, flush=True)
@@ -44,11 +44,11 @@ def announce(path):
         mute()
 
 
-def mute():
+def mute() -> None:
     """Send what is left to print to nowhere, else Python complains about it when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def warn(message, *_):
+def warn(message: object, *_: object) -> None:
     """Print a warning as one sentence."""
     print(f"mitsonar: {message}", file=sys.stderr)

@@ -1,15 +1,27 @@
 """Images by number: read when they are asked for, so that a set may be larger than the memory."""
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, overload
+
 import numpy as np
 
 from ..io import exr
+from ..io.files import FilePath
+from ..io.records import SonarImage
 from .labels import deal, find_sources, groups_of, read_shares
+from .sources import Source
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .torch_images import TorchImages
+
 
 __all__ = ["Images", "open"]
 
 RENAMED = {"range": "slant_range"}  # a coordinate that differs from image to image cannot be its dimension's
 
 
-def open(places):
+def open(places: FilePath | Iterable[FilePath]) -> "Images":
     """Open the images of sweeps and files.
 
     Parameters
@@ -44,13 +56,18 @@ class Images:
         Of all shapes, and of objects, in any image, sorted: class numbers of PyTorch targets count along them from 1.
     """
 
-    def __init__(self, sources):
+    def __init__(self, sources: Iterable[Source]):
         self.sources = tuple(sources)
         self.classes = tuple(sorted({name for source in self.sources for name in source.classes}))
         self.object_classes = tuple(sorted({name for source in self.sources for name in source.object_classes}))
 
     def __len__(self):
         return len(self.sources)
+
+    @overload
+    def __getitem__(self, number: int) -> SonarImage: ...
+    @overload
+    def __getitem__(self, number: slice) -> "Images": ...
 
     def __getitem__(self, number):
         if isinstance(number, slice):
@@ -61,27 +78,27 @@ class Images:
         return f"<mitsonar.dataset.Images: {len(self)} images, parameters {', '.join(self.parameters) or 'none'}>"
 
     @property
-    def names(self):
+    def names(self) -> np.ndarray:
         """Names of the images, (image,) text."""
         return np.array([source.name for source in self.sources])
 
     @property
-    def seeds(self):
+    def seeds(self) -> np.ndarray:
         """Their seeds, (image,)."""
         return np.array([source.seed for source in self.sources])
 
     @property
-    def seabeds(self):
+    def seabeds(self) -> np.ndarray:
         """Hashes of their seabeds, (image,); images with the same show the same seabed."""
         return np.array([source.seabed for source in self.sources])
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict[str, np.ndarray]:
         """Scene parameters: name → (image,) array, of numbers where all are numbers; None where an image has none."""
         names = dict.fromkeys(name for source in self.sources for name in source.parameters)
         return {name: _column([source.parameters.get(name) for source in self.sources]) for name in names}
 
-    def split(self, shares, seed=0, by=None):
+    def split(self, shares: Mapping[str, float] | str, seed: int = 0, by: str | None = None) -> "dict[str, Images]":
         """Split into subsets that share no seabed.
 
         Parameters
@@ -109,7 +126,7 @@ class Images:
         return {name: self._some([source for source, home in zip(self.sources, homes, strict=True) if home == name])
                 for name in shares}
 
-    def stack(self, names=("level",)):
+    def stack(self, names: str | Sequence[str] = ("level",)) -> dict[str, np.ndarray]:
         """Read variables of all images into arrays.
 
         Parameters
@@ -138,7 +155,7 @@ class Images:
                 stacked[name][number] = self._values(image, name, number, stacked[name].shape[1:])
         return stacked
 
-    def xarray(self, names=None):
+    def xarray(self, names: Sequence[str] | None = None) -> "xr.Dataset":
         """Give all images as one dataset with the dimension ``image``, read when it is computed (by Dask).
 
         Parameters
@@ -157,20 +174,20 @@ class Images:
         ValueError
             If there is no such variable; when it is computed, if the images differ in shape.
         """
-        import dask
         import dask.array
         import xarray
+        from dask.delayed import delayed
 
         first = self[0]
         if names is None:
-            names = [name for name, variable in first.data_vars.items() if variable.dims == first["level"].dims]
-        inner = [name for name, coordinate in first.coords.items() if coordinate.dtype.kind in "fiub"
+            names = [str(name) for name, variable in first.data_vars.items() if variable.dims == first["level"].dims]
+        inner = [str(name) for name, coordinate in first.coords.items() if coordinate.dtype.kind in "fiub"
                  and set(coordinate.dims) <= set(first["level"].dims) and (name in RENAMED or name not in first.dims)]
-        reads = [dask.delayed(exr.read)(source.path) for source in self.sources]
+        reads = [delayed(exr.read)(source.path) for source in self.sources]
 
         def lazily(name):
             like = self._values(first, name, 0)
-            parts = [dask.array.from_delayed(dask.delayed(self._values)(read, name, number, like.shape), like.shape,
+            parts = [dask.array.from_delayed(delayed(self._values)(read, name, number, like.shape), like.shape,
                                              like.dtype) for number, read in enumerate(reads)]
             return ("image", *first[name].dims), dask.array.stack(parts), first[name].attrs
 
@@ -181,7 +198,9 @@ class Images:
         coords |= {f"parameter_{name}": ("image", values) for name, values in self.parameters.items()}
         return xarray.Dataset({name: lazily(name) for name in names}, coords)
 
-    def torch(self, *, image="level", target="class", transform=None):
+    def torch(self, *, image: "str | Callable[[xr.Dataset], Any]" = "level",
+              target: "str | Callable[[xr.Dataset], Any] | None" = "class",
+              transform: Callable[..., Any] | None = None) -> "TorchImages":
         """Give a dataset for PyTorch's DataLoader; it can be pickled if what it is given can.
 
         Parameters

@@ -4,10 +4,13 @@ What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines
 """
 import os
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..io import exr
+from ..io.files import FilePath
 from ..sweep import manifest
 from ..sweep.manifest import MANIFEST
 
@@ -37,14 +40,14 @@ class Source:
 
     path: Path
     name: str
-    parameters: dict
-    seed: object
-    seabed: object
-    classes: tuple
-    object_classes: tuple
+    parameters: dict[str, Any]
+    seed: int | None
+    seabed: str | None
+    classes: tuple[str, ...]
+    object_classes: tuple[str, ...]
 
 
-def find_sources(places):
+def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     """Find all images in files and sweeps.
 
     Parameters

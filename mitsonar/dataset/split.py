@@ -6,13 +6,14 @@ seed and group, each to the subset that lacks most of its share of the images.
 import hashlib
 import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
 
 __all__ = ["SUBSETS", "deal", "read_shares"]
 
 SUBSETS = ("train", "val", "test")
 
 
-def read_shares(text):
+def read_shares(text: str) -> dict[str, float]:
     """Read shares such as "train=0.8,val=0.1,test=0.1".
 
     Parameters
@@ -44,7 +45,7 @@ def read_shares(text):
     return shares
 
 
-def deal(groups, shares, seed=0, what="seabed"):
+def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, what: str = "seabed") -> list[str]:
     """Deal images out to subsets, group by group.
 
     Parameters
@@ -80,7 +81,7 @@ def deal(groups, shares, seed=0, what="seabed"):
     for left, group in zip(range(len(order), 0, -1), order, strict=True):
         # the last groups are kept for those who have none
         allowed = [name for name in shares if name in empty or left > len(empty)]
-        home[group] = max(allowed, key=lacking.get)
+        home[group] = max(allowed, key=lacking.__getitem__)
         lacking[home[group]] -= sizes[group]
         empty.discard(home[group])
     return [home[group] for group in groups]

@@ -1,10 +1,19 @@
 """Images as a dataset of PyTorch. Imported only where it is asked for, so that mitsonar works without PyTorch."""
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
-import torch
-import torch.utils.data
+import torch  # pyright: ignore[reportMissingImports]  mitsonar does not ask for it
+import torch.utils.data  # pyright: ignore[reportMissingImports]  nor for its parts
 
 from .labels.annotations import HIGHLIGHT, annotations
 from .labels.frames import frames
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .images import Images
+
 
 __all__ = ["TorchImages"]
 
@@ -12,7 +21,8 @@ __all__ = ["TorchImages"]
 class TorchImages(torch.utils.data.Dataset):
     """Pairs of image and target; see `mitsonar.dataset.Images.torch`."""
 
-    def __init__(self, images, *, image, target, transform):
+    def __init__(self, images: "Images", *, image: "str | Callable[[xr.Dataset], Any]",
+                 target: "str | Callable[[xr.Dataset], Any] | None", transform: Callable[..., Any] | None):
         self.images, self.image, self.target, self.transform = images, image, target, transform
 
     def __len__(self):

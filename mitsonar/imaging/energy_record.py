@@ -4,11 +4,14 @@ A row is what a beam of the sonar hears of one ping: a side of a sidescan, a bea
 """
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from .truth import BinTruth
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 __all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered", "joined"]
 
@@ -114,7 +117,7 @@ def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> Energy
             array = array.reshape(-1, rows, *array.shape[1:])
             kept[start:start + len(array)] = array
         start += len(block.intensity) // rows
-    if start != pings:
+    if whole is None or start != pings:
         raise ValueError(f"blocks of {start} pings were given for a record of {pings}")
     return whole
 
@@ -124,7 +127,7 @@ def _kept(kind: np.dtype) -> np.dtype:
     return np.dtype(np.float32) if kind == np.float64 else kind
 
 
-_R = TypeVar("_R")
+_R = TypeVar("_R", bound="DataclassInstance")
 
 
 def joined(records: Sequence[_R]) -> _R:
@@ -140,15 +143,15 @@ def joined(records: Sequence[_R]) -> _R:
 def _changed(record: _R, change: Callable[[np.ndarray], np.ndarray]) -> _R:
     """The same record of other arrays."""
     values = {field.name: getattr(record, field.name) for field in fields(record)}
-    return replace(record, **{name: _changed(value, change) if is_dataclass(value) else change(value)
+    return replace(record, **{name: change(value) if isinstance(value, np.ndarray) else _changed(value, change)
                               for name, value in values.items() if value is not None})
 
 
-def _arrays(record: object) -> Iterator[np.ndarray]:
+def _arrays(record: "DataclassInstance") -> Iterator[np.ndarray]:
     """All arrays of a record, in the order of its fields."""
     for field in fields(record):
         value = getattr(record, field.name)
-        if is_dataclass(value):
-            yield from _arrays(value)
-        elif value is not None:
+        if isinstance(value, np.ndarray):
             yield value
+        elif value is not None:
+            yield from _arrays(value)

@@ -92,35 +92,35 @@ def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: 
     dims = dataset["level"].dims
     share = dataset["share"].transpose("shape", *dims).values
     objects = sorted((int(number), entry["class"]) for number, entry in dataset.attrs["objects"].items())
-    heard = _heard(dataset, dims, share, [label for label, _ in objects], above_noise_db)
+    strong = _strong_enough(dataset, dims, share, [label for label, _ in objects], above_noise_db)
     hidden_by = dataset["object_shadow"].transpose(*dims).values
     if "shadow" in dataset:
         hidden_by = _without_gaps(hidden_by, dataset["shadow"].transpose(*dims).values > 0)
-    taken = np.zeros_like(heard)
+    taken = np.zeros_like(strong)
     for label, _ in objects:
         taken |= share[label - 1] > threshold
-    taken &= heard
+    taken &= strong
     for label, class_name in objects:
         yield ObjectBins(label=label, name=str(dataset["shape"].values[label - 1]), class_name=class_name,
-                         highlight=_without_specks(heard & (share[label - 1] > threshold), dims, smallest),
+                         highlight=_without_specks(strong & (share[label - 1] > threshold), dims, smallest),
                          shadow=_without_specks((hidden_by == label) & ~taken, dims, smallest))
 
 
-def _heard(dataset, dims, share, labels, above_noise_db):
+def _strong_enough(dataset, dims, share, labels, above_noise_db):
     """Where an object's echo is strong enough for a highlight."""
-    heard = np.ones(share.shape[1:], bool)
+    strong = np.ones(share.shape[1:], bool)
     if "mean_level" not in dataset:
-        return heard
+        return strong
     level = dataset["mean_level"].transpose(*dims).values
     if dataset.attrs.get("noise_db") is not None:
-        heard = level >= dataset.attrs["noise_db"] + above_noise_db
+        strong = level >= dataset.attrs["noise_db"] + above_noise_db
     if "hidden" in dataset:
         bed = share.sum(0) - sum(share[label - 1] for label in labels) > 0.5
         faintest = np.full(share.shape[-1], -np.inf)
         for bin in np.flatnonzero(bed.any(tuple(range(bed.ndim - 1)))):
             faintest[bin] = np.median(level[..., bin][bed[..., bin]]) - FAINT_DB
-        heard &= (level >= faintest) | (dataset["hidden"].transpose(*dims).values <= 0.5)
-    return heard
+        strong &= (level >= faintest) | (dataset["hidden"].transpose(*dims).values <= 0.5)
+    return strong
 
 
 def _without_specks(mask, dims, smallest):

@@ -19,7 +19,7 @@ from mitsonar.units import db_from_power, power_from_db
 from ..sonar.sidescan import Sidescan
 from ..sonar.track import Track
 from . import truth
-from .energy_record import EnergyRecord
+from .energy_record import CoherentRecord, EnergyRecord
 
 __all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation"]
 
@@ -137,7 +137,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         some = slice(start, start + step)
         energy = record.intensity[some].astype(float)
         mean, with_phase = mean_intensity(energy, shares), ()
-        if coherent is not None:
+        if coherent is not None and coherent.pressure is not None and coherent.depth is not None:
             with_phase = coherent.pressure[some], coherent.intensity[some].astype(float)
             depth[some] = _mean_depth(depth[some], mean, coherent.depth[some],
                                       np.where(in_beam[some] > 0, with_phase[1], 0))
@@ -186,14 +186,15 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
                "labels": {str(number): name for number, name in labels.items()}})
     if record.path_intensity is not None:
-        dataset = dataset.assign(_by_path(record, shares, entry)).assign_coords(
+        dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares, entry)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
     return dataset
 
 
-def _by_path(record: EnergyRecord, shares: np.ndarray, entry: Callable[..., tuple]) -> dict[str, tuple]:
+def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shares: np.ndarray,
+             entry: Callable[..., tuple]) -> dict[str, tuple]:
     """Levels of every path, (path_name, ping, side, range), and the number of the strongest."""
-    intensity, coherent = record.path_intensity, record.coherent and record.coherent.path_intensity
+    coherent = None if coherent_record is None else coherent_record.path_intensity
     pings, sides, paths, bins = intensity.shape
     level = np.empty((paths, pings, sides, bins), np.float32)
     step = max(1, WORK // (sides * paths * bins))
@@ -224,16 +225,19 @@ def _crossed(z, coherent, cell):
     return 0.0 if coherent is None else 2 * (z * np.conj(coherent[..., cell])).real
 
 
-def _gate(half_bins, weights):
+def _gate(half_bins: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Weighted sums of the half bins around the centre of every bin."""
     reach = len(weights) // 2
     edge = np.zeros((*half_bins.shape[:-1], reach - 1), half_bins.dtype)
     return _sums(np.concatenate([edge, half_bins, edge], -1), weights)
 
 
-def _sums(padded, weights):
+def _sums(padded: np.ndarray, weights: np.ndarray) -> np.ndarray:
     bins = (padded.shape[-1] - len(weights) + 2) // 2
-    return sum(w * padded[..., j:j + 2 * bins:2] for j, w in enumerate(weights))
+    total: np.ndarray = weights[0] * padded[..., 0:2 * bins:2]
+    for j, weight in enumerate(weights[1:], 1):
+        total = total + weight * padded[..., j:j + 2 * bins:2]
+    return total
 
 
 def _gaussian(random, shape):
@@ -246,5 +250,5 @@ def _level(intensity):
 
 
 def _shadow(rays_in_beam, below):
-    lit = (rays_in_beam > 0) & below
-    return (np.logical_or.accumulate(lit, -1) & (rays_in_beam == 0)).astype(np.uint8)
+    arrived = (rays_in_beam > 0) & below
+    return (np.logical_or.accumulate(arrived, -1) & (rays_in_beam == 0)).astype(np.uint8)

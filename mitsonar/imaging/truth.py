@@ -1,4 +1,4 @@
-"""What stands behind every bin of a picture: whose echo it is, and what is not heard because something is in the way.
+"""The truth of every bin of a picture: whose echo it is, and which echoes are missing because something is in the way.
 
     share_l = k_j E_jl + C_j P_jl / Σ_l P_jl,   over their sum                           of each instance l
     hidden = Σ_l k_j H_jl / (Σ_l k_j H_jl + k_j B_j)                                     of the seabed's echo
@@ -64,15 +64,15 @@ def shares(intensity: np.ndarray, shown: Callable[[np.ndarray], np.ndarray],
     Returns
     -------
     (..., L, bins) float32
-        Adds to 1 over L, or is 0 where nothing is heard.
+        Adds to 1 over L, or is 0 where no echo arrives.
     """
     total = shown(np.asarray(intensity, float))
-    if coherent_power is not None:
-        power, combined = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
+    if coherent_power is not None and coherent_intensity is not None:
+        power, coherent = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
         # an echo near the edge of its bin lasts into the next, where its power is not counted
-        power = power + np.where(power.sum(-2, keepdims=True) < HALF * combined, _beside(power), 0)
+        power = power + np.where(power.sum(-2, keepdims=True) < HALF * coherent, _beside(power), 0)
         whole = power.sum(-2, keepdims=True)
-        total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * combined
+        total = total + np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0) * coherent
     whole = total.sum(-2, keepdims=True)
     return np.where(whole > 0, total / np.where(whole > 0, whole, 1), 0).astype(np.float32)
 
@@ -124,7 +124,7 @@ def variables(known: BinTruth, label: np.ndarray, class_of: Mapping[int, int], d
     ----------
     known : BinTruth
     label : (...) uint32
-        Number of the instance that brings most; 0 where nothing is heard.
+        Number of the instance that brings most; 0 where no echo arrives.
     class_of : dict[int, int]
         Number of an instance → number of its class.
     dims : tuple of str

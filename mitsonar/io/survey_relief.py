@@ -130,7 +130,7 @@ def refine(x: np.ndarray, y: np.ndarray, heights: np.ndarray, finer_x: np.ndarra
     level = float(heights.mean())
     coefficients = ndimage.spline_filter(np.asarray(heights, np.float64) - level, order=3, mode="mirror")
     fine = ndimage.affine_transform(coefficients, **placed, order=3, mode="mirror", prefilter=False) + level
-    relief = Fractal(spectrum=spectrum, seed=seed, surveyed=tuple(abs(step) for step in steps[::-1]))
+    relief = Fractal(spectrum=spectrum, seed=seed, surveyed=(abs(steps[1]), abs(steps[0])))
     upward = finer_y[::-1] if finer_y[0] > finer_y[-1] else finer_y
     added = relief.on_grid(finer_x, upward)
     fine += added[::-1] if upward is not finer_y else added

@@ -92,7 +92,7 @@ def picture(grid: Grid, image: np.ndarray, title: str, *, subtitle: str = "", co
         legend(axes, keys, grid.height)
     if bar:
         key = colour_bar(drawn, axes, bar, bar_extend)
-        key.outline.set_edgecolor(FAINT)               # pyright: ignore[reportCallIssue]  a patch, declared as any artist
+        key.outline.set_edgecolor(FAINT)               # pyright: ignore[reportCallIssue]  declared as any artist
     return figure, axes
 
 

@@ -1,8 +1,8 @@
 """The waterfall's picture elements: intensities averaged, then decibels, and the levels of black and white.
 
 The sea surface, and what the water itself sends back, are some 40 dB weaker than the bed. What comes before the bed's
-first return is therefore raised by a gain of its own, in steps of 5 dB, where an echo is heard there that would else
-be dark. Records that do not say where the bed is seen, or what is noise, are shown without.
+first return is therefore raised by a gain of its own, in steps of 5 dB, where an echo there would else be
+dark. Records that do not say where the bed is seen, or what is noise, are shown without.
 """
 import numpy as np
 import xarray as xr
@@ -15,7 +15,7 @@ from .grid import Grid
 __all__ = ["NOTHING_DB", "shown_levels"]
 
 NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
-HEARD_DB = 6.0  # above the noise: of a mean echo in the water column
+ABOVE_NOISE_DB = 6.0  # above the noise: of a mean echo in the water column
 STEP_DB, MOST_DB = 5.0, 100.0  # of the water column's gain
 WHOLLY = 0.999  # of an element: one that the bed has a part in is the bed's
 DARK, BRIGHT = 0.5, 0.8  # shares of the way from black to white: raised from below the first to the second
@@ -71,9 +71,9 @@ def _in_the_water(part):
 def _column_gain(dataset, grid, image, column, limits):
     """What makes the strongest echoes of the water column bright, [dB]."""
     noise = dataset.attrs.get("noise_db")
-    faintest = NOTHING_DB if noise is None else noise + HEARD_DB
-    heard = grid.mean(dataset, lambda part: part["mean_level"].values > faintest) > 0.5
-    echoes = image[column & heard & np.isfinite(image)]
+    faintest = NOTHING_DB if noise is None else noise + ABOVE_NOISE_DB
+    audible = grid.mean(dataset, lambda part: part["mean_level"].values > faintest) > 0.5
+    echoes = image[column & audible & np.isfinite(image)]
     if not echoes.size:
         return 0.0
     (low, high), strongest = limits, np.percentile(echoes, 99)

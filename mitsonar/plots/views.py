@@ -157,10 +157,10 @@ def _ping(dataset, grid, *, ping):
     one = dataset.isel(ping=ping)
     slant_range = dataset["range"].values
     for axes, (side, colour) in zip(panels, canvas.SIDES.items(), strict=True):
-        axes.plot(slant_range, _heard(one["level"].sel(side=side).values), color=colour, linewidth=0.7, alpha=0.7,
+        axes.plot(slant_range, _with_gaps(one["level"].sel(side=side).values), color=colour, linewidth=0.7, alpha=0.7,
                   label="level")
         if "mean_level" in dataset:
-            axes.plot(slant_range, _heard(one["mean_level"].sel(side=side).values), color="black", linewidth=1.4,
+            axes.plot(slant_range, _with_gaps(one["mean_level"].sel(side=side).values), color="black", linewidth=1.4,
                       label="without speckle and noise")
         if "altitude" in one.coords and np.isfinite(one["altitude"]):
             axes.axvline(float(one["altitude"]), color="gray", linewidth=1, linestyle=":", label="altitude")
@@ -182,9 +182,9 @@ def _mean(dataset, grid):
         level = dataset["level"].sel(side=side).transpose("ping", "range").values
         power = np.where(level > NOTHING_DB, power_from_db(level), 0).mean(axis=0)
         low, high = np.percentile(level, [10, 90], axis=0)
-        axes.fill_between(slant_range, _heard(low), _heard(high), color=colour, alpha=0.15, linewidth=0,
+        axes.fill_between(slant_range, _with_gaps(low), _with_gaps(high), color=colour, alpha=0.15, linewidth=0,
                           label=f"{side}: 10 to 90 % of the pings")
-        axes.plot(slant_range, _heard(db_from_power(power)), color=colour, linewidth=1.4,
+        axes.plot(slant_range, _with_gaps(db_from_power(power)), color=colour, linewidth=1.4,
                   linestyle="-" if index == 0 else "--", label=f"{side}: mean intensity")
     _line_axes(axes, slant_range)
     axes.set_xlabel("slant range [m]", fontsize=11)
@@ -201,7 +201,7 @@ def _line_axes(axes, slant_range):
     axes.grid(alpha=0.25)
 
 
-def _heard(level):
+def _with_gaps(level):
     """Give levels with gaps where there is nothing."""
     return np.where(level > NOTHING_DB, level, np.nan)
 

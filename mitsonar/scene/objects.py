@@ -87,9 +87,9 @@ def unseen(image: xr.Dataset) -> list[str]:
     list of str
         Their names.
     """
-    heard = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
+    seen = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
              *np.unique(image["object_shadow"].values).tolist()}
-    names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in heard]
+    names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in seen]
     if names:
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
         warnings.warn(f"no ping sees {', '.join(names[:MOST_NAMES])}{more}: out of range, beyond the track, hidden or "

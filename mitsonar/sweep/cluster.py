@@ -13,8 +13,13 @@ import queue
 import secrets
 import signal
 import time
+from typing import TYPE_CHECKING, Any
 
 from .local import THREADS, shares
+
+if TYPE_CHECKING:
+    import distributed
+
 
 __all__ = ["Cluster"]
 
@@ -47,10 +52,13 @@ class Cluster:
         If there is no such scheduler, it has no workers, they do not see the folder, or cannot be started.
     """
 
-    def __init__(self, threads, place, folder, *, scheduler=None, workers=None):
+    def __init__(self, threads: int | None, place: str, folder: str, *, scheduler: str | None = None,
+                 workers: int | None = None):
         import distributed
 
-        self.place, self.folder, self._own, self._client, self._loud = place, folder, None, None, _hushed()
+        self.place, self.folder, self._loud = place, folder, _hushed()
+        self._own: Any = None                          # what Dask gives is not declared well enough to be checked
+        self._client: Any = None
         self._threads, self._counted, self._seen = 0, -COUNT_SECONDS, time.monotonic()
         try:
             if scheduler is None:
@@ -81,18 +89,18 @@ class Cluster:
                 logger.setLevel(level)
 
     @property
-    def capacity(self):
+    def capacity(self) -> int:
         """Jobs to have on their way; workers may come and go."""
         if time.monotonic() - self._counted > COUNT_SECONDS:
             self._threads, self._counted = sum(self._client.nthreads().values()), time.monotonic()
             self._seen = self._counted if self._threads else self._seen
         return AHEAD * max(1, self._threads)
 
-    def submit(self, job):
+    def submit(self, job: dict[str, Any]) -> "distributed.Future":
         """Send a job, and give the future of its answer."""
         return self._client.submit(_render, job, self.threads, self.place, pure=False, retries=1)
 
-    def check(self):
+    def check(self) -> None:
         """Refuse to wait any longer for a cluster that is gone.
 
         Raises
@@ -110,7 +118,7 @@ class Cluster:
         try:
             return _start(distributed, workers)
         except (OSError, RuntimeError) as error:
-            chain = [error]                                        # Dask wraps what went wrong, more than once
+            chain: list[BaseException] = [error]                   # Dask wraps what went wrong, more than once
             while (inner := chain[-1].__cause__ or chain[-1].__context__) is not None:
                 chain.append(inner)
             error = next((one for one in chain if isinstance(one, OSError)), error)
@@ -149,7 +157,7 @@ class Cluster:
 
 def _start(distributed, workers):
     """Start a scheduler and workers that nobody else on this machine can use, or read."""
-    import dask
+    import dask.config
 
     with dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}):
         return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True,
@@ -158,7 +166,7 @@ def _start(distributed, workers):
                                         silence_logs=logging.CRITICAL, preload=[__name__])
 
 
-def dask_setup(worker):
+def dask_setup(worker: "distributed.Worker") -> None:
     """Called by Dask in every worker that was started here: Ctrl-C is the runner's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

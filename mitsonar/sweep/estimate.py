@@ -4,12 +4,14 @@ import os
 import shutil
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..io.files import FilePath
 from .execute import check_loading, default_folder, job, standing
 from .local import Local, cores, shares
 from .manifest import MANIFEST, read
-from .plan import load_plan
+from .plan import Plan, load_plan
 from .versions import versions
 
 __all__ = ["Estimate", "estimate"]
@@ -41,7 +43,7 @@ class Estimate:
         Renders made to find out; 0: those that are there tell.
     free : int
         Bytes free where the folder is.
-    strangers : list of str
+    unplanned : list of str
         Outputs in the folder that the plan does not make.
     """
 
@@ -58,10 +60,11 @@ class Estimate:
     duration: float | None
     trials: int
     free: int
-    strangers: list
+    unplanned: list[str]
 
 
-def estimate(plan, folder=None, *, processes=None, threads=None, verify=False, say=None):
+def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
+             threads: int | None = None, verify: bool = False, say: Callable[[str], None] | None = None) -> Estimate:
     """Find out what a sweep will take, without writing into its folder.
 
     Parameters
@@ -78,7 +81,7 @@ def estimate(plan, folder=None, *, processes=None, threads=None, verify=False, s
     FileNotFoundError, ValueError
         If the plan is wrong, a render that was tried failed, or the first and the last scene cannot be loaded.
     """
-    plan = plan if hasattr(plan, "render") else load_plan(plan)
+    plan = plan if isinstance(plan, Plan) else load_plan(plan)
     processes, threads = shares(processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by = versions()
@@ -91,12 +94,12 @@ def estimate(plan, folder=None, *, processes=None, threads=None, verify=False, s
         seconds, sizes = _try(plan, now.missing, threads, made_by, say or (lambda text: None))
         trials = len(sizes)
     at_once = max(1, min(processes, cores() // threads))
-    each = sum(seconds) / len(seconds) if now.missing else None
+    each, size = (sum(seconds) / len(seconds), sum(sizes) / len(sizes)) if now.missing else (None, None)
     return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed,
                     damaged=now.damaged, processes=processes, threads=threads, at_once=at_once, seconds=each,
-                    bytes=sum(sizes) / len(sizes) if now.missing else None,
-                    duration=each * math.ceil(len(now.missing) / at_once) if now.missing else None, trials=trials,
-                    free=shutil.disk_usage(_above(folder)).free, strangers=now.strangers)
+                    bytes=size, trials=trials,
+                    duration=None if each is None else each * math.ceil(len(now.missing) / at_once),
+                    free=shutil.disk_usage(_above(folder)).free, unplanned=now.unplanned)
 
 
 def _try(plan, missing, threads, made_by, say):

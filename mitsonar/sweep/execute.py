@@ -6,21 +6,24 @@ import hashlib
 import os
 import queue
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..io import files, scenes
+from ..io.files import FilePath
 from .cluster import Cluster
 from .local import Local, shares
-from .manifest import LOCK, MANIFEST, Manifest, key, remove_leftovers
-from .plan import load_plan
+from .manifest import LOCK, MANIFEST, Entry, Manifest, key, remove_leftovers
+from .plan import Plan, Render, load_plan
 from .versions import versions
 
-__all__ = ["Outcome", "Standing", "check_loading", "default_folder", "job", "run", "standing", "stray"]
+__all__ = ["Outcome", "Standing", "check_loading", "default_folder", "job", "run", "standing", "unplanned_said"]
 
 ATTEMPTS = 2                       # of a render before it counts as failed
 LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
 MOST_LISTED = 100                  # failures kept to be shown
-STRAYS_SHOWN = 3
+UNPLANNED_SHOWN = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +45,7 @@ class Outcome:
     kept: int
     done: int
     failed: int
-    failures: tuple
+    failures: tuple[tuple[str, str], ...]
     seconds: float
 
 
@@ -60,26 +63,27 @@ class Standing:
         How many of them are there, with another content than was written.
     seconds, bytes : list of float
         Of each render that is there.
-    strangers : list of str
+    unplanned : list of str
         Outputs that are there and done, of another plan or of this one before it was changed.
     """
 
-    missing: array.array
+    missing: "array.array[int]"
     changed: int
     damaged: int
-    seconds: list
-    bytes: list
-    strangers: list
+    seconds: list[float]
+    bytes: list[float]
+    unplanned: list[str]
 
 
-def default_folder(plan):
+def default_folder(plan: Plan) -> str:
     """Give the folder a sweep goes into where none is named: in the plan's home, named as the plan is."""
     bare, suffix = os.path.splitext(os.path.join(plan.home, os.path.basename(plan.path)))
     return bare if suffix else f"{bare}_renders"
 
 
-def run(plan, folder=None, *, processes=None, threads=None, workers=None, scheduler=None, verify=False, progress=None,
-        say=None):
+def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
+        threads: int | None = None, workers: int | None = None, scheduler: str | None = None, verify: bool = False,
+        progress: Callable[[int, int, int], None] | None = None, say: Callable[[str], None] | None = None) -> Outcome:
     """Render all of a plan that is not there yet.
 
     Parameters
@@ -120,7 +124,7 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
     interrupted. A render that fails is tried once more, then written down as failed, and tried again by the next run.
     """
     start = time.perf_counter()
-    plan = plan if hasattr(plan, "render") else load_plan(plan)
+    plan = plan if isinstance(plan, Plan) else load_plan(plan)
     if sum(choice is not None for choice in (processes, workers, scheduler)) > 1:
         raise ValueError("processes, workers and a scheduler were asked for together; give one of them")
     counts = shares(workers if processes is None else processes, threads)
@@ -140,8 +144,8 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
             renders, have = ("render", "has") if now.damaged == 1 else ("renders", "have")
             say(f"{now.damaged} {renders} in {folder} {have} another content than was written there, and "
                 f"{'is' if now.damaged == 1 else 'are'} made anew")
-        if now.strangers:
-            say(stray(now.strangers, folder))
+        if now.unplanned:
+            say(unplanned_said(now.unplanned, folder))
         if manifest.fresh:
             _check_foreign(plan, folder)
         runner = _Runner(plan, folder, manifest, now, made_by, progress)
@@ -158,7 +162,8 @@ def run(plan, folder=None, *, processes=None, threads=None, workers=None, schedu
                    failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start)
 
 
-def standing(plan, folder, entries, made_by, *, verify=False):
+def standing(plan: Plan, folder: str, entries: Mapping[str, Entry], made_by: Mapping[str, str], *,
+             verify: bool = False) -> Standing:
     """Find out what is missing: all that the manifest does not call done, or whose files are not there as it says."""
     missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
     others = {output for output, entry in entries.items() if entry.status == "ok"}
@@ -177,27 +182,27 @@ def standing(plan, folder, entries, made_by, *, verify=False):
         else:
             seconds.append(entry.seconds)
             sizes.append(entry.bytes)
-    strangers = sorted(output for output in others if os.path.exists(os.path.join(folder, output)))
+    unplanned = sorted(output for output in others if os.path.exists(os.path.join(folder, output)))
     return Standing(missing=missing, changed=changed, damaged=damaged, seconds=seconds, bytes=sizes,
-                    strangers=strangers)
+                    unplanned=unplanned)
 
 
-def stray(outputs, folder):
+def unplanned_said(outputs: Sequence[str], folder: str) -> str:
     """Say that images are there which the plan does not make."""
-    shown = ", ".join(outputs[:STRAYS_SHOWN]) + (", ..." if len(outputs) > STRAYS_SHOWN else "")
+    shown = ", ".join(outputs[:UNPLANNED_SHOWN]) + (", ..." if len(outputs) > UNPLANNED_SHOWN else "")
     what = "1 image here belongs" if len(outputs) == 1 else f"{len(outputs)} images here belong"
     return (f"{what} to no render of this plan: {shown}; labels and datasets of {folder} take them too: give this plan "
             "another folder by -o if they should not")
 
 
-def job(plan, render, folder, made_by):
+def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, str]) -> dict[str, Any]:
     """Describe a render to whoever makes it; without a folder it is only loaded."""
     return {"scene": plan.scene, "parameters": _texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
             "preview": _preview(render) if plan.previews and folder else None}
 
 
-def check_loading(pool, plan, missing, made_by):
+def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
     """Refuse a sweep whose first and last scene cannot be loaded: then none can, as far as one can tell."""
     errors = []
     for index in dict.fromkeys((missing[0], missing[-1])):

@@ -1,7 +1,8 @@
 """Renders on this machine, by as many processes as asked for."""
 import os
 import queue
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import Any
 
 from .renderer import Renderer
 
@@ -11,12 +12,12 @@ THREADS = 2                        # of a process where nothing is said: small r
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
 
 
-def cores():
+def cores() -> int:
     """Give the number of cores that processes of ours may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def shares(processes, threads):
+def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
     """Give the number of processes, and of threads of each, where not told: all cores, shared out.
 
     Raises
@@ -47,7 +48,7 @@ class Local:
         The folder they run in.
     """
 
-    def __init__(self, processes, threads, place):
+    def __init__(self, processes: int, threads: int, place: str):
         self.capacity = processes
         self._renderers = [Renderer(threads, place) for _ in range(processes)]
         self._free = queue.SimpleQueue()
@@ -66,13 +67,13 @@ class Local:
             if not wait(self._futures, timeout=0.1).not_done:
                 return
 
-    def submit(self, job):
+    def submit(self, job: dict[str, Any]) -> Future:
         """Start a job, and give the future of its answer."""
         self._futures = [future for future in self._futures if not future.done()]
         self._futures.append(self._waiting.submit(self._render, job))
         return self._futures[-1]
 
-    def check(self):
+    def check(self) -> None:
         """Nothing can be wrong before the first job is done."""
 
     def _render(self, job):

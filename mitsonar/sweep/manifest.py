@@ -15,9 +15,10 @@ import os
 import platform
 import re
 import time
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
-from ..io.files import FULL
+from ..io.files import FULL, FilePath
 
 __all__ = ["Entry", "Manifest", "key"]
 
@@ -38,7 +39,7 @@ class Entry(NamedTuple):
     sha256: str | None = None
 
 
-def key(parameters, seed, inputs, versions):
+def key(parameters: Mapping[str, Any], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
     """Give 16 bytes that tell what a render is made of."""
     made_of = json.dumps([parameters, seed, inputs, versions], sort_keys=True)
     return hashlib.sha256(made_of.encode()).digest()[:16]
@@ -69,7 +70,7 @@ class Manifest:
         If it cannot be read or written.
     """
 
-    def __init__(self, folder):
+    def __init__(self, folder: str):
         self.path = os.path.join(folder, MANIFEST)
         self._lock = _hold(folder)
         try:
@@ -99,7 +100,7 @@ class Manifest:
             os.unlink(os.path.join(os.path.dirname(self.path), LOCK))
         os.close(self._lock)
 
-    def append(self, record):
+    def append(self, record: Mapping[str, Any]) -> None:
         """Write a line, whole or not at all.
 
         Raises
@@ -121,13 +122,13 @@ class Manifest:
         self._end += len(line)
 
 
-def full(path, error):
+def full(path: str, error: OSError) -> str:
     """Say why a file could not be written, and that nothing is lost."""
-    what = FULL.get(error.errno, error.strerror or str(error))
+    what = FULL.get(error.errno or 0, error.strerror or str(error))
     return f"cannot write {path}: {what}; the sweep stopped and keeps what is done: free some space and run it again"
 
 
-def read(path):
+def read(path: FilePath) -> tuple[dict[str, Entry], int, int]:
     """Read a manifest.
 
     Parameters
@@ -174,7 +175,7 @@ def _entry(record):
                                    seconds=float(record["seconds"]), sha256=record.get("sha256"))
 
 
-def remove_leftovers(folders):
+def remove_leftovers(folders: Iterable[str]) -> None:
     """Remove the unfinished files that killed renders left in these folders."""
     for folder in folders:
         with contextlib.suppress(FileNotFoundError):

@@ -2,6 +2,8 @@
 import os
 import re
 import string
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from .values import shortened
 
@@ -32,7 +34,7 @@ class Pattern:
         If a field is unknown, or names would leave the folder, be hidden or not end in ``.exr``.
     """
 
-    def __init__(self, text, known, paths=()):
+    def __init__(self, text: str, known: Iterable[str], paths: Iterable[str] = ()):
         known = {"index", "seed", *known}
         if not isinstance(text, str) or len(text) > 500 or any(ord(letter) < 32 for letter in text) or "\\" in text:
             raise ValueError(f"output is {shortened(text)}; give a pattern of names, such as \"{{index:04}}.exr\"")
@@ -53,14 +55,14 @@ class Pattern:
         if any(name.startswith(".") for name in names):
             raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")
         self.text, self.paths = text, frozenset(paths)
-        self.parameters = {field for _, field, *_ in self.parts} - {None, "index", "seed"}
+        self.parameters = {field for _, field, *_ in self.parts if field is not None} - {"index", "seed"}
 
-    def numbered(self):
+    def numbered(self) -> bool:
         """Tell whether names differ by their index alone: it comes first, in digits, and none can follow."""
         (_, field, spec, _), (after, *_) = self.parts[0], (*self.parts, ("",))[1]
-        return field == "index" and NUMBER.fullmatch(spec) is not None and after[:1] not in (*string.digits, "")
+        return field == "index" and NUMBER.fullmatch(spec or "") is not None and after[:1] not in (*string.digits, "")
 
-    def name(self, index, seed, parameters):
+    def name(self, index: int, seed: int, parameters: Mapping[str, Any]) -> str:
         """Make the name of a render.
 
         Raises

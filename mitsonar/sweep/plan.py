@@ -10,12 +10,14 @@ import math
 import os
 from dataclasses import dataclass, field
 from importlib.resources import files
+from typing import Any
 
 from ..io import scenes, tables
+from ..io.files import FilePath
 from ..spelling import meant
 from .inputs import Inputs
 from .names import Pattern
-from .values import axis, draw, random_bits, shortened, value, whole
+from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
 __all__ = ["Plan", "Render", "load_plan"]
 
@@ -43,7 +45,7 @@ class Render:
 
     index: int
     output: str
-    parameters: dict
+    parameters: dict[str, Any]
     seed: int
 
 
@@ -82,20 +84,20 @@ class Plan:
     home: str
     pattern: Pattern
     seed: int
-    seeds: int | tuple
+    seeds: int | tuple[int, ...]
     samples: int
     previews: bool
-    fixed: dict
-    table: dict
-    lists: dict
-    grid: dict
-    draws: dict
+    fixed: dict[str, Any]
+    table: dict[str, tuple]
+    lists: dict[str, tuple]
+    grid: dict[str, tuple]
+    draws: dict[str, Draw]
     inputs: Inputs = field(repr=False)
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
 
-    def render(self, index):
+    def render(self, index: int) -> Render:
         """Give the render of a number.
 
         Raises
@@ -131,7 +133,7 @@ class Plan:
         return [*first, *map(len, self.grid.values())]
 
 
-def load_plan(path):
+def load_plan(path: FilePath) -> Plan:
     """Read a plan, and check all that can be checked without rendering.
 
     Parameters
@@ -238,7 +240,7 @@ def _toml(path):
     try:
         import tomllib
     except ModuleNotFoundError:                        # before Python 3.11
-        import tomli as tomllib
+        import tomli as tomllib  # pyright: ignore[reportMissingImports]  of Python 3.10
 
     known = sorted(entry.name[:-5] for entry in files("mitsonar.scenes").iterdir() if entry.name.endswith(".toml"))
     hint = meant(os.path.basename(path).removesuffix(".toml"), known)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from typing import IO, Any, cast
 
 __all__ = ["Renderer"]
 
@@ -24,47 +25,51 @@ class Renderer:
         The folder it runs in, where files are found that are not beside the scene.
     """
 
-    def __init__(self, threads, place):
+    def __init__(self, threads: int, place: str):
         self.threads, self.place = threads, place
-        self._process = self._words = None
+        self._process: subprocess.Popen[str] | None = None
+        self._errors: IO[bytes] | None = None          # what the process prints beside its answers
 
-    def __call__(self, job):
+    def __call__(self, job: dict[str, Any]) -> dict[str, Any]:
         """Do a job (a dict, see `mitsonar.sweep.worker`) and give the answer, which has an ``error`` if it failed."""
         try:
-            process = self._running()
-            process.stdin.write(json.dumps(job) + "\n")
-            process.stdin.flush()
-            answer = process.stdout.readline()
+            questions, answers = self._running()
+            questions.write(json.dumps(job) + "\n")
+            questions.flush()
+            answer = answers.readline()
         except BrokenPipeError:
             answer = ""
         if answer.endswith("\n"):
             return json.loads(answer)
         return {"error": self._last_words(), "full": False, "seconds": 0.0, "warnings": []}
 
-    def kill(self):
+    def kill(self) -> None:
         """End the process, whatever it does."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
-            for stream in (self._process.stdout, self._process.stdin, self._words):
+            for stream in filter(None, (self._process.stdout, self._process.stdin, self._errors)):
                 with contextlib.suppress(OSError):     # a line that it did not take any more
                     stream.close()
 
-    def _running(self):
+    def _running(self) -> tuple[IO[str], IO[str]]:
+        """Give the pipes to and from the process, which is started where there is none."""
         if self._process is None or self._process.poll() is not None:
             self.kill()
             path = [os.path.abspath(entry) for entry in sys.path]
-            self._words = tempfile.TemporaryFile()
+            self._errors = tempfile.TemporaryFile()
             # in a session of its own, else the terminal's Ctrl-C reaches it
             self._process = subprocess.Popen([sys.executable, "-c", START, json.dumps(path), str(self.threads)],
-                                             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._words,
+                                             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
                                              text=True, cwd=self.place, start_new_session=True)
-        return self._process
+        return cast(IO[str], self._process.stdin), cast(IO[str], self._process.stdout)
 
     def _last_words(self):
         """Say how the process ended, with the last line it printed."""
+        if self._process is None or self._errors is None:
+            return "no process was started to render it"
         code = self._process.wait()
-        self._words.seek(max(0, self._words.seek(0, os.SEEK_END) - 10_000))
-        lines = self._words.read().decode(errors="replace").strip().splitlines()
+        self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 10_000))
+        lines = self._errors.read().decode(errors="replace").strip().splitlines()
         how = f"by signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"with exit code {code}"
         return f"the process that rendered it ended {how}" + (f": {lines[-1][:300]}" if lines else "")

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Any, TypeGuard
 
 __all__ = ["Draw", "axis", "draw", "fraction", "number", "random_bits", "shortened", "value", "whole"]
 
@@ -35,11 +36,11 @@ class Draw:
     """
 
     what: str
-    at: Callable
+    at: Callable[[int], Any]
     choices: tuple = ()
 
 
-def value(given, where):
+def value(given: object, where: str) -> Any:
     """Check one value of a parameter: a number, true or false, a text, or a list of numbers, which becomes a tuple.
 
     Raises
@@ -60,7 +61,7 @@ def value(given, where):
     raise ValueError(f"{where} is {shortened(given)}; give a number, true or false, a text, or a list of numbers")
 
 
-def axis(given, where):
+def axis(given: object, where: str) -> tuple:
     """Give the values of a list or a range ``{from, to, count or step, scale}`` as a tuple.
 
     Raises
@@ -77,7 +78,7 @@ def axis(given, where):
     return tuple(value(item, where) for item in given)
 
 
-def draw(given, where):
+def draw(given: object, where: str) -> Draw:
     """Give how a parameter is drawn: ``{ uniform = [low, high] }`` and so on.
 
     Raises
@@ -86,7 +87,7 @@ def draw(given, where):
         If the distribution is unknown or its numbers are wrong.
     """
     kinds = [name for name in given if name in DISTRIBUTIONS] if isinstance(given, dict) else []
-    if len(kinds) != 1:
+    if not isinstance(given, dict) or len(kinds) != 1:
         raise ValueError(f"{where} is {shortened(given)}; give one of {', '.join(DISTRIBUTIONS)}, "
                          "such as { uniform = [1, 2] }")
     kind, rest = kinds[0], {name: item for name, item in given.items() if name != kinds[0]}
@@ -96,31 +97,31 @@ def draw(given, where):
     return DISTRIBUTIONS[kind](given[kind], f"{where}: {kind}", **rest)
 
 
-def fraction(bits):
+def fraction(bits: int) -> float:
     """Give a number above 0 and below 1 for 256 random bits."""
     return ((bits >> 204) + 0.5) / (1 << 52)           # with one bit more the largest would round to 1
 
 
-def random_bits(*parts):
+def random_bits(*parts: object) -> int:
     """Give 256 bits that depend on the parts and look random."""
     return int.from_bytes(hashlib.sha256("/".join(map(str, parts)).encode()).digest(), "big")
 
 
-def number(given, where):
+def number(given: object, where: str) -> int | float:
     """Check a finite number."""
     if not _is_number(given):
         raise ValueError(f"{where} is {shortened(given)}; give a number")
     return _finite(given, where)
 
 
-def whole(given, where, low, high):
+def whole(given: object, where: str, low: int, high: int) -> int:
     """Check a whole number from low to high."""
     if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
         raise ValueError(f"{where} is {shortened(given)}; give a whole number from {low} to {high}")
     return given
 
 
-def shortened(given):
+def shortened(given: object) -> str:
     """Write what was given, no longer than a sentence bears."""
     if isinstance(given, (dict, list)) and len(given) > 20:
         return f"a {'table' if isinstance(given, dict) else 'list'} of {len(given)}"
@@ -231,7 +232,7 @@ def _pair(given, where, what, ordered=True):
     return first, second
 
 
-def _is_number(given):
+def _is_number(given: object) -> TypeGuard[int | float]:
     return isinstance(given, (int, float)) and not isinstance(given, bool)
 
 

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 import warnings
+from typing import NoReturn
 
 __all__ = ["main"]
 
@@ -19,7 +20,7 @@ IDLE_SECONDS = 600.0
 MOST_WARNINGS = 10
 
 
-def main(threads):
+def main(threads: int) -> NoReturn:
     """Serve until standard input ends.
 
     Parameters

@@ -4,10 +4,26 @@ Each member of `CASES` is a module with a `Case`; it stands on everything below,
 whole chain is compared, and gives rows of got, expected and allowed.
 """
 import time
+from collections.abc import Callable, Sequence
 
+from ..io.files import FilePath
 from ..spelling import meant
-from . import (beams, closure, crossover, elements, ghosts, rays, report, sediments, statistics, surface, targets,
-               vectors, volume, water)
+from . import (
+    beams,
+    closure,
+    crossover,
+    elements,
+    ghosts,
+    rays,
+    report,
+    sediments,
+    statistics,
+    surface,
+    targets,
+    vectors,
+    volume,
+    water,
+)
 from .case import Case, Line, Panel, Row, Table
 
 __all__ = ["CASES", "Case", "Line", "Panel", "Row", "Table", "validate"]
@@ -29,7 +45,8 @@ CASES = {
 }
 
 
-def validate(names=None, *, quick=False, folder=None, say=print):
+def validate(names: Sequence[str] | None = None, *, quick: bool = False, folder: FilePath | None = None,
+             say: Callable[[str], object] = print) -> bool:
     """Run comparisons, say what they find as they go, and write a report.
 
     Parameters

@@ -1,11 +1,14 @@
 """Beams: patterns and directivity of lines, pistons and shaded arrays against closed forms."""
+from typing import Any
+
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
 from scipy.special import j1
 
 from ..sonar import Aperture, beam_pattern, directivity_index_db, element_array, line_array
 from ..sonar.shading import taper_loss_db, window_weights
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Line, Panel, Row, Table, root_of, worst
 
 __all__ = ["CASE"]
 
@@ -18,7 +21,7 @@ PISTONS = {1: 3.733772, 5: 14.017325, 10: 20.029123}       # ka -> directivity i
 RECTANGLES = {(20, 20): 37.0160, (50, 0.5): 24.712}        # sides in wavelengths
 
 
-def db(pressure):
+def db(pressure: npt.ArrayLike) -> np.ndarray:
     """Pressure ratio in decibels."""
     return 20 * np.log10(np.abs(pressure))
 
@@ -31,21 +34,22 @@ def _towards(sine):
 
 def _continuous():
     line = Aperture(length=100 * WAVELENGTH)
-    yield Row("line: first side lobe", db(line.along(4.493409 / (100 * np.pi), WAVELENGTH)), -13.261459, 1e-5, "dB")
-    half = brentq(lambda u: line.along(u, WAVELENGTH) ** 2 - 0.5, 1e-4, 8e-3)
+    lobe = float(db(line.along(4.493409 / (100 * np.pi), WAVELENGTH)))
+    yield Row("line: first side lobe", lobe, -13.261459, 1e-5, "dB")
+    half = root_of(lambda u: line.along(u, WAVELENGTH) ** 2 - 0.5, 1e-4, 8e-3)
     yield Row("line: full -3 dB width times L/λ", 200 * half, 0.88589294, 1e-6, "rad")
-    half = brentq(lambda u: line.along(u, WAVELENGTH) ** 4 - 0.5, 1e-4, 8e-3)
+    half = root_of(lambda u: line.along(u, WAVELENGTH) ** 4 - 0.5, 1e-4, 8e-3)
     yield Row("line, two-way: full -3 dB width times L/λ", 200 * half, 0.63783340, 1e-6, "rad")
     piston = _piston(30.0)
 
     def circle(sine):
         return float(db(beam_pattern(piston, _towards(sine), WAVELENGTH)))
 
-    lobe = minimize_scalar(lambda sine: -circle(sine), bounds=(4.2 / 30, 6.5 / 30), method="bounded",
+    lobe: Any = minimize_scalar(lambda sine: -circle(sine), bounds=(4.2 / 30, 6.5 / 30), method="bounded",
                            options={"xatol": 1e-7})
     yield Row("circular piston, ka 30: first side lobe", -lobe.fun, -17.570150, 1e-5, "dB")
     yield Row("circular piston, ka 30: -3 dB at ka sin ψ =",
-              30 * brentq(lambda sine: circle(sine) + 10 * np.log10(2), 0.01, 0.1), 1.61633995, 1e-6, "-")
+              30 * root_of(lambda sine: circle(sine) + 10 * np.log10(2), 0.01, 0.1), 1.61633995, 1e-6, "-")
 
 
 def _piston(ka):
@@ -70,7 +74,7 @@ def _shaded():
         level = db(beam_pattern(line, _towards(sine), WAVELENGTH))
         beyond = np.flatnonzero(np.diff(level) > 0)[0]
         yield Row(f"{window}: highest side lobe", float(level[beyond:].max()), lobe, 0.01, "dB")
-        edge = brentq(lambda one: float(db(beam_pattern(line, _towards(one), WAVELENGTH))) + 10 * np.log10(2), 0, 0.3)
+        edge = root_of(lambda one: float(db(beam_pattern(line, _towards(one), WAVELENGTH))) + 10 * np.log10(2), 0, 0.3)
         yield Row(f"{window}: full -3 dB width in (d/λ) sin ψ", edge, width, 2e-6, "-")
         yield Row(f"{window}: taper loss", float(taper_loss_db(window_weights(window, 16))), loss, 1e-4, "dB")
 

@@ -4,10 +4,12 @@ A row holds if |got - expected| is at most what is allowed; its ``share`` is the
 """
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
+import numpy.typing as npt
 
-__all__ = ["Case", "Line", "Panel", "Row", "Table", "worst"]
+__all__ = ["Case", "Line", "Panel", "Row", "Table", "root_of", "worst"]
 
 
 @dataclass(frozen=True)
@@ -31,17 +33,17 @@ class Row:
     unit: str
 
     @property
-    def error(self):
+    def error(self) -> float:
         """Got minus expected [unit]."""
         return self.got - self.expected
 
     @property
-    def share(self):
+    def share(self) -> float:
         """The error over what is allowed [-]; infinite where nothing was got."""
         return abs(self.error) / self.allowed if np.isfinite(self.error) else np.inf
 
     @property
-    def holds(self):
+    def holds(self) -> bool:
         """Tell whether the error is within what is allowed."""
         return self.share <= 1
 
@@ -51,8 +53,8 @@ class Line:
     """Hold a curve of a panel; ``style`` is "-" for what is expected and "." for what was got."""
 
     label: str
-    x: np.ndarray
-    y: np.ndarray
+    x: npt.ArrayLike
+    y: npt.ArrayLike
     style: str = "-"
 
 
@@ -63,7 +65,7 @@ class Panel:
     title: str
     x_label: str
     y_label: str
-    lines: tuple
+    lines: tuple[Line, ...]
     logarithmic: str = ""
 
 
@@ -72,17 +74,17 @@ class Table:
     """Hold what a case found: its rows, panels that show them (at least one of each), and sentences about what is not
     there."""
 
-    rows: tuple
-    panels: tuple
-    notes: tuple = ()
+    rows: tuple[Row, ...]
+    panels: tuple[Panel, ...]
+    notes: tuple[str, ...] = ()
 
     @property
-    def holds(self):
+    def holds(self) -> bool:
         """Tell whether every row holds."""
         return all(row.holds for row in self.rows)
 
     @property
-    def share(self):
+    def share(self) -> float:
         """The largest error over what is allowed [-]."""
         return max(row.share for row in self.rows)
 
@@ -103,10 +105,17 @@ class Case:
 
     title: str
     text: str
-    run: Callable
+    run: Callable[[bool], Table]
 
 
-def worst(label, got, expected, allowed, unit):
+def root_of(function: Callable[[float], float], low: float, high: float) -> float:
+    """Give the place between two others at which a function passes through 0."""
+    from scipy.optimize import brentq
+
+    return float(cast(float, brentq(function, low, high)))
+
+
+def worst(label: str, got: npt.ArrayLike, expected: npt.ArrayLike, allowed: float, unit: str) -> Row:
     """Make the row of the number that errs most among arrays of them, told with how many they are.
 
     Parameters

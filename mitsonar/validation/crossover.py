@@ -1,11 +1,10 @@
 """The range at which noise drowns reverberation: from a sidescan's levels, and by the sonar equation."""
 import numpy as np
-from scipy.optimize import brentq
 
 from ..scattering import backscatter_strength_db
 from ..water import SoundSpeedProfile, absorption_db, ambient_noise_db
 from . import scenes
-from .case import Case, Line, Panel, Row, Table
+from .case import Case, Line, Panel, Row, Table, root_of
 from .sonar_equation import FlatBed
 
 __all__ = ["CASE"]
@@ -42,8 +41,8 @@ def _levels(name, pings):
     expected = 10 ** (source / 10) * min(1.0, 1e-3 * pulse / (2 * half)) * rays.energy(
         np.append(time - half, time[-1] + half), law, _loss(khz), across * rays.beam_azimuths(sonar.along_intensity))
     noise_db = float(ambient_noise_db(1e3 * khz, wind) - 10 * np.log10(1e-3 * pulse) - sonar.directivity_index_db())
-    heard = np.mean(10 ** (image["level"].values.astype(float) / 10), axis=(0, 1))
-    return image["range"].values, heard, expected, 10 ** (noise_db / 10)
+    recorded = np.mean(10 ** (image["level"].values.astype(float) / 10), axis=(0, 1))
+    return image["range"].values, recorded, expected, 10 ** (noise_db / 10)
 
 
 def _loss(khz):
@@ -54,17 +53,19 @@ def _loss(khz):
 def _run(quick):
     rows, panels = [], []
     for name in list(CASES)[:1] if quick else CASES:
-        r, heard, expected, noise = _levels(name, 100 if quick else 400)
-        smooth = np.convolve(heard, np.ones(2 * WINDOW + 1) / (2 * WINDOW + 1), "valid")
+        r, recorded, expected, noise = _levels(name, 100 if quick else 400)
+        smooth = np.convolve(recorded, np.ones(2 * WINDOW + 1) / (2 * WINDOW + 1), "valid")
         there = slice(WINDOW, -WINDOW)
         wanted = np.convolve(expected, np.ones(2 * WINDOW + 1) / (2 * WINDOW + 1), "valid")
         crossing = [_crossing(r[there], excess) for excess in (smooth - 2 * noise, wanted - noise)]
-        tail = heard[r > 0.95 * r[-1]]
+        tail = recorded[r > 0.95 * r[-1]]
         last = noise + np.mean(expected[r > 0.95 * r[-1]])
-        rows += [Row(f"{name}: range at which reverberation is as strong as noise", *crossing, 0.01 * crossing[1], "m"),
-                 Row(f"{name}: level of the last bins", *(10 * np.log10([np.mean(tail), last])), 0.1, "dB")]
+        got, wanted = crossing
+        rows += [Row(f"{name}: range at which reverberation is as strong as noise", got, wanted, 0.01 * wanted, "m"),
+                 Row(f"{name}: level of the last bins", float(10 * np.log10(np.mean(tail))), float(10 * np.log10(last)),
+                     0.1, "dB")]
         panels.append(Panel(name, "slant range [m]", "dB re 1 µPa", (
-            Line("chain", r, 10 * np.log10(heard), "."), Line("reverberation", r, 10 * np.log10(expected)),
+            Line("chain", r, 10 * np.log10(recorded), "."), Line("reverberation", r, 10 * np.log10(expected)),
             Line("noise", r[[0, -1]], [10 * np.log10(noise)] * 2),
             Line("crossover", [crossing[1]] * 2, 10 * np.log10([0.3 * noise, 10 * noise])))))
     return Table(tuple(rows), tuple(panels))
@@ -73,7 +74,7 @@ def _run(quick):
 def _crossing(r, excess):
     """Where a curve falls through 0 for the last time, between bins."""
     k = np.flatnonzero(excess > 0)[-1]
-    return float(brentq(lambda one: np.interp(one, r[k:k + 2], excess[k:k + 2]), r[k], r[k + 1]))
+    return root_of(lambda one: float(np.interp(one, r[k:k + 2], excess[k:k + 2])), r[k], r[k + 1])
 
 
 CASE = Case(title="Reverberation to noise", run=_run, text=(

@@ -1,7 +1,9 @@
 """The picture of a case: its panels side by side, what is expected as lines, what was got as points."""
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..plots import canvas
+from .case import Case, Table
 
 __all__ = ["draw"]
 
@@ -9,7 +11,7 @@ COLOURS = ("#1f4e79", "#b86f22", "#1b7a3d", "#b3261e", "#6a4c93", "#3a3a3a", "#0
 IN_A_ROW, WIDTH, HEIGHT = 3, 520, 400      # panels, and picture elements of one
 
 
-def draw(case, table):
+def draw(case: Case, table: Table) -> Figure:
     """Draw the panels of a case.
 
     Parameters

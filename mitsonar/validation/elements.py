@@ -16,13 +16,13 @@ SONAR_DEPTH, BED_DEPTH, RANGE, FREQUENCY = 12.0, 22.0, 116.0, 100e3             
 GATES = 2 / 1500.0 * np.r_[10.5, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0, 50.0, 64.0, 80.0, 98.0, 114.0]   # [s], two-way
 ABSORPTION = 0.0334                                # [dB/m]
 WATERS = {"uniform": SoundSpeedProfile.constant(1500.0), "summer": SUMMER}
-LIGHTINGS = {"scatterers": {"cell": 0.25}, "rays": {"cell": 0.25, "lighting": "rays", "rays": 1_000_000}}
-RUNS = [(water, sediment, lighting) for water in WATERS for sediment in ("medium sand", "silt")
-        for lighting in LIGHTINGS if lighting == "scatterers" or sediment == "medium sand"]
+ENSONIFICATIONS = {"scatterers": {"cell": 0.25}, "rays": {"cell": 0.25, "lighting": "rays", "rays": 1_000_000}}
+RUNS = [(water, sediment, ensonified_by) for water in WATERS for sediment in ("medium sand", "silt")
+        for ensonified_by in ENSONIFICATIONS if ensonified_by == "scatterers" or sediment == "medium sand"]
 ALLOWED, ALLOWED_MEAN = 0.2, 0.05                  # [dB]
 
 
-def _energy(water, sediment, lighting, seeds):
+def _energy(water, sediment, ensonified_by, seeds):
     """Mean energy of the response in the gates (gate,), over beds whose scatterers differ."""
     import mitsonar
 
@@ -32,7 +32,7 @@ def _energy(water, sediment, lighting, seeds):
             {f"bed {seed}": scenes.bed(BED_DEPTH, scenes.sediment(sediment), size=2.1 * RANGE)}, depth=SONAR_DEPTH,
             water={**scenes.water_of(WATERS[water]), "absorption_db_per_km": 1e3 * ABSORPTION},
             sensor={"frequency_khz": FREQUENCY / 1e3}, film={"range": RANGE, "sample_rate_khz": 1000.0},
-            integrator=LIGHTINGS[lighting])
+            integrator=ENSONIFICATIONS[ensonified_by])
         response = mitsonar.impulse_response(scene, kernel="nearest")
         # float64: histogram adds up from the first sample on, which is stronger by a million
         power = np.abs(response.values[0, 0, 0].astype(complex)) ** 2
@@ -42,7 +42,7 @@ def _energy(water, sediment, lighting, seeds):
 
 def _run(quick):
     rows, lines = [], []
-    for water, sediment, lighting in RUNS:
+    for water, sediment, ensonified_by in RUNS:
         if quick and (water, sediment) != ("summer", "medium sand"):
             continue
         profile = WATERS[water]
@@ -50,11 +50,11 @@ def _run(quick):
         law = partial(backscatter_strength_db, "sediment", frequency=FREQUENCY, sediment=sediment, sound_speed=speed)
         bed = FlatBed.of(profile, SONAR_DEPTH, BED_DEPTH, 1.05 * RANGE)
         expected = bed.energy(GATES, lambda angle, law=law: 10 ** (law(angle) / 10), ABSORPTION, 2 * np.pi)
-        error = 10 * np.log10(_energy(water, sediment, lighting, 1 if quick else 4) / expected)
+        error = 10 * np.log10(_energy(water, sediment, ensonified_by, 1 if quick else 4) / expected)
         error = error[np.isfinite(expected)]
         grazing = bed.grazing_at(0.5 * (GATES[1:] + GATES[:-1]))[np.isfinite(expected)]
         strength = law(grazing)
-        name = f"{water} water, {sediment}, lit by {lighting}"
+        name = f"{water} water, {sediment}, ensonified by {ensonified_by}"
         rows += [worst(f"{name}, gates", strength + error, strength, ALLOWED, "dB"),
                  Row(f"{name}, their mean", float(np.mean(error)), 0.0, ALLOWED_MEAN, "dB")]
         lines += [Line(name, np.degrees(grazing), strength), Line(name, np.degrees(grazing), strength + error, ".")]

@@ -51,9 +51,9 @@ def _run(quick):
             k = np.flatnonzero(near)[np.argmax(level[near])]
             rows += [Row(f"{water} water, {name}: time", 1e3 * float(time[k]), 1e3 * arrival, 1.01e3 * STEP, "ms"),
                      Row(f"{water} water, {name}: level", float(level[k]), expected, 0.02, "dB")]
-        heard = level > -150
+        shown = level > -150
         panels.append(Panel(f"{water} water", "two-way time [ms]", "response [dB re 1 m]", (
-            Line("chain", 1e3 * time[heard], level[heard], "."),
+            Line("chain", 1e3 * time[shown], level[shown], "."),
             *(Line(name, [1e3 * arrival] * 2, [-150, expected]) for name, arrival, expected in ways))))
     return Table(tuple(rows), tuple(panels))
 

@@ -5,12 +5,14 @@ The folder is written beside its place under another name and takes its place wh
 import os
 import secrets
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from .. import __version__
-from ..io.files import check_writable
+from ..io.files import FilePath, check_writable
+from .case import Case, Table
 
 __all__ = ["check_folder", "lines", "write"]
 
@@ -19,7 +21,7 @@ LABEL = 68                         # characters of a row's label on the terminal
 MOST_DECIMALS = 7                  # more are written as powers of ten
 
 
-def lines(name, case, table, seconds):
+def lines(name: str, case: Case, table: Table, seconds: float) -> str:
     """Say what a case found.
 
     Parameters
@@ -60,7 +62,7 @@ def _numbers(row):
     return f"{row.got:.{decimals}f}", f"{row.expected:.{decimals}f}", f"{row.error:+.{decimals}f}", f"{row.allowed:.3g}"
 
 
-def check_folder(folder):
+def check_folder(folder: FilePath) -> Path:
     """Check that a report can be put into ``folder``, before any work is spent on it.
 
     Parameters
@@ -99,7 +101,7 @@ def _is_ours(entry, folder):
     return entry.is_file() and (entry.name == REPORT or entry.suffix == ".png" and (folder / REPORT).is_file())
 
 
-def write(folder, found, cases, quick):
+def write(folder: FilePath, found: Mapping[str, Table], cases: Mapping[str, Case], quick: bool) -> None:
     """Write the report and its pictures, whole or not at all.
 
     Parameters

@@ -1,4 +1,5 @@
 """Laws of seabed scattering: printed strengths, reciprocity, energy."""
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -52,7 +53,8 @@ SCATTERED = {                      # sediment, kHz, degrees -> share of the powe
 SPEED = 1500.0
 
 
-def holding(names=SIX, frequencies=KHZ):
+def holding(names: Sequence[str] = SIX,
+            frequencies: Sequence[float] = KHZ) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
     """Tell of which sediments the law holds at which frequencies.
 
     Parameters
@@ -77,7 +79,7 @@ def holding(names=SIX, frequencies=KHZ):
     return pairs, tuple(refusals)
 
 
-def scattered_share(surface, grazing, rings=160, spokes=96):
+def scattered_share(surface: Callable[..., np.ndarray], grazing: float, rings: int = 160, spokes: int = 96) -> float:
     """Give the share of the power that a law sends back, (1/sin θ_i) ∫ σ dΩ, by quadrature around the specular lobe.
 
     Parameters
@@ -114,23 +116,24 @@ def _printed():
         allowed = 0.014 if name == "rough rock" else 6e-4
         yield worst(f"{name} that bears shear, {khz} kHz: backscatter", got, strengths, allowed, "dB")
     sand = Sediment.of("medium sand")
-    khz, *angles = np.transpose(list(BISTATIC))
-    angles = np.radians(angles)
+    khz, *degrees = np.transpose(list(BISTATIC))
+    way_in, way_out, azimuth = np.radians(degrees)
     surface, volume = np.transpose(list(BISTATIC.values()))
-    got = 10 * np.log10(sand.rough_strength(*angles, 2e3 * np.pi * khz / SPEED))
+    got = 10 * np.log10(sand.rough_strength(way_in, way_out, azimuth, 2e3 * np.pi * khz / SPEED))
     yield worst("medium sand, bistatic: surface", got, surface, 6e-5, "dB")
-    yield worst("medium sand, bistatic: volume", 10 * np.log10(sand.volume_strength(*angles[:2])), volume, 6e-5, "dB")
+    got = 10 * np.log10(sand.volume_strength(way_in, way_out))
+    yield worst("medium sand, bistatic: volume", got, volume, 6e-5, "dB")
     got = np.array([Sediment.of(name).reflection(np.radians(angle)) for name, angle in REFLECTIONS])
     wanted = np.array(list(REFLECTIONS.values()))
-    yield worst("reflection coefficient: real part", got.real, wanted.real, 1e-6, "-")
-    yield worst("reflection coefficient: imaginary part", got.imag, wanted.imag, 1e-6, "-")
+    yield worst("reflection coefficient: real part", np.real(got), np.real(wanted), 1e-6, "-")
+    yield worst("reflection coefficient: imaginary part", np.imag(got), np.imag(wanted), 1e-6, "-")
     got = [_surface_share(*case) for case in SCATTERED]
     yield worst("share of power scattered by the surface", got, list(SCATTERED.values()), 1e-3, "-")
 
 
 def _surface_share(sediment, khz, degrees):
     one, k = Sediment.of(sediment), 2e3 * np.pi * khz / SPEED
-    return scattered_share(lambda *angles: one.rough_strength(*angles, k), np.radians(degrees))
+    return scattered_share(partial(one.rough_strength, wavenumber=k), np.radians(degrees))
 
 
 def _laws():

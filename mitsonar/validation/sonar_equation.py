@@ -3,15 +3,17 @@
     <p²>(t1, t2) = 10^(SL/10) ∫ Φ(x) σ(θ) (c_b/c_0)² 10^(-2 α L/10) / A² x dx      over x with t1 <= 2 T(x) < t2
 
 x -> horizontal range, T, L, A -> travel time, arc length and spreading area of the eigenray to the bed, θ its grazing
-angle there, c_b and c_0 the sound speeds at bed and sonar, Φ = ∫ b_t² b_r² dφ over the azimuths that are heard. No
-Mitsuba, no rays drawn at random. (Urick 1983; Jackson and Richardson 2007, ch. 2.)
+angle there, c_b and c_0 the sound speeds at bed and sonar, Φ = ∫ b_t² b_r² dφ over the azimuths of the beam. It needs
+neither Mitsuba nor random rays. (Urick 1983; Jackson and Richardson 2007, ch. 2.)
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from ..propagation import eigenray, eigenrays
+from ..water import SoundSpeedProfile
 
 __all__ = ["FlatBed"]
 
@@ -42,7 +44,7 @@ class FlatBed:
     spread: np.ndarray
 
     @classmethod
-    def of(cls, profile, sonar_depth, bed_depth, longest):
+    def of(cls, profile: SoundSpeedProfile, sonar_depth: float, bed_depth: float, longest: float) -> "FlatBed":
         """Find the rays out to the horizontal range `longest` [m], or to the first that is not alone.
 
         The plane may lie above the sonar, as the sea surface does; nothing else is in the water then.
@@ -62,7 +64,8 @@ class FlatBed:
         lonely &= ray.travel_time < np.min(turned, initial=np.inf)
         return cls(*(column[lonely] for column in columns))
 
-    def energy(self, edges, strength, absorption_db, azimuths):
+    def energy(self, edges: np.ndarray, strength: Callable[[np.ndarray], np.ndarray], absorption_db: float,
+               azimuths: np.ndarray | float) -> np.ndarray:
         """Integrate between two-way times.
 
         Parameters
@@ -84,13 +87,13 @@ class FlatBed:
         within = cumulative_trapezoid(density * self.across, self.across, initial=0)
         return np.diff(np.interp(edges, 2 * self.time, within, left=0.0, right=np.nan))
 
-    def beam_azimuths(self, along_intensity, sides=1):
+    def beam_azimuths(self, along_intensity: Callable[[np.ndarray], np.ndarray], sides: int = 1) -> np.ndarray:
         """Integrate a two-way pattern along the platform over the azimuths of one side, Φ (x,) [rad]."""
         azimuth = np.linspace(0, 1, 4001) ** 3 * np.pi / 2                # dense where the beam is
         some = np.unique((np.linspace(0, 1, 800) ** 3 * (len(self.across) - 1)).astype(int))     # Φ ~ 1/x near nadir
         ring = [2 * sides * trapezoid(along_intensity(np.cos(self.launch[i]) * np.sin(azimuth)), azimuth) for i in some]
         return np.interp(self.across, self.across[some], ring)
 
-    def grazing_at(self, time):
+    def grazing_at(self, time: np.ndarray) -> np.ndarray:
         """Grazing angle [rad] of the ray that comes back at two-way times [s]."""
         return np.interp(time, 2 * self.time, self.grazing)

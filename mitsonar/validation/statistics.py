@@ -13,7 +13,7 @@ KNOWN_MEAN, ESTIMATED_MEAN = 1.628, 1.28           # √n D at 1 % (Kolmogorov; 
 PATCH, PINGS = 16.0, 1500                          # [m]
 
 
-def k_distribution(intensity, shape):
+def k_distribution(intensity: np.ndarray, shape: float) -> np.ndarray:
     """Distribution function of K-distributed intensity of mean 1: 1 - 2/Γ(ν) (ν I)^(ν/2) K_ν(2 √(ν I))."""
     intensity = np.maximum(intensity, 1e-9)
     root = 2 * np.sqrt(shape * intensity)

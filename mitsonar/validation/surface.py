@@ -31,7 +31,7 @@ def _printed():
 
 
 def _return(water, wind, rays):
-    """Grazing angles [rad], strengths [dB] read back from the bins and by the law; centres [s] of the first bin heard
+    """Grazing angles [rad], strengths [dB] read back from the bins and by the law; centre [s] of the first with an echo
     and of that of the shortest way, and half a bin."""
     import mitsonar
 
@@ -58,7 +58,7 @@ def _return(water, wind, rays):
     grazing = plane.grazing_at(time)
     some = (time > 2 * plane.time[0]) & (grazing > FLATTEST) & np.isfinite(expected)
     strength = law(grazing[some])
-    # the bin that is heard first, and that into which the shortest way falls
+    # the first bin with an echo, and that into which the shortest way falls
     first = float(time[np.flatnonzero(got > 1e-6 * got.max())[0]])
     nearest = float(time[np.searchsorted(time + half, 2 * plane.time[0] + 1e-9)])
     return grazing[some], strength + 10 * np.log10(got[some] / expected[some]), strength, first, nearest, half
@@ -87,6 +87,6 @@ def _run(quick):
 
 CASE = Case(title="Sea surface: loss, strength, return", run=_run, text=(
     "Loss to bubbles and backscatter strength of APL-UW TR 9407, part II, against printed numbers; then the surface "
-    "12 m above a sidescan, omnidirectional in elevation: the first bin heard, of 0.25 m, and the "
+    "12 m above a sidescan, omnidirectional in elevation: the first bin with an echo, of 0.25 m, and the "
     "level of every bin down to 9 degrees over the sonar equation integrated over exact eigenrays to the surface, "
     "reduced to a strength. Allowed are the printed digits, and 0.2 dB in every bin."))

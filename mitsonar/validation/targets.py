@@ -1,4 +1,6 @@
 """Target strengths of smooth bodies through the whole chain, against closed forms and exact series."""
+from typing import Any, Literal
+
 import numpy as np
 from scipy.special import j1
 
@@ -12,14 +14,15 @@ WAVELENGTH, SPEED, FREQUENCY = 0.015, 1500.0, 100e3
 K = 2 * np.pi / WAVELENGTH
 DISTANCE = 150.0
 AT = np.array([0.0, DISTANCE, -10.0])              # ahead of the sonar, at its depth [m]
-SPHERES = {                                        # printed 20 log(2 |f| / a) of the exact series [dB], by ka
+# printed 20 log(2 |f| / a) of the exact series [dB], by ka
+SPHERES: dict[Literal["rigid", "soft"], dict[int, float]] = {
     "rigid": {20: -0.226047, 50: -0.017897, 100: -0.006580}, "soft": {20: 0.013307, 50: 0.002164, 100: 0.000542}}
 ALLOWED = 0.5                                      # [dB]
 PLATE, DISC, PIPE = (0.3, 0.2), 0.15, (0.1, 0.5)    # [m] sides; radius; radius and length
 DIHEDRAL, SQUARE = (0.2, 0.3), 0.2                 # [m] sides
 
 
-def strength_db(shapes, bounces=1, middle=DISTANCE):
+def strength_db(shapes: dict[str, Any], bounces: int = 1, middle: float = DISTANCE) -> float:
     """Target strength [dB re 1 m²] of bodies met at `DISTANCE`: the echo's spectrum at the carrier, spreading taken
     out; `middle` [m] is what one of the two ranges is told to, for a sphere its centre."""
     import mitsonar
@@ -38,7 +41,7 @@ def _placed(kind, x, y, normal, centre):
 
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = x, y, normal, centre
-    return {"type": kind, "to_world": mi.ScalarTransform4f(matrix), "bsdf": {"type": "rigid"}}
+    return {"type": kind, "to_world": mi.ScalarTransform4f(matrix.tolist()), "bsdf": {"type": "rigid"}}
 
 
 def _facing(kind, width, height, tilt):

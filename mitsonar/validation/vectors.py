@@ -1,4 +1,6 @@
 """The vector approximation: the published table, and return times against exact eigenrays."""
+from typing import Literal
+
 import numpy as np
 
 from ..propagation import eigenray, return_time
@@ -37,7 +39,7 @@ def _published():
 
 
 def _times():
-    got = {"eigenray": [], "vector": []}
+    got: dict[Literal["eigenray", "vector"], list] = {"eigenray": [], "vector": []}
     for water, source, target, across, lower, farther, aside, _ in EXACT:
         for method, times in got.items():
             times.append(return_time(water, (0, 0, -source), [(across, 0, -target)], [(-farther, aside, -lower)],

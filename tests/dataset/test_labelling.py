@@ -14,7 +14,7 @@ from rasterio.features import rasterize
 from mitsonar.imaging.objects import object_bins
 from mitsonar.io import exr
 from mitsonar.dataset.labels import Labels, write
-from mitsonar.dataset.labels.annotations import annotations, clipped, in_the_black
+from mitsonar.dataset.labels.annotations import annotations, clipped, is_invisible
 from mitsonar.dataset.labels.frames import Tile, frames, tiles
 from mitsonar.dataset.labels.polygons import joined, polygons
 
@@ -272,25 +272,25 @@ def test_a_stray_piece_does_not_stretch_a_box():
         assert next(object_bins(record)).shadow[2].any()
 
 
-def test_what_lies_in_the_black_of_a_picture_is_left_out(tmp_path):
+def test_what_the_picture_shows_as_black_all_around_is_left_out(tmp_path):
     record = labelled()
     exr.write(record, tmp_path / "a.exr")
     rules = {"coco": True, "masks": True, "smallest": 1}
     assert write(tmp_path / "a.exr", tmp_path / "seen", Labels(**rules)) == {
-        "pictures": 1, "highlights": 2, "shadows": 2, "in the black": 0, "empty": 0}
+        "pictures": 1, "highlights": 2, "shadows": 2, "invisible": 0, "empty": 0}
     assert write(tmp_path / "a.exr", tmp_path / "black", Labels(window=(300, 310), **rules)) == {
-        "pictures": 1, "highlights": 0, "shadows": 0, "in the black": 4, "empty": 0}
+        "pictures": 1, "highlights": 0, "shadows": 0, "invisible": 4, "empty": 0}
     assert not np.asarray(Image.open(tmp_path / "black" / "masks" / "instance" / "a.png")).any()
     # an object in black water, and the shadow it throws on grey, stay
     highlight, shadow = (each for each in annotations(record, frames(record))[0] if each.name == "box.1")
     for each, inside, around, black in ((highlight, 200, 0, False), (shadow, 0, 90, False), (highlight, 0, 0, True)):
         picture = np.full((60, 200), around, np.uint8)
         picture[each.row:each.row + each.mask.shape[0], each.column:each.column + each.mask.shape[1]] = inside
-        assert in_the_black(each, picture) == black
+        assert is_invisible(each, picture) == black
     # at the edge of the picture
     picture = np.zeros((10, 5), np.uint8)
     at_edge = clipped(highlight, Tile(row=highlight.row, column=highlight.column, height=10, width=5))
-    assert in_the_black(at_edge, picture) and not in_the_black(at_edge, picture + 1)
+    assert is_invisible(at_edge, picture) and not is_invisible(at_edge, picture + 1)
 
 
 @pytest.mark.parametrize("down", [False, True])

@@ -1,4 +1,5 @@
 """``import mitsonar`` is cheap, and makes the plugins known to Mitsuba whichever of the two is imported first."""
+import ast
 import os
 import subprocess
 import sys
@@ -49,6 +50,18 @@ def test_import_costs_nothing():
 def test_import_brings_no_heavy_package():
     loaded = python("import mitsonar, sys; print(*{name.split('.')[0] for name in sys.modules})").split()
     assert not set(loaded) & {"numpy", "scipy", "xarray", "matplotlib", "rasterio", "drjit", "mitsuba"}
+
+
+def test_type_checkers_and_completion_see_every_public_name():
+    """What is imported on first use is imported for type checkers by its own list: both hold the same names."""
+    import mitsonar
+
+    body = ast.parse(Path(mitsonar.__file__).read_text(encoding="utf-8")).body
+    block = next(node for node in body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    declared = {alias.asname or alias.name for node in block.body if isinstance(node, ast.ImportFrom)
+                for alias in node.names}
+    assert declared == set(mitsonar._PUBLIC) == set(mitsonar.__all__)
+    assert {name for name in dir(mitsonar) if not name.startswith("_")} == declared
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -163,7 +163,7 @@ def test_images_of_an_earlier_plan_are_told(sweep):
     for index in range(1, 12):
         (sweep.folder / "out" / f"{index:06}.exr").unlink()
     found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
-    assert (found.missing, found.strangers) == (0, ["000000.exr"])
+    assert (found.missing, found.unplanned) == (0, ["000000.exr"])
 
 
 def test_other_versions_are_made_anew(sweep, monkeypatch):

@@ -3,14 +3,17 @@
 Every object makes at most a highlight and a shadow on each side of a sidescan: one that both sides hear, under the
 track, is two, for a box around both would hold the water column.
 """
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 from scipy import ndimage
 
 from ...imaging.objects import object_bins
+from .frames import Frame, Tile
 
-__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped", "in_the_black"]
+__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped", "is_invisible"]
 
 HIGHLIGHT, SHADOW = "highlight", "shadow"
 AROUND = 2                         # bins
@@ -52,27 +55,28 @@ class Annotation:
     visible: float = 1.0
 
     @property
-    def bins(self):
+    def bins(self) -> int:
         """How many bins it has."""
         return int(self.mask.sum())
 
     @property
-    def box(self):
+    def box(self) -> tuple[int, int, int, int]:
         """Left edge, upper edge, width and height, in bins."""
         return self.column, self.row, self.mask.shape[1], self.mask.shape[0]
 
     @property
-    def category(self):
+    def category(self) -> str:
         """Name of what it is: the object's class, or that and "shadow"."""
         return category(self.class_name, self.kind)
 
 
-def category(class_name, kind):
+def category(class_name: str, kind: str) -> str:
     """Name a class's highlights or shadows."""
     return class_name if kind == HIGHLIGHT else f"{class_name} shadow"
 
 
-def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=1):
+def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: float = 0.5, above_noise_db: float = 0.0,
+                smallest: int = 1) -> list[list[Annotation]]:
     """Find what the objects of a dataset make of its pictures.
 
     Parameters
@@ -118,7 +122,7 @@ def annotations(dataset, frames, *, threshold=0.5, above_noise_db=0.0, smallest=
     return found
 
 
-def clipped(annotation, tile, smallest=1):
+def clipped(annotation: Annotation, tile: Tile, smallest: int = 1) -> Annotation | None:
     """Give the part of an annotation that lies in a tile, counted from the tile's corner.
 
     Parameters
@@ -145,7 +149,7 @@ def clipped(annotation, tile, smallest=1):
                    visible=visible, truncated=annotation.truncated or visible < 1)
 
 
-def in_the_black(annotation, picture):
+def is_invisible(annotation: Annotation, picture: np.ndarray) -> bool:
     """Tell whether a picture is black where an annotation lies and around it, so that there is nothing to see.
 
     So it is under the track, where the beam sends too little for the picture's black: an object there is in the record,

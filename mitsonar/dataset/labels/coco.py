@@ -5,13 +5,16 @@ left corner of the first one. Segmentations are polygons, filled again exactly t
 Beyond the format an image has ``source``, ``row``, ``column``, ``ping``, ``seabed``, ``window_db`` and ``parameters``,
 an annotation ``instance``, ``side``, ``truncated`` and ``visible``, a category its ``supercategory``.
 """
-from .annotations import HIGHLIGHT, SHADOW, category
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .annotations import HIGHLIGHT, SHADOW, Annotation, category
 from .polygons import polygons
 
 __all__ = ["categories", "document", "entry"]
 
 
-def categories(classes):
+def categories(classes: Sequence[str]) -> dict[str, int]:
     """Number the classes of objects and of their shadows.
 
     Parameters
@@ -36,7 +39,7 @@ def categories(classes):
     return {name: number for number, name in enumerate(names, 1)}
 
 
-def entry(annotation, number, image, numbers):
+def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, Any]:
     """Give the entry of one annotation.
 
     Parameters
@@ -58,7 +61,8 @@ def entry(annotation, number, image, numbers):
             "visible": round(annotation.visible, 4)}
 
 
-def document(images, entries, numbers, info):
+def document(images: list[dict[str, Any]], entries: list[dict[str, Any]], numbers: Mapping[str, int],
+             info: Mapping[str, Any]) -> dict[str, Any]:
     """Put a file together from its images, their annotations, the categories' numbers and what is said of it all."""
     known = [{"id": number, "name": name, "supercategory": SHADOW if name.endswith(f" {SHADOW}") else HIGHLIGHT}
              for name, number in numbers.items()]

@@ -5,9 +5,12 @@ starboard. Of an array every ping is a picture of its own: a row per range, the 
 the fan looks down; a column per beam, in their order. A picture element is a bin.
 """
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+import xarray as xr
 
+from ...io.files import FilePath
 from ...plots.fans import looks_down
 
 __all__ = ["Frame", "Part", "Tile", "frames", "tiles"]
@@ -30,7 +33,7 @@ class Part:
     name: str
     start: int
     stop: int
-    near: str
+    near: Literal["left", "right", "top", "bottom"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +49,12 @@ class Frame:
     height, width : int
     """
 
-    ping: object
-    parts: tuple
+    ping: int | None
+    parts: tuple[Part, ...]
     height: int
     width: int
 
-    def lay(self, values):
+    def lay(self, values: np.ndarray) -> np.ndarray:
         """Lay out an array over the dimensions of ``level`` as (height, width)."""
         if self.ping is not None:
             laid = values[self.ping].T
@@ -72,7 +75,7 @@ class Tile:
     width: int
 
 
-def frames(dataset, name="the dataset"):
+def frames(dataset: xr.Dataset, name: FilePath = "the dataset") -> list[Frame]:
     """Give the pictures of a dataset.
 
     Parameters
@@ -108,7 +111,7 @@ def frames(dataset, name="the dataset"):
     return [Frame(ping=None, parts=parts, height=shape[0], width=shape[1] * bins)]
 
 
-def tiles(frame, size=None, overlap=0.0):
+def tiles(frame: Frame, size: tuple[int, int] | None = None, overlap: float = 0.0) -> list[Tile]:
     """Cut a picture into tiles of one size; the last of a row or column is moved inwards to end at the edge.
 
     Parameters

@@ -3,8 +3,10 @@
     grey = 255 (level + gain - low) / (high - low), cut off at 0 and 255
 """
 import numpy as np
+import xarray as xr
 
-from ...plots.gain import display_gain, display_window
+from ...io.files import FilePath
+from ...plots.gain import Tvg, display_gain, display_window
 
 __all__ = ["MODES", "grey", "write_png"]
 
@@ -12,7 +14,8 @@ NOTHING_DB = -199.0                # at or below: the level of a bin with no ech
 MODES = {"seabed": "seabed", "target": "target", "none": None}                   # names of the gains for display
 
 
-def grey(dataset, *, tvg="seabed", window=None):
+def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
+         window: tuple[float, float] | None = None) -> tuple[np.ndarray, tuple[float, float], str]:
     """Turn the levels of a dataset to grey.
 
     Parameters
@@ -27,7 +30,7 @@ def grey(dataset, *, tvg="seabed", window=None):
     Returns
     -------
     grey : uint8 array
-        Over the dimensions of ``level``; 0 also where nothing is heard.
+        Over the dimensions of ``level``; 0 also where no echo arrives.
     window : (float, float) [dB]
     words : str
         What was added to the level, for people.
@@ -51,7 +54,7 @@ def grey(dataset, *, tvg="seabed", window=None):
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8), (float(low), float(high)), f"level{words}"
 
 
-def write_png(image, path):
+def write_png(image: np.ndarray, path: FilePath) -> None:
     """Write a picture (H, W) of uint8 or uint16 as PNG.
 
     Parameters

@@ -3,12 +3,15 @@
 Formats for training know polygons without holes only. A piece with holes is therefore cut across them into pieces that
 have none; a format that wants one ring for all pieces gets them joined by a line to and fro, which has no area.
 """
+from collections.abc import Sequence
+from typing import cast
+
 import numpy as np
 
 __all__ = ["joined", "polygons"]
 
 
-def polygons(mask):
+def polygons(mask: np.ndarray) -> list[np.ndarray]:
     """Cut a mask into polygons without holes that do not overlap.
 
     Parameters
@@ -24,7 +27,7 @@ def polygons(mask):
     from scipy import ndimage
 
     mask = np.asarray(mask, bool)
-    pieces, _ = ndimage.label(mask)
+    pieces, _ = cast("tuple[np.ndarray, int]", ndimage.label(mask))
     found = []
     waiting = [(mask[where] & (pieces[where] == number + 1), where[1].start, where[0].start)
                for number, where in enumerate(ndimage.find_objects(pieces))]
@@ -42,7 +45,7 @@ def polygons(mask):
     return sorted(found, key=lambda ring: (ring[:, 1].min(), ring[:, 0].min()))
 
 
-def joined(rings):
+def joined(rings: Sequence[np.ndarray]) -> np.ndarray:
     """Join polygons to one ring, by lines to and fro between corners that are close to each other.
 
     Parameters
@@ -74,8 +77,8 @@ def _filled(rings):
     """The mask of one piece, whose exterior begins at 0, 0."""
     from rasterio.features import rasterize
 
-    return rasterize([{"type": "Polygon", "coordinates": [_closed(ring) for ring in rings]}],
-                     out_shape=rings[0].max(0)[::-1]).astype(bool)
+    return np.asarray(rasterize([{"type": "Polygon", "coordinates": [_closed(ring) for ring in rings]}],
+                     out_shape=rings[0].max(0)[::-1]), bool)
 
 
 def _closed(ring):

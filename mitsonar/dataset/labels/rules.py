@@ -1,8 +1,11 @@
 """What labels are to be written, and by which rules: one record, checked before any work."""
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 from ... import __version__
+from ...plots.gain import Tvg
 from .yolo import FORMS
 
 __all__ = ["Labels"]
@@ -44,20 +47,20 @@ class Labels:
     """
 
     coco: bool = False
-    yolo: object = None
+    yolo: Literal["boxes", "polygons"] | None = None
     masks: bool = False
     threshold: float = 0.5
     above_noise_db: float = 0.0
-    classes: object = None
+    classes: Sequence[str] | None = None
     smallest: int = 8
-    tile: object = None
+    tile: tuple[int, int] | None = None
     overlap: float = 0.0
     drop_empty: bool = False
-    tvg: object = "seabed"
-    window: object = None
-    split: object = None
+    tvg: Tvg = "seabed"
+    window: tuple[float, float] | None = None
+    split: Mapping[str, float] | None = None
     split_seed: int = 0
-    split_by: object = None
+    split_by: str | None = None
 
     def __post_init__(self):
         if not (self.coco or self.yolo or self.masks):
@@ -87,7 +90,7 @@ class Labels:
             raise ValueError("what to split by is given, but no split; give its shares or leave it out.")
 
     @property
-    def rules(self):
+    def rules(self) -> dict[str, Any]:
         """The rules as JSON, for the files."""
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,

@@ -8,6 +8,7 @@ import os
 import secrets
 import shutil
 import warnings
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,13 +16,14 @@ import numpy as np
 
 from ...imaging.objects import check_labelled
 from ...io import exr
-from ...io.files import check_writable, full_disk_said
-from ..sources import find_sources
+from ...io.files import FilePath, check_writable, full_disk_said
+from ..sources import Source, find_sources
 from ..split import deal
 from . import coco, yolo
-from .annotations import HIGHLIGHT, SHADOW, annotations, clipped, in_the_black
+from .annotations import HIGHLIGHT, SHADOW, annotations, clipped, is_invisible
 from .frames import frames, tiles
 from .pictures import grey, write_png
+from .rules import Labels
 
 __all__ = ["groups_of", "write"]
 
@@ -34,7 +36,8 @@ class _Subset:
     entries: list = field(default_factory=list)
 
 
-def write(places, folder, labels, progress=None):
+def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Labels,
+          progress: Callable[[int, int], None] | None = None) -> dict[str, int]:
     """Write what training reads from images.
 
     Parameters
@@ -50,7 +53,7 @@ def write(places, folder, labels, progress=None):
     Returns
     -------
     dict of str, int
-        How many ``pictures``, ``highlights`` and ``shadows`` were written, annotations left ``in the black``, and
+        How many ``pictures``, ``highlights`` and ``shadows`` were written, annotations left out as ``invisible``, and
         pictures without annotations that were left out as ``empty``.
 
     Raises
@@ -92,7 +95,7 @@ def write(places, folder, labels, progress=None):
     return {"pictures": len(writer.names), **writer.counts}
 
 
-def groups_of(sources, by=None):
+def groups_of(sources: Sequence[Source], by: str | None = None) -> list[str]:
     """Give for every image the text of what it must not be parted from.
 
     Parameters
@@ -137,7 +140,7 @@ class _Writer:
         self.folder, self.labels, self.numbers = folder, labels, numbers
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
         self.names, self.annotated, self.note = {}, 0, ""
-        self.counts = {"highlights": 0, "shadows": 0, "in the black": 0, "empty": 0}
+        self.counts = {"highlights": 0, "shadows": 0, "invisible": 0, "empty": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
                      *[f"masks/{kind}" for kind in ("instance", "class", "shadow")] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
@@ -156,8 +159,8 @@ class _Writer:
                  "grey": f"{words} [dB re 1 µPa]"}
         for frame, own in zip(pictures, found, strict=True):
             picture = frame.lay(shown)
-            seen = [piece for piece in own if not in_the_black(piece, picture)]
-            self.counts["in the black"] += len(own) - len(seen)
+            seen = [piece for piece in own if not is_invisible(piece, picture)]
+            self.counts["invisible"] += len(own) - len(seen)
             for tile in tiles(frame, self.labels.tile, self.labels.overlap):
                 name = source.name if frame.ping is None else f"{source.name}_ping{frame.ping:04d}"
                 name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)

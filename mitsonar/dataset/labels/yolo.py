@@ -7,9 +7,11 @@ Classes count from 0. ``data.yaml`` names them and the lists of images; programs
 ``images/NAME.png`` in ``labels/NAME.txt``.
 """
 import json
+from collections.abc import Mapping
 
 import numpy as np
 
+from .annotations import Annotation
 from .polygons import joined, polygons
 
 __all__ = ["FORMS", "data_yaml", "line"]
@@ -17,7 +19,7 @@ __all__ = ["FORMS", "data_yaml", "line"]
 FORMS = ("boxes", "polygons")
 
 
-def line(annotation, form, numbers, height, width):
+def line(annotation: Annotation, form: str, numbers: Mapping[str, int], height: int, width: int) -> str:
     """Give the line of one annotation.
 
     Parameters
@@ -41,7 +43,7 @@ def line(annotation, form, numbers, height, width):
     return " ".join([str(numbers[annotation.category] - 1), *(f"{value:.6g}" for value in values.ravel())])
 
 
-def data_yaml(lists, numbers, note=""):
+def data_yaml(lists: Mapping[str, str], numbers: Mapping[str, int], note: str = "") -> str:
     """Give the text of ``data.yaml``.
 
     Parameters

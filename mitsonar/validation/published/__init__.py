@@ -6,7 +6,7 @@ that gives header and records of a CSV file, and ``plot(dataset)`` that draws a 
 import csv
 from pathlib import Path
 
-from ...io.files import check_writable, replacing
+from ...io.files import FilePath, check_writable, replacing
 from ...spelling import meant
 from . import effective_speed, figure_2, figure_3, table_1
 
@@ -15,7 +15,7 @@ __all__ = ["RESULTS", "text", "write"]
 RESULTS = {"table_1": table_1, "effective_speed": effective_speed, "figure_2": figure_2, "figure_3": figure_3}
 
 
-def text(name):
+def text(name: str) -> str:
     """Compute a result and say it in text.
 
     Parameters
@@ -36,7 +36,7 @@ def text(name):
     return result.table(result.compute())
 
 
-def write(name, path):
+def write(name: str, path: FilePath) -> None:
     """Compute a result and write it: its numbers to a .csv, its figure to a .png, .pdf or .svg.
 
     Parameters

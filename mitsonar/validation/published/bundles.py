@@ -7,8 +7,16 @@ the way out and is the other half of the sonar equation: i / A of a ray is what 
 """
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+    from ...survey.array import ArraySurvey
+
 
 __all__ = ["Bundle", "scene_file", "send", "shipped_survey"]
 
@@ -32,12 +40,12 @@ class Bundle:
     intensity: np.ndarray
 
 
-def scene_file(name):
+def scene_file(name: str) -> str:
     """Path of a scene that comes with mitsonar."""
-    return files("mitsonar.scenes") / f"{name}.xml"
+    return str(files("mitsonar.scenes") / f"{name}.xml")
 
 
-def shipped_survey(name, **parameters):
+def shipped_survey(name: str, **parameters: object) -> "ArraySurvey":
     """Plan the run of a scene that comes with mitsonar.
 
     Parameters
@@ -56,14 +64,14 @@ def shipped_survey(name, **parameters):
     return integrator.array_survey(scene, sensor)
 
 
-def load(name, **parameters):
+def load(name: str, **parameters: object) -> "mi.Scene":
     """Load a scene that comes with mitsonar."""
     from ...scene.loading import load_file
 
     return load_file(scene_file(name), **parameters)
 
 
-def send(survey, offset, launch_angle):
+def send(survey: "ArraySurvey", offset: npt.ArrayLike, launch_angle: np.ndarray) -> Bundle:
     """Send rays to starboard, in vertical planes athwart the track, at the first ping.
 
     Parameters

@@ -16,7 +16,7 @@ c the sound speed at the array, so the coefficient says how the array's own wate
 and has nothing to do with a half: where the array hangs in a layer the law errs by microseconds, more than no
 correction at all.
 """
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -24,6 +24,10 @@ import xarray as xr
 from ...propagation import eigenray
 from ...propagation.paper_approximation import COEFFICIENT
 from ...water import SoundSpeedProfile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 __all__ = ["compute", "plot", "rows", "table"]
 
@@ -42,7 +46,7 @@ class Setting(NamedTuple):
     kind: str
 
 
-def settings():
+def settings() -> dict[str, Setting]:
     """Give the waters by name: exaggerated ones of one gradient, their reverse, and shapes as casts have them."""
     found = {}
     for kind, sign in zip(KINDS, (-1, 1)):
@@ -65,7 +69,7 @@ def settings():
     return found
 
 
-def compute():
+def compute() -> xr.Dataset:
     """Compute effective speeds against height, and the coefficients.
 
     Returns
@@ -111,7 +115,7 @@ def _one(setting):
             "no_correction_error": np.abs(distance / speed[here] - time).max()}
 
 
-def table(dataset):
+def table(dataset: xr.Dataset) -> str:
     """Say the coefficients in text.
 
     Parameters
@@ -134,7 +138,7 @@ def table(dataset):
                               f"{dataset.mean_coefficient:.4f}; published: {COEFFICIENT}"])
 
 
-def rows(dataset):
+def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
     """Header and records of the figure as a table: one height a line.
 
     Parameters
@@ -151,7 +155,7 @@ def rows(dataset):
     return ["water", "height_change_m", "effective_speed_m_s", "coefficient"], records
 
 
-def plot(dataset):
+def plot(dataset: xr.Dataset) -> "Figure":
     """Draw the change of effective speed against the change the gradient makes at the array.
 
     Parameters

@@ -11,12 +11,18 @@ side of the caustic's time t_c, however many rays are sent. On samples its peak 
 sampling rate, and with shifted impulses it depends on how t_c falls between two samples; every measure is therefore
 taken over `SHIFTS` places of the samples.
 """
+from typing import TYPE_CHECKING
+
 import numpy as np
 import xarray as xr
 
 from ...propagation import eigenray
 from ...signal.impulses import KERNELS, element_responses
 from .bundles import send, shipped_survey
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 __all__ = ["compute", "plot", "rows", "table"]
 
@@ -27,7 +33,7 @@ TABULATED = 8192                   # places on the flat bed that times are tabul
 PROMINENCE = 0.1                   # [samples] that a time must stand out by to be a caustic, not a facet
 
 
-def compute(**parameters):
+def compute(**parameters: object) -> xr.Dataset:
     """Compute the impulse responses and where their caustics lie.
 
     Parameters
@@ -137,7 +143,7 @@ def _kinds(time, caustics):
     return ["near" if time[k] < time[k - 1] else "far" for k in caustics]
 
 
-def table(dataset):
+def table(dataset: xr.Dataset) -> str:
     """Say in words and numbers what the figure shows.
 
     Parameters
@@ -170,7 +176,7 @@ def table(dataset):
     return "\n".join(lines)
 
 
-def rows(dataset):
+def rows(dataset: xr.Dataset) -> tuple[list[str], np.ndarray]:
     """Header and records of the figure as a table: the responses over time.
 
     Parameters
@@ -186,7 +192,7 @@ def rows(dataset):
     return ["time_s", *(f"{bundle}_{kernel}" for bundle, kernel in pairs)], np.stack([dataset.time.values, *columns], 1)
 
 
-def plot(dataset):
+def plot(dataset: xr.Dataset) -> "Figure":
     """Draw the bed, the two responses, and the caustics from near by.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Figure 3 of the published method: three rays on a flat bed, heard by arrays of one and of three elements.
+"""Figure 3 of the published method: three rays on a flat bed, received by arrays of one and of three elements.
 
     t = T(transmitter -> hit) + T_r(hit -> receiver)
 
@@ -13,11 +13,17 @@ from the array's centre, transmit and receive elements shift them alike. Nearest
     reception, and transmission to common scatterers     d sin α / c
     transmission, each element with hits of its own      (Δz / sin θ + (Δz / tan θ + Δz) cos θ) / c,  Δz = d / √2
 """
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import xarray as xr
 
 from ...propagation import return_time
 from .bundles import send, shipped_survey
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 __all__ = ["ARRANGEMENTS", "ELEMENTS", "compute", "plot", "rows", "table"]
 
@@ -36,7 +42,7 @@ PUBLISHED_TRANSMIT, PUBLISHED_RECEIVE = 260, 20         # [samples], at a sampli
 SHOWN = 2                                               # the ray whose impulses are drawn from near by
 
 
-def compute(**parameters):
+def compute(**parameters: object) -> xr.Dataset:
     """Compute every impulse of every arrangement.
 
     Parameters
@@ -74,7 +80,8 @@ def compute(**parameters):
         results["uniform_delay"][used] = _Impulses(uniform, own_rays).delay("vector")
     results["intensity"] /= np.nanmax(results["intensity"][0])
     dims = ("arrangement", "ray", "tx", "rx")
-    data = {name: (dims, values, {"units": "1" if name == "intensity" else "s"}) for name, values in results.items()}
+    data: dict[str, Any] = {name: (dims, values, {"units": "1" if name == "intensity" else "s"})
+                            for name, values in results.items()}
     for prefix, name in (("", "delay"), ("uniform_", "uniform_delay")):
         for side, axis in (("transmit", 2), ("receive", 3)):
             data[f"{prefix}{side}_shift"] = (dims[:2], _shift(results[name], axis), {"units": "s"})
@@ -138,7 +145,7 @@ def _apart(samples):
     return int(counts.sum() - counts.max())
 
 
-def table(dataset):
+def table(dataset: xr.Dataset) -> str:
     """Say in words and numbers what the figure shows.
 
     Parameters
@@ -179,7 +186,7 @@ def table(dataset):
     return "\n".join(lines)
 
 
-def rows(dataset):
+def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
     """Header and records of the figure as a table: one impulse a line.
 
     Parameters
@@ -199,7 +206,7 @@ def rows(dataset):
     return ["arrangement", "launch_angle_deg", "tx", "rx", "delay_s", "sample", "intensity"], records
 
 
-def plot(dataset):
+def plot(dataset: xr.Dataset) -> "Figure":
     """Draw the impulses of every arrangement: all of them, the last group, and a part of that.
 
     Parameters
@@ -239,7 +246,7 @@ def plot(dataset):
         axes[2].set_title("its middle", fontsize=10)
     for axis in panels[-1]:
         axis.set_xlabel(f"sample at {rate / 1e6:g} MHz", fontsize=10)
-    figure.suptitle("Flat bed, three rays 22° apart: every transmit element heard by every receive element",
+    figure.suptitle("Flat bed, three rays 22° apart: every transmit element received by every receive element",
                     fontsize=14, fontweight="bold")
     figure.tight_layout()
     return figure

@@ -12,11 +12,17 @@ and the hit then lies 11.369819 m from the transmission: the receiver is 0.125 m
 tilted by 47 degrees, which is "around 40" depressed. The second time is printed ...573 in the copy at hand; its speed
 and the published difference of 23 ns, 1/87 of a period at 500 kHz, make it ...578.
 """
+from typing import TYPE_CHECKING, Literal
+
 import numpy as np
 import xarray as xr
 
 from ...propagation import return_time
 from ...water import SoundSpeedProfile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 __all__ = ["compute", "plot", "rows", "table"]
 
@@ -27,12 +33,13 @@ BED_SPEED = 1499.346570536         # [m/s]
 INCIDENT_RANGE = 11.36981948       # [m] of the transmission
 FREQUENCY = 500e3                  # [Hz]
 WATER_DEPTH = 10.0                 # [m]; the water above the sonar takes no part
-METHODS = {"traced": "eigenray", "equation 2": "paper", "vector approximation": "vector"}
+METHODS: dict[str, Literal["eigenray", "paper", "vector"]] = {
+    "traced": "eigenray", "equation 2": "paper", "vector approximation": "vector"}
 PRINTED_SPEED = 1475.859495, 1475.856104, np.nan
 PRINTED_TIME = 0.010053555, 0.010053578, np.nan
 
 
-def compute():
+def compute() -> xr.Dataset:
     """Compute the table.
 
     Returns
@@ -60,7 +67,7 @@ def compute():
                "displacement": float(np.hypot(RANGE, HEIGHTS[1]))})
 
 
-def table(dataset):
+def table(dataset: xr.Dataset) -> str:
     """Say the table in text.
 
     Parameters
@@ -90,7 +97,7 @@ def table(dataset):
     return "\n".join([*lines, f"published: 23 ns, 1/87 of a period at {dataset.frequency / 1e3:g} kHz"])
 
 
-def rows(dataset):
+def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
     """Header and records of the table.
 
     Parameters
@@ -107,7 +114,7 @@ def rows(dataset):
              zip(dataset.found_by.values, *(dataset[column].values for column in columns))])
 
 
-def plot(dataset):
+def plot(dataset: xr.Dataset) -> "Figure":
     """Draw the reconstructed water and what each method errs by.
 
     Parameters
