@@ -54,7 +54,10 @@ def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float |
     if metric and is_upright and (resolution is None or raster.res == (resolution, resolution)):
         yield raster
         return
-    target = source if metric else utm(*raster.xy(raster.height / 2, raster.width / 2, offset="ul"), source)
+    target = source
+    if source is not None and not metric:
+        x, y = raster.xy(raster.height / 2, raster.width / 2, offset="ul")
+        target = utm(x, y, source)
     view = {"crs": target or CRS(), "src_crs": source or CRS(), "dtype": "float32", "nodata": np.nan,
             "src_nodata": nodata if nodata is not None else np.nan if raster.nodata is None else raster.nodata,
             "resampling": Resampling.cubic if smooth else Resampling.bilinear}

@@ -41,7 +41,8 @@ def prepare() -> None:
         if (mi.variant() or "scalar").startswith("scalar"):
             llvm.check()
             mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
-        plugins.register(mi.variant())         # another thread may have set the variant just now
+        if (variant := mi.variant()) is not None:
+            plugins.register(variant)          # another thread may have set the variant just now
         if dr.thread_count() < 2:
             dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves for ever
 

@@ -6,10 +6,10 @@ where the renders run. A folder stands for the files in it.
 import hashlib
 import os
 import re
+from collections.abc import Iterable, Mapping
 
 from ..io import scenes
-from ..plugins import reference
-from ..plugins.attributes import File
+from ..plugins import attributes, reference
 from ..spelling import meant
 from .manifest import MANIFEST
 from .values import shortened
@@ -43,13 +43,13 @@ class Inputs:
         If the scene is no XML.
     """
 
-    def __init__(self, scene, place):
+    def __init__(self, scene: str, place: str):
         self.scene, self.folders = scene, (os.path.dirname(scene), place)
         self._trees, self._digests, self._kinds, self.known = {}, {}, {}, set()
         for path in self._walk({}):
             self.known |= set(self._tree(path)[0])
 
-    def check_names(self, names):
+    def check_names(self, names: Iterable[str]) -> None:
         """Refuse parameters that the scene has not.
 
         Raises
@@ -62,7 +62,7 @@ class Inputs:
                 raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}"
                                  f"{meant(name, self.known)}; it has {', '.join(sorted(self.known)) or 'none'}")
 
-    def check_files(self, columns):
+    def check_files(self, columns: Mapping[str, tuple]) -> None:
         """Refuse values that name files which are not there.
 
         Parameters
@@ -90,12 +90,12 @@ class Inputs:
                                                     "which is not there; it is looked for beside the scene, then "
                                                     "beside the plan")
 
-    def paths(self):
+    def paths(self) -> set[str]:
         """Give the names of the parameters that name files, as a set."""
         return {name for path in self._walk({}) for kind, attribute, template in self._tree(path)[2]
-                if type(self._files(kind).get(attribute)) is File for name in NAME.findall(template)}
+                if type(self._files(kind).get(attribute)) is attributes.File for name in NAME.findall(template)}
 
-    def check_kinds(self, columns):
+    def check_kinds(self, columns: Mapping[str, tuple]) -> None:
         """Refuse values that are no number, whole number, or true or false, where the scene takes only such.
 
         Parameters
@@ -118,7 +118,7 @@ class Inputs:
                         raise ValueError(f"the parameter {name} is {shortened(item)}; the scene "
                                          f"{os.path.basename(path)} takes {KINDS[element.tag]}")
 
-    def digest(self, values):
+    def digest(self, values: Mapping[str, str]) -> str:
         """Give a SHA-256 of all that a render reads, as hexadecimal digits.
 
         Parameters
