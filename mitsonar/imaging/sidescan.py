@@ -130,16 +130,17 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
-    coherent, in_beam = record.coherent, record.echoes_in_beam
+    in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
     depth = record.depth if coherent is None else record.depth.copy()
     step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
     for start in range(0, pings, step):
         some = slice(start, start + step)
         energy = record.intensity[some].astype(float)
         mean, with_phase = mean_intensity(energy, shares), ()
-        if coherent is not None and coherent.pressure is not None and coherent.depth is not None:
-            with_phase = coherent.pressure[some], coherent.intensity[some].astype(float)
-            depth[some] = _mean_depth(depth[some], mean, coherent.depth[some],
+        if coherent is not None:
+            pressure, coherent_mean, coherent_depth = (array[some] for array in coherent)
+            with_phase = pressure, coherent_mean.astype(float)
+            depth[some] = _mean_depth(depth[some], mean, coherent_depth,
                                       np.where(in_beam[some] > 0, with_phase[1], 0))
             mean = mean + with_phase[1]
         mean_level[some] = _level(mean)
@@ -189,6 +190,17 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares, entry)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
     return dataset
+
+
+def _coherent_arrays(record: EnergyRecord) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Pressure, intensity and depth of coherent echoes; None where there are none."""
+    coherent = record.coherent
+    if coherent is None:
+        return None
+    if coherent.pressure is None or coherent.depth is None:
+        raise ValueError("a sidescan's image adds coherent echoes as pressures, and the record has their powers alone; "
+                         "take a record of sides")
+    return coherent.pressure, coherent.intensity, coherent.depth
 
 
 def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shares: np.ndarray,

@@ -105,7 +105,10 @@ class ArrayBeams:
         """Give what the picture makes of intensities (B, ..., bins)."""
         mixed = np.tensordot(self._mixing, intensity, 1)
         padded = np.pad(mixed, [(0, 0)] * (mixed.ndim - 1) + [(REACH, REACH)])
-        return sum(w * padded[..., k:k + mixed.shape[-1]] for k, w in enumerate(self._spread))
+        bins, total = mixed.shape[-1], self._spread[0] * padded[..., :mixed.shape[-1]]
+        for k, weight in enumerate(self._spread[1:], 1):
+            total += weight * padded[..., k:k + bins]
+        return total
 
     def _mixed(self) -> np.ndarray:
         """M, (B, B)."""

@@ -58,12 +58,12 @@ class CoherentBeams:
         """Sum the echoes of a ping; arrays (beams, ..., bins)."""
         power = self._power(place)
         return CoherentSums(label_power=power, record=CoherentRecord(
-            intensity=self._beams.shown(power.sum(1)), in_beam=power.any(1).astype(np.uint32)))
+            intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))
 
     def _power(self, place: Place) -> np.ndarray:
         """Squared pressures, (beams, labels, bins) [µPa²]."""
         shape = self._beams.count, self._labels, self._bins.count
-        total = np.zeros(shape, complex)
+        real_sum, imaginary_sum = np.zeros(shape), np.zeros(shape)
         for label, echoes in self._echoes(place):
             ping, delay = mi.UInt32(0), echoes.out.travel_time + echoes.between + echoes.back.travel_time
             received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, delay)
@@ -78,9 +78,9 @@ class CoherentBeams:
             where = ((row.astype(np.int64) * self._labels + label - 1) * self._bins.count + bin)[inside]
             z = ((real + 1j * imaginary) * root * np.exp(-1j * phase))[inside]
             # what comes in several blocks is one echo: it is squared when it is whole
-            total.real += np.bincount(where, z.real, total.size).reshape(shape)
-            total.imag += np.bincount(where, z.imag, total.size).reshape(shape)
-        return self._source_power * (total.real ** 2 + total.imag ** 2)
+            real_sum += np.bincount(where, z.real, real_sum.size).reshape(shape)
+            imaginary_sum += np.bincount(where, z.imag, real_sum.size).reshape(shape)
+        return self._source_power * (real_sum ** 2 + imaginary_sum ** 2)
 
     def _echoes(self, place: Place) -> Iterator[tuple[mi.UInt32, Echoes]]:
         """Yield the labels and the echoes of all targets and smooth surfaces."""

@@ -131,12 +131,12 @@ class CoherentPulses:
         total = np.zeros((rows, samples), complex)
         for path in np.unique(arrivals.path):
             some = arrivals.path == path
-            z = np.zeros((rows, samples), complex)
+            real, imaginary = np.zeros(size), np.zeros(size)
             for step, share in enumerate(shares):
                 weights = arrivals.pressure[some] * share[some]
-                z.real += np.bincount(place[some] + step, weights.real, size).reshape(z.shape)
-                z.imag += np.bincount(place[some] + step, weights.imag, size).reshape(z.shape)
-            z = np.cumsum(z, axis=1)
+                real += np.bincount(place[some] + step, weights.real, size)
+                imaginary += np.bincount(place[some] + step, weights.imag, size)
+            z = np.cumsum((real + 1j * imaginary).reshape(rows, samples), axis=1)
             z[:, self._per_pulse:] -= z[:, :-self._per_pulse].copy()
             if by_path is not None:
                 by_path[:, path] = self._means(np.abs(z) ** 2, 1)[..., 0]

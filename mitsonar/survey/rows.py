@@ -66,12 +66,13 @@ class RowResponse:
 
 
 RaysOf = TypeVar("RaysOf", bound=Rays)
+_RaysIn = TypeVar("_RaysIn", bound=Rays, contravariant=True)
 
 
-class EchoSource(Protocol[RaysOf]):
+class EchoSource(Protocol[_RaysIn]):
     """Echoes other than those of what rays hit first."""
 
-    def add(self, place: Place, rays: RaysOf, hits: Hits, sums: EchoSums) -> None:
+    def add(self, place: Place, rays: _RaysIn, hits: Hits, sums: EchoSums) -> None:
         """Add the echoes of a pass of rays to the sums."""
         ...
 

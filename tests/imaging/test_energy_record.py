@@ -1,7 +1,11 @@
 """The record of powers: put together from blocks of pings."""
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from mitsonar.imaging import sidescan
 from mitsonar.imaging.energy_record import CoherentRecord, EnergyRecord, gathered
 from mitsonar.imaging.truth import BinTruth
 
@@ -46,3 +50,11 @@ def test_what_arrives_in_the_main_lobe_counts_coherent_echoes():
 def test_blocks_that_are_not_all_are_refused():
     with pytest.raises(ValueError, match="blocks of 2 pings were given for a record of 3"):
         gathered([block(np.random.default_rng(4), 2)], pings=3, rows=2)
+
+
+def test_a_sidescan_image_wants_the_pressures_of_coherent_echoes():
+    whole = gathered([block(np.random.default_rng(5), 1)], pings=1, rows=2)
+    of_beams = replace(whole, coherent=replace(whole.coherent, pressure=None, depth=None))
+    with pytest.raises(ValueError, match="adds coherent echoes as pressures, .* take a record of sides"):
+        sidescan.image(of_beams, sonar=SimpleNamespace(pulse_length=1e-3), track=None, depth_below=None, window=(0, 1),
+                       labels={}, class_of={}, noise_db=None, speckle=False, seed=0, absorption_db=0.0)
