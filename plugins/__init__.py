@@ -44,14 +44,14 @@ def install() -> None:
             register(mi.variant())
 
 
-def register(variant: str) -> None:
+def register(variant: str | None) -> None:
     """Register every plugin for a variant, unless that is done: whoever set the variant may not have come to it yet."""
     global _registered
     with LOCK:
         if variant == _registered:
             return
         _registered = None
-        if variant.startswith("scalar"):
+        if variant is None or variant.startswith("scalar"):
             return                  # a scalar variant has no arrays to trace with
         if variant.startswith("llvm"):
             llvm.check()            # Dr.Jit may have been imported, with any LLVM, before mitsonar was

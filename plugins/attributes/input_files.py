@@ -4,7 +4,13 @@ from typing import Any
 
 import mitsuba as mi
 
-__all__ = ["found_file"]
+__all__ = ["found_file", "resolved"]
+
+
+def resolved(name: str) -> str:
+    """Give the path of what a scene names, beside the scene or in the current folder; a name of nothing as it is."""
+    resolver: Any = mi.file_resolver           # of which Mitsuba's stubs say only that it is an object
+    return str(resolver().resolve(name))
 
 
 def found_file(attribute: str, name: str) -> str:
@@ -21,8 +27,7 @@ def found_file(attribute: str, name: str) -> str:
     ValueError
         If it is not there, no file, or may not be read.
     """
-    resolver: Any = mi.file_resolver           # of which Mitsuba's stubs say only that it is an object
-    path = str(resolver().resolve(name))       # a name that is nowhere comes back unchanged
+    path = resolved(name)
     if not os.path.isfile(path):
         if os.path.isdir(path):
             raise ValueError(f'{attribute} names the folder "{name}"; give the name of a file.')

@@ -82,6 +82,7 @@ class TextOrFile(File):
     """Text that holds a certain sign, or else the name of a file. Empty means not given."""
 
     sign: str = ":"
+
     @property
     def expected(self) -> str:
         return "a string, or the name of a file"

@@ -11,12 +11,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Text
-from mitsonar.plugins.bsdfs.material import PATCHES
-from mitsonar.plugins.bsdfs.parameter import Parameter
-from mitsonar.plugins.bsdfs.sediment import CLASSES, MESH_RESOLUTION, SedimentBed, own
 from mitsonar.scattering.elastic import Elastic
 from mitsonar.scattering.elastic_sediment import ELASTIC_BOUNDS, FASTEST_SHEAR, ElasticSediment
+
+from ..attributes import Text
+from .material import PATCHES
+from .parameter import Parameter
+from .sediment import CLASSES, MESH_RESOLUTION, SedimentBed, own
 
 SOLID = "density_ratio", "sound_speed_ratio", "loss", "shear_loss", "w3"
 
@@ -47,9 +48,9 @@ class ElasticBed(SedimentBed):
     def _below(self, value, number, active):
         """The half-space under the surface."""
         shear = dr.minimum(value["shear_speed_ratio"], 0.999 * FASTEST_SHEAR * value["sound_speed_ratio"])
-        fluctuations = tuple(parameter.at(None, number, active) for parameter in self.fluctuations)
-        return Elastic(arithmetic=self.arithmetic, shear_speed_ratio=shear, fluctuations=fluctuations,
-                       **{name: value[name] for name in SOLID})
+        density, compressional, shearing = (parameter.of_class(number, active) for parameter in self.fluctuations)
+        return Elastic(arithmetic=self.arithmetic, shear_speed_ratio=shear,
+                       fluctuations=(density, compressional, shearing), **{name: value[name] for name in SOLID})
 
     def to_string(self) -> str:
         return f"Elastic[{', '.join(self.named)}]"

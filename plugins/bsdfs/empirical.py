@@ -12,8 +12,9 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.io import backscatter
-from mitsonar.plugins.attributes import Attributes, File
-from mitsonar.plugins.bsdfs.material import PATCHES, Material, patches_of
+
+from ..attributes import Attributes, File
+from .material import PATCHES, Material, patches_of
 
 ATTRIBUTES = (
     File("filename", text="CSV: grazing angle [deg], strength [dB]; for several frequencies one column each, called as "
@@ -35,7 +36,7 @@ class Empirical(Material):
         super().__init__(props)
         self.table = table
         self.angles = upload(mi.Float, table.angles.astype(np.float32))
-        self.log_frequencies = upload(mi.Float, np.log(table.frequencies).astype(np.float32))
+        self.log_frequencies = upload(mi.Float, np.log(np.asarray(table.frequencies)).astype(np.float32))
         self.strengths_db = upload(mi.Float, table.strengths_db.astype(np.float32))
         dr.eval(self.angles, self.log_frequencies, self.strengths_db)
 

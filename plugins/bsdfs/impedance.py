@@ -12,9 +12,10 @@ back from its far side. The water has 1025 kg/m³ and the sound speed it has at 
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attributes, Number
-from mitsonar.plugins.bsdfs.smooth import Smooth
 from mitsonar.scattering.reflection import WATER_DENSITY, fluid_reflection
+
+from ..attributes import Attributes, Number
+from .smooth import Smooth
 
 ATTRIBUTES = (
     Number("density", above=0, maximum=1e5, unit="kg/m³", text="of what lies behind the surface; the water's is 1025"),

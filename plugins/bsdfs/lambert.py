@@ -10,10 +10,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Attributes, NumberOrTexture
-from mitsonar.plugins.bsdfs.material import PATCHES, Material, patches_of
 from mitsonar.scattering import lambert
 from mitsonar.units import db_from_power, power_from_db
+
+from ..attributes import Attributes, NumberOrTexture
+from .material import PATCHES, Material, patches_of
 
 ATTRIBUTES = (
     NumberOrTexture("mu_db", default=-27.0, unit="dB", maximum=float(db_from_power(lambert.STRONGEST)),

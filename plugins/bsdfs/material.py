@@ -3,12 +3,15 @@
 A law says σ(in, out), the power scattered per area and solid angle over the incident intensity. What Mitsuba calls the
 value of a bsdf is f_r cos θ_o = σ / sin θ_i, θ_i the grazing angle that a ray comes in at.
 """
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.plugins.attributes import Attributes, Number
 from mitsonar.scattering.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
+
+from ..attributes import Attributes, Number
 
 SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them
 
@@ -87,7 +90,8 @@ class Material(mi.BSDF):
     def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                           sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Give the density of `drawn_direction` [1/sr]."""
-        return dr.select(active & (wo.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(wo), 0)
+        density: Any = mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        return dr.select(active & (wo.z > 0), density, 0)
 
     # ---- what Mitsuba asks: lets any of its integrators show the scene
     def eval(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
@@ -111,14 +115,15 @@ class Material(mi.BSDF):
         below = mi.Frame3f.cos_theta(si.wi) < 0
         wi, _ = _upright(si.wi, si.wi)
         wo = self.drawn_direction(si, wi, *_shown(), sample1, sample2, active)
-        sample = mi.BSDFSample3f()
+        sample: Any = mi.BSDFSample3f()            # whose fields Mitsuba's stubs know as those of another variant
         sample.wo = dr.select(below, mi.Vector3f(wo.x, wo.y, -wo.z), wo)
         sample.pdf = self.pdf(ctx, si, sample.wo, active)
         sample.eta = 1.0
         sample.sampled_type = mi.UInt32(+self.m_flags)
         sample.sampled_component = 0
         active = mi.Bool(active) & (sample.pdf > 0)
-        value = self.eval(ctx, si, sample.wo, active) / dr.select(active, sample.pdf, 1)
+        value: Any = self.eval(ctx, si, sample.wo, active)
+        value = value / dr.select(active, sample.pdf, 1)
         return sample, dr.select(active, value, 0)
 
     def traverse(self, callback: mi.TraversalCallback) -> None:

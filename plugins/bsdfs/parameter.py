@@ -1,4 +1,6 @@
 """A parameter of a law at a place: one number, a number for each class of a map, or a texture."""
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -27,8 +29,9 @@ class Parameter:
     def __init__(self, value: float | np.ndarray | mi.Texture, low: float = -np.inf, high: float = np.inf) -> None:
         self.textured = isinstance(value, mi.Texture)
         self.low, self.high = low, high
-        self.classes = 1 if self.textured else np.size(value)
-        self.value = value if self.textured else upload(mi.Float, np.asarray(value, np.float32))
+        numbers = np.zeros(1) if isinstance(value, mi.Texture) else np.asarray(value, np.float32)
+        self.classes = numbers.size
+        self.value: Any = value if self.textured else upload(mi.Float, numbers)
         self.keep()
 
     def keep(self) -> None:
@@ -40,10 +43,14 @@ class Parameter:
         """Show the value to `mi.traverse`."""
         callback.put(name, self.value, mi.ParamFlags.Differentiable)
 
-    def at(self, si: mi.SurfaceInteraction3f | None, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
+    def at(self, si: mi.SurfaceInteraction3f, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
         """Value at interactions `si`, Float; `number`, UInt32, is that of each one's class."""
         if self.textured:
             return dr.clip(self.value.eval_1(si, active), self.low, self.high)
+        return self.of_class(number, active)
+
+    def of_class(self, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
+        """Value of classes, of a parameter that is no texture."""
         if self.classes == 1:
             return self.value
         return dr.gather(mi.Float, self.value, number, active)

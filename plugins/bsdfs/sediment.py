@@ -20,6 +20,7 @@ to the sound (2 k h < 1, h of what is left) are off by some dB near nadir.
 """
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -27,9 +28,6 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.lookups import held
-from mitsonar.plugins.attributes import Attributes, Number, NumberOrTexture, Text
-from mitsonar.plugins.bsdfs.material import PATCHES, Material, patches_of
-from mitsonar.plugins.bsdfs.parameter import Parameter
 from mitsonar.scattering import Sediment
 from mitsonar.scattering.arithmetic import Arithmetic, power
 from mitsonar.scattering.fluid import Fluid
@@ -38,6 +36,10 @@ from mitsonar.scattering.lobe_table import LobeTable, RatioTable
 from mitsonar.scattering.resolved import cut, resolved_factor
 from mitsonar.scattering.sediment import BOUNDS
 from mitsonar.scattering.small_slope import lobe_factor
+
+from ..attributes import Attributes, Number, NumberOrTexture, Text
+from .material import PATCHES, Material, patches_of
+from .parameter import Parameter
 
 FLUID = "density_ratio", "sound_speed_ratio", "loss", "volume_parameter"
 LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1e-12,      # of textures
@@ -98,7 +100,7 @@ class SedimentBed(Material):
         self.patches = patches_of(attributes)
         super().__init__(props)
         fixed = {name: value for name, value in written.items() if isinstance(value, float)}
-        self.sediments = [_made(attributes, self.law, name, fixed) for name in self.named]
+        self.sediments: list[Any] = [_made(attributes, self.law, name, fixed) for name in self.named]
         self.varying = [name for name, value in written.items() if isinstance(value, mi.Texture)]
         self.parameters = {}
         for name, (low, high) in self.bounds.items():
@@ -106,7 +108,7 @@ class SedimentBed(Material):
             if not isinstance(value, mi.Texture):
                 value = np.array([getattr(sediment, name) for sediment in self.sediments])
                 value = value[:1] if np.ptp(value) == 0 else value
-            self.parameters[name] = Parameter(value, LEAST.get(name, low), high)
+            self.parameters[name] = Parameter(value, LEAST[name] if name in LEAST else low, high)
         self.textured = self.number is not None or bool(self.varying)
         self.lib = arrays_of(mi.Float)
         self.arithmetic = Arithmetic(dr, self.lib.Complex2f)

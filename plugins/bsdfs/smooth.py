@@ -6,8 +6,7 @@ mirrors, corners. Rough sound, as rays of energy, they neither scatter nor send 
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.plugins.bsdfs.material import Material
-
+from .material import Material
 
 class Smooth(Material):
     """A smooth surface; subclasses say how it reflects."""

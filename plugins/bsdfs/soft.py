@@ -9,8 +9,8 @@ Its echo is coherent and carries a phase: Kirchhoff's integral over the facets, 
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attributes
-from mitsonar.plugins.bsdfs.smooth import Smooth
+from ..attributes import Attributes
+from .smooth import Smooth
 
 ATTRIBUTES = ()
 

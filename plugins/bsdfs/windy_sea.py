@@ -11,9 +11,10 @@ extrapolated beyond. Without wind the surface is a mirror that turns pressure ov
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attributes, Number
-from mitsonar.plugins.bsdfs.material import Material
 from mitsonar.scattering import sea_surface
+
+from ..attributes import Attributes, Number
+from .material import Material
 
 WIND_SPEED = Number("wind_speed", default=5.0, minimum=0, maximum=60.0, unit="m/s", text="at 10 m height")
 

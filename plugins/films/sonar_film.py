@@ -8,14 +8,15 @@ is 1.5 times what the pulse needs: bandwidth, 2 / duration, Doppler.
     <film type="sonar_film"><float name="range" value="75"/><integer name="bins" value="1000"/></film>
 """
 import os
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Attributes, Integer, Number
 from mitsonar.units import hertz_from_khz
+
+from ..attributes import Attributes, Integer, Number
 
 FARTHEST = 100_000               # [m]
 MOST_BINS = 1_000_000
@@ -104,7 +105,7 @@ class SonarFilm(mi.Film):
         """Keep the rendered levels, a tensor (pings, columns, 1)."""
         self.image = image
 
-    def create_block(self, *_, **__) -> NoReturn:
+    def create_block(self, *_: Any, **__: Any) -> NoReturn:
         raise ValueError("a sonar_film records sound; render it with the integrator sonar_path")
 
     def develop(self, raw: bool = False) -> mi.TensorXf:

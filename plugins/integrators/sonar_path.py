@@ -12,17 +12,19 @@ Meshes and rectangles carry scatterers.
     <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
 """
 from collections.abc import Callable
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
 import xarray as xr
 
 from mitsonar.echoes.ensonification import METHODS
-from mitsonar.plugins.attributes import Attributes, Choice, Integer, Number
 from mitsonar.survey.array_survey import ArraySurvey
 from mitsonar.survey.kinds import kind_of
 from mitsonar.survey.sensor import RunSettings
 from mitsonar.survey.survey import Survey
+
+from ..attributes import Attributes, Choice, Integer, Number
 
 MOST_BOUNCES = 6
 MOST_RAYS = 50_000_000             # of a ping: they are one kernel, of a quarter of a minute, that Ctrl-C waits for
@@ -98,12 +100,11 @@ class SonarPath(mi.SamplingIntegrator):
 
         (pings, 2 bins) for a sidescan, port mirrored, then starboard; (pings x beams, samples) for an array.
         """
-        if isinstance(sensor, int):
-            sensor = scene.sensors()[sensor]
-        image = self.picture(self.survey(scene, sensor), sensor, int(np.ravel(seed)[0]))
-        rows = kind_of(sensor).rows(image["level"].values)
+        sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        image = self.picture(self.survey(scene, sonar), sonar, int(np.ravel(seed)[0]))
+        rows = kind_of(sonar).rows(image["level"].values)
         film = mi.TensorXf(np.ascontiguousarray(rows[..., None]))
-        sensor.film().put(film)
+        sonar.film().put(film)
         return film
 
     def to_string(self) -> str:

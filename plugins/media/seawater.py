@@ -20,12 +20,13 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.io import casts
-from mitsonar.plugins.attributes import Attributes, Choice, File, Number, NumberOrTable, Table, Text
 from mitsonar.water import SoundSpeedProfile, absorption, absorption_db, ambient_noise_db, seawater, sound_speed
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import FASTEST, SLOWEST
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
 from mitsonar.water.volume import Layer, VolumeScattering
+
+from ..attributes import Attributes, Choice, File, Number, NumberOrTable, Table, Text
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
@@ -117,8 +118,8 @@ class Seawater(mi.Medium):
         pass
 
     # A ray integrator of light would ask these; sound is traced by `sonar_path`, for which the water is clear.
-    def intersect_aabb(self, ray: mi.Ray3f) -> tuple[mi.Mask, mi.Float, mi.Float]:
-        return mi.Mask(True), mi.Float(0), mi.Float(np.inf)
+    def intersect_aabb(self, ray: mi.Ray3f) -> tuple[mi.Bool, mi.Float, mi.Float]:
+        return mi.Bool(True), mi.Float(0), mi.Float(np.inf)
 
     def get_majorant(self, mei: mi.MediumInteraction3f, active: mi.Bool | bool = True) -> mi.Spectrum:
         return mi.Spectrum(0)
@@ -165,7 +166,7 @@ def _cast_and_profile(attributes):
                               extension=attributes.cast_extension)
             return cast, cast.profile
         if attributes.sound_speed is not None:
-            return None, SoundSpeedProfile([0.0], [attributes.sound_speed])
+            return None, SoundSpeedProfile(np.zeros(1), np.array([attributes.sound_speed]))
         formula = attributes.sound_speed_formula
         depth = COLUMN[COLUMN <= {**RANGES, **SOUND_SPEED_RANGES[formula]}["depth"][1]]
         speed = sound_speed(attributes.temperature, attributes.salinity, depth, formula=formula)

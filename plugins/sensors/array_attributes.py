@@ -19,8 +19,9 @@ one of them or three numbers "forward, starboard, down". The kinds of arrays are
     <float name="receive_pitch" value="0.0075"/>
     <string name="receive_shading" value="chebwin 30"/>
 """
-from mitsonar.plugins.attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
 from mitsonar.sonar.element_patterns import BAFFLES, PATTERNS
+
+from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
 
 __all__ = ["ARRAYS"]
 

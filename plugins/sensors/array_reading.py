@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from mitsonar.io import arrays
-from mitsonar.plugins.attributes import Attributes
 from mitsonar.sonar import (Array, body_direction, cylindrical_array, element_array, line_array, planar_array,
                             spherical_array)
 from mitsonar.sonar.axes import AXES, axis_vector
 from mitsonar.units import radians_from_deg
+
+from ..attributes import Attributes
 
 __all__ = ["KINDS", "read_array"]
 

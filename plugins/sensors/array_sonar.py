@@ -18,11 +18,11 @@ The platform moves and turns while sound is on its way. ``mitsonar.render`` form
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.plugins.attributes import Angle, Attributes, Choice, Integer, Number, Text
 from mitsonar.sonar import PULSES
 from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz
 
+from ..attributes import Angle, Attributes, Choice, Integer, Number, Text
 from .array_attributes import ARRAYS
 from .array_reading import read_array
 from .platform import ROUTE, pings

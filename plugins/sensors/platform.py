@@ -22,10 +22,11 @@ from dataclasses import replace
 
 from mitsonar.io import tracks
 from mitsonar.io.navigation import Frame, Waypoints, middle
-from mitsonar.plugins.attributes import Angle, Attributes, Boolean, File, Group, Integer, Number, Numbers, Point, Text
 from mitsonar.sonar.motion import RandomMotion
 from mitsonar.survey.voyage import MOST_PINGS, Route
 from mitsonar.units import metres_per_second_from_knots
+
+from ..attributes import Angle, Attributes, Boolean, File, Group, Integer, Number, Numbers, Point, Text
 
 TURN_RADIUS = 10.0                 # [m]
 

@@ -12,10 +12,10 @@
 """
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Angle, Attributes, Boolean, Choice, FromTable, Number, SameAs
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
+from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Number, SameAs
 from .platform import ROUTE, pings
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 

@@ -1,11 +1,11 @@
 """What sensors of all kinds of sonar share."""
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import mitsuba as mi
 
-from mitsonar.plugins.attributes import Attribute, Attributes, Boolean, Group, Nested, Number
 from mitsonar.water.profile import FASTEST, SLOWEST
 
+from ..attributes import Attribute, Attributes, Boolean, Group, Nested, Number
 from .platform import read_route
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # what energies in float32 can hold
@@ -83,7 +83,7 @@ class SonarSensor(mi.Sensor):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
 
-    def sample_ray(self, time, wavelength_sample, position_sample, aperture_sample, active=True) -> NoReturn:
+    def sample_ray(self, *_: Any, **__: Any) -> NoReturn:
         raise ValueError(f"a sonar ({self.kind}) sends sound; render it with the integrator sonar_path")
 
     def bbox(self) -> mi.ScalarBoundingBox3f:

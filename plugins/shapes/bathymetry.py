@@ -27,13 +27,16 @@ those of one name once:
         </texture>
     </bsdf>
 """
+from typing import Any
+
 import numpy as np
 
 import mitsuba as mi
+
 from mitsonar.io import bathymetry, sediment_map
-from mitsonar.plugins.attributes import (Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text,
-                                         TextOrFile)
-from mitsonar.plugins.shapes.grid_mesh import TO_WORLD, fill, triangulate
+
+from ..attributes import Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text, TextOrFile
+from .grid_mesh import TO_WORLD, fill, triangulate
 
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 
@@ -115,7 +118,8 @@ class Bathymetry(mi.Mesh):
         super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
         fill(self, grid)
         if table is not None:
-            self.add_attribute("face_sediment_class", 1, mi.Float(numbers.astype(np.float32)))
+            classes: Any = mi.Float(numbers.astype(np.float32))
+            self.add_attribute("face_sediment_class", 1, classes)
         self.sediments = [] if table is None else table.sediments
         self.survey = survey
         self.local_origin = survey.local_origin

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes, Integer, Number, Point, Transform
 
+from ..attributes import Attributes, Integer, Number, Point, Transform
 from .grid_mesh import MATERIAL, GridMesh, fill
 
 SAGITTA = 2e-4                     # [m] between facets and the true cylinder: as of `tessellation`

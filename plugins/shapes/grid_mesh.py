@@ -5,7 +5,8 @@ import drjit as dr
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Nested, Transform
+
+from ..attributes import Nested, Transform
 
 TO_WORLD = Transform("to_world", otherwise="the identity", text="applied to the finished shape")
 MATERIAL = Nested("bsdf", default=None, otherwise="Mitsuba's `diffuse`", text="the material")

@@ -13,8 +13,8 @@ pressures do: in a sidescan's speckle its amplitudes are Rice's.
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes, Number, Point
 
+from ..attributes import Attributes, Number, Point
 from .grid_mesh import TO_WORLD, GridMesh, fill
 
 FACE = np.zeros((1, 3), np.uint32)  # without any area: no ray meets it, and Mitsuba wants one

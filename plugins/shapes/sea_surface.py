@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Attributes, Nested, Number
-from mitsonar.plugins.bsdfs.windy_sea import WIND_SPEED
 
+from ..attributes import Attributes, Nested, Number
+from ..bsdfs.windy_sea import WIND_SPEED
 from .grid_mesh import fill, triangulate
 
 SQUARES = 64                       # along a side
@@ -52,7 +52,7 @@ class SeaSurface(mi.Mesh):
         fill(self, grid)
 
     def to_string(self) -> str:
-        return f"SeaSurface[{self.size:g} m, {self.bsdf().to_string()}]"
+        return f"SeaSurface[{self.size:g} m, {self.bsdf()}]"
 
 
 mi.register_shape("sea_surface", SeaSurface)

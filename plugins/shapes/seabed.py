@@ -16,9 +16,11 @@ always has a node at the origin, and reaches at least as far as asked. A wave ne
 import numpy as np
 
 import mitsuba as mi
-from mitsonar.plugins.attributes import Angle, Attributes, Integer, Number, Text
-from mitsonar.plugins.shapes.grid_mesh import MATERIAL, TO_WORLD, fill, triangulate
+
 from mitsonar.scattering import Fractal, Plane, Ripples, RoughnessSpectrum, Sinusoid
+
+from ..attributes import Angle, Attributes, Integer, Number, Text
+from .grid_mesh import MATERIAL, TO_WORLD, fill, triangulate
 
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 NODES_PER_WAVE = 4      # below this the crests of a wave are cut off at random

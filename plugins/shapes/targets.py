@@ -15,16 +15,18 @@ is referred to, such as other `targets`, is kept clear of. Names in the labels a
 """
 import os
 import zlib
+from typing import Any
 
 import numpy as np
 
 import mitsuba as mi
+
 from mitsonar.io import meshes
-from mitsonar.plugins.attributes import (Attributes, Boolean, Choice, Files, Integer, Nested, Number, Numbers, Range,
-                                         Text)
 from mitsonar.scene.errors import plain
 from mitsonar.seabed import Bed, Body, Rules, draw_count, place
 
+from ..attributes import Attributes, Boolean, Choice, Files, Integer, Nested, Number, Numbers, Range, Text
+from ..attributes.input_files import resolved
 from .grid_mesh import MATERIAL, GridMesh, fill
 
 MOST_FACES = 5_000_000
@@ -91,7 +93,8 @@ class Targets(mi.Mesh):
         stream = attributes.seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
         bed = _bed(attributes, bed_shape)
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
-        count, faces = draw_count(*attributes.count, stream), max(len(body.faces) for body in bodies)
+        low, high = attributes.count
+        count, faces = draw_count(low, high, stream), max(len(body.faces) for body in bodies)
         if count * faces > MOST_FACES:
             raise attributes.error(f"{count} targets of up to {faces} triangles are more than {MOST_FACES} together; "
                                    "use fewer, or coarser meshes.")
@@ -141,8 +144,7 @@ def _check_box(attributes, name, box):
 
 def _files(attributes, text):
     """Paths of the meshes by species, sorted where a folder is given."""
-    resolve = mi.file_resolver().resolve           # a name that is nowhere comes back unchanged
-    folder = str(resolve(text.strip()))
+    folder = resolved(text.strip())
     try:
         if not text.strip():
             raise ValueError('meshes is empty; give a folder, or files such as "mine.ply, rock.obj"')
@@ -152,7 +154,7 @@ def _files(attributes, text):
             raise ValueError(f'meshes names "{text}", which is no folder; it is looked for beside the scene, then '
                              "where you are")
         else:
-            paths = [str(resolve(name.strip())) for name in text.split(",")]
+            paths = [resolved(name.strip()) for name in text.split(",")]
         for path in paths:
             meshes.check_target(path)
     except (ValueError, OSError) as error:
@@ -192,7 +194,7 @@ def _body(attributes, path):
 
 
 def _arrays(mesh):
-    parameters = mi.traverse(mesh)
+    parameters: Any = mi.traverse(mesh)
     return {"vertices": parameters["vertex_positions"].numpy().reshape(-1, 3),
             "faces": parameters["faces"].numpy().reshape(-1, 3)}
 

@@ -106,7 +106,7 @@ def test_only_the_reader_reads_properties(path):
             assert getattr(node.value, "id", "") != "props", f"line {node.lineno}"
 
 
-def test_files_of_plugins_of_both_houses(reference):
+def test_files_that_our_plugins_and_those_of_mitsuba_read(reference):
     from mitsonar.plugins.attributes import File
 
     found = {plugin: set(reference.input_files(plugin)) for plugin in NAMES}
