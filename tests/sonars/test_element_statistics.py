@@ -42,7 +42,7 @@ def line(which, elements, pitch=PITCH, **more):
 
 
 @cache
-def heard(variant):
+def responses_of_beds(variant):
     """Responses (tx, rx, sample) of lines of half a wavelength over several flat beds, spreading taken out."""
     found = []
     for number in range(BEDS):
@@ -61,7 +61,7 @@ def heard(variant):
 def test_amplitudes_are_rayleigh(variant):
     """Every third sample: the record's band of 0.83 of its rate leaves them a correlation below 0.1 (0.01 of
     intensities). One pair of elements, 2300 samples of a ring of 115 points."""
-    h = heard(variant)[1][:, 0, 0, 20:-20:3].ravel()
+    h = responses_of_beds(variant)[1][:, 0, 0, 20:-20:3].ravel()
     intensity = np.abs(h) ** 2 / np.mean(np.abs(h) ** 2)
     root = np.sqrt(h.size)
     assert root * kstest(intensity, "expon").statistic < 1.07
@@ -109,7 +109,7 @@ APERTURES = {"whole": np.ones(ELEMENTS), "half": np.repeat([1.0, 0.0], ELEMENTS 
 def test_coherence_of_receivers_is_the_autocorrelation_of_the_transmitter(variant, name):
     """Six beds of 9 m at 1.5 samples an independent one: 4800; neighbouring pairs add little. Three standard errors of
     0.01. (Over the receivers of a pair the mean is real by symmetry, its imaginary part has the same error.)"""
-    slant_range, h = heard(variant)
+    slant_range, h = responses_of_beds(variant)
     weight = APERTURES[name]
     z = np.einsum("t,btrs->brs", weight, h)[..., 20:-20]
     distance = np.arange(ELEMENTS)

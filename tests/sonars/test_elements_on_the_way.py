@@ -49,8 +49,8 @@ def travel_time(water, place, point):
     return float(eigenray(water, -place[2], np.array([-point[2]]), np.array([across])).travel_time[0])
 
 
-def heard(water, motion, ping, element, sender=(0, 0, 0)):
-    """Delay of the echo [s], and place and rotation of the sonar then."""
+def echo_of(water, motion, ping, element, sender=(0, 0, 0)):
+    """Delay of the echo at an element [s], and place and rotation of the sonar when it arrives."""
     point, (start, attitude) = np.array(MOTIONS[motion][1]), pose(motion, ping * INTERVAL)
     out = travel_time(water, start + attitude @ sender, point)
     delay = 2 * out
@@ -84,7 +84,7 @@ def test_echoes_meet_elements_where_the_trajectory_has_them(variant, tmp_path, m
     profile, exact = WATERS[water]
     response = mitsonar.impulse_response(sailing(tmp_path, motion, profile), range(PINGS), return_path=return_path)
     found = response.values[:, 0].astype(complex).sum(-1)
-    wanted = np.array([[heard(exact, motion, ping, arm)[0] for arm in ARMS] for ping in range(PINGS)])
+    wanted = np.array([[echo_of(exact, motion, ping, arm)[0] for arm in ARMS] for ping in range(PINGS)])
     late = np.angle(found * np.exp(2j * np.pi * F0 * wanted)) / (-2 * np.pi * F0)
     assert np.abs(late).max() < 2e-9
 
@@ -100,7 +100,7 @@ def test_what_an_outer_element_sends_is_heard_where_the_array_is_then(variant, t
     if fans != "centre":
         scene.integrator().fans = fans
     found = mitsonar.impulse_response(scene, range(2)).values.astype(complex).sum(-1)
-    wanted = np.array([[[heard(exact, motion, ping, arm, sender)[0] for arm in ARMS] for sender in senders]
+    wanted = np.array([[[echo_of(exact, motion, ping, arm, sender)[0] for arm in ARMS] for sender in senders]
                        for ping in range(2)])
     late = np.angle(found * np.exp(2j * np.pi * F0 * wanted)) / (-2 * np.pi * F0)
     assert np.abs(late).max() < 2e-9
@@ -121,7 +121,7 @@ def test_faces_look_where_the_trajectory_has_turned_them(variant, tmp_path, retu
     wanted = np.empty_like(found)
     for ping in range(PINGS):
         for row, arm in enumerate(ARMS):
-            delay, place, rotation = heard(exact, motion, ping, arm)
+            delay, place, rotation = echo_of(exact, motion, ping, arm)
             way = (point - place - rotation @ arm) @ rotation
             length = np.linalg.norm(way)
             seen = element_pressure(way / length, 1500 / F0, array.normal[row], array.along[row], length=0.02,

@@ -75,8 +75,8 @@ def test_a_point_target_hides_neither_bed_nor_targets(variant):
     fence = {f"post{i}": point_target([12.0, 0.0, -23.8 - 0.019 * i], -190.0) for i in range(40)}
     alone, fenced = (mitsonar.render(sidescan({**behind, **more}, sensor={"pings": 1}, rays=20_000), 3)
                      for more in ({}, fence))
-    heard = alone["mean_level"].values > 0
-    np.testing.assert_allclose(fenced["mean_level"].values[heard], alone["mean_level"].values[heard], atol=1e-3)
+    reached = alone["mean_level"].values > 0
+    np.testing.assert_allclose(fenced["mean_level"].values[reached], alone["mean_level"].values[reached], atol=1e-3)
     for name in ("hidden", "object_shadow"):
         np.testing.assert_array_equal(fenced[name].values, alone[name].values)
 

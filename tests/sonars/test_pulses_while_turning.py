@@ -38,7 +38,7 @@ def rendered_and_wanted(tmp_path, motion, point, **sensor):
         water={"absorption_db_per_km": 0.0}, film={"range": distance + 120, "range_min": distance - 5})
     signals = mitsonar.element_signals(scene)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    heard, wanted = signals["time"].values, 0
+    time_axis, wanted = signals["time"].values, 0
     weight = survey.transmit.weight / np.abs(survey.transmit.weight).sum()
     sent = np.linspace(-0.1, 1.5, 20_001) * PULSE
     for element, late, share in zip(survey.transmit.position, survey.transmit.delay, weight):
@@ -48,8 +48,8 @@ def rendered_and_wanted(tmp_path, motion, point, **sensor):
         received = met + distance / C
         for _ in range(8):
             received = met + np.linalg.norm(point - motion(received)[0], axis=1) / C
-        own = np.interp(heard, received, sent, left=-1, right=-1) - late
-        wanted = wanted + share * survey.pulse.envelope(own) * np.exp(2j * np.pi * F0 * (own - heard))
+        own = np.interp(time_axis, received, sent, left=-1, right=-1) - late
+        wanted = wanted + share * survey.pulse.envelope(own) * np.exp(2j * np.pi * F0 * (own - time_axis))
     level = 10 ** (signals.attrs["source_level_db"] / 20) / distance ** 2
     return signals.values[0, 0, 0].astype(complex), level * wanted
 
