@@ -54,6 +54,8 @@ def _strengths(water, khz, material, law, rays, pings, seed=1):
     """Grazing angles [rad] of the bins, and strengths [dB] read back from their levels and by the law."""
     import mitsonar
 
+    from ..survey.sidescan import sonar_at
+
     profile = WATERS[water]
     scene = scenes.sidescan(
         {"bed": scenes.bed(BED_DEPTH, material)}, depth=SONAR_DEPTH, rays=rays, pings=pings,
@@ -62,7 +64,7 @@ def _strengths(water, khz, material, law, rays, pings, seed=1):
         film={"range": RANGE, "bins": BINS})
     image = mitsonar.render(scene, seed=seed)
     got = np.mean(10 ** (image["mean_level"].values.astype(float) / 10), axis=(0, 1))
-    sonar = scene.sensors()[0].sonar(SONAR_DEPTH)
+    sonar = sonar_at(scene.sensors()[0], SONAR_DEPTH)
     rays = FlatBed.of(profile, SONAR_DEPTH, BED_DEPTH, RANGE)
     time = image["time"].values
     half = 0.5 * (time[1] - time[0])

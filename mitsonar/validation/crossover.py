@@ -21,6 +21,8 @@ def _levels(name, pings):
     """Slant ranges [m], intensities of bins with noise and speckle (bin,) and by the sonar equation, noise [µPa²]."""
     import mitsonar
 
+    from ..survey.sidescan import sonar_at
+
     khz, wind, sediment, source, pulse, farthest = CASES[name]
     scene = scenes.sidescan(
         {"bed": scenes.bed(BED_DEPTH, scenes.sediment(sediment), size=4 * farthest)}, depth=SONAR_DEPTH, rays=100_000,
@@ -29,7 +31,7 @@ def _levels(name, pings):
         water={"sound_speed": SPEED, "wind_speed": wind, "absorption_db_per_km": _loss(khz) * 1e3},
         film={"range": farthest, "range_min": 25.0, "bins": BINS})
     image = mitsonar.render(scene, seed=6)
-    sonar, time = scene.sensors()[0].sonar(SONAR_DEPTH), image["time"].values
+    sonar, time = sonar_at(scene.sensors()[0], SONAR_DEPTH), image["time"].values
     half = 0.5 * (time[1] - time[0])
     rays = FlatBed.of(SoundSpeedProfile.constant(SPEED), SONAR_DEPTH, BED_DEPTH, farthest)
 

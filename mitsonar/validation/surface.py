@@ -35,6 +35,8 @@ def _return(water, wind, rays):
     and of that of the shortest way, and half a bin."""
     import mitsonar
 
+    from ..survey.sidescan import sonar_at
+
     profile = WATERS[water]
     scene = scenes.sidescan(
         {"bed": scenes.buried_bed(300.0, size=900.0), "sea": {"type": "sea_surface", "wind_speed": wind}},
@@ -44,7 +46,7 @@ def _return(water, wind, rays):
         film={"range": RANGE, "bins": BINS})
     image = mitsonar.render(scene, seed=2)
     got = np.mean(10 ** (image["mean_level"].values.astype(float) / 10), axis=(0, 1))
-    sonar, time = scene.sensors()[0].sonar(SONAR_DEPTH), image["time"].values
+    sonar, time = sonar_at(scene.sensors()[0], SONAR_DEPTH), image["time"].values
     half = 0.5 * (time[1] - time[0])
     plane = FlatBed.of(profile, SONAR_DEPTH, 0.0, RANGE)
 

@@ -19,12 +19,14 @@ def _levels(water, rays, pings):
     """Slant ranges [m] and mean levels [dB] of the bins, and the sonar."""
     import mitsonar
 
+    from ..survey.sidescan import sonar_at
+
     scene = scenes.sidescan({"bed": scenes.buried_bed(BED_DEPTH, size=2500.0)}, depth=SONAR_DEPTH, rays=rays,
                             pings=pings, film={"range": RANGE, "range_min": 5.0, "bins": BINS},
                             water={"sound_speed": SPEED, "absorption_db_per_km": 1e3 * ABSORPTION, **water})
     image = mitsonar.render(scene, seed=3)
     level = 10 * np.log10(np.mean(10 ** (image["mean_level"].values.astype(float) / 10), axis=(0, 1)))
-    return image["range"].values, level, scene.sensors()[0].sonar(SONAR_DEPTH), image.attrs["bin_width"]
+    return image["range"].values, level, sonar_at(scene.sensors()[0], SONAR_DEPTH), image.attrs["bin_width"]
 
 
 def _layered(sonar, slant_range, width):

@@ -121,16 +121,18 @@ plt.show()
 # * DI: the face looks 20 degrees down, and is loudest there. Across the track its pattern is again a sinc.
 
 # %%
-sonar = scene.sensors()[0].sonar(float(-image["z"].mean()))
+sonar = mitsonar.sonar.presets()["towed_400khz"]                          # that of the scene
+wavelength = image.attrs["sound_speed"] / image.attrs["frequency"]
+length, height = (mitsonar.sonar.length_for_beam_width(np.deg2rad(sonar[name]), wavelength)
+                  for name in ("beam_width_deg", "vertical_beam_width_deg"))
 r = image["range"].values
 h = float(image["altitude"].mean())
 on_bed = r > h
 sine = np.where(on_bed, h / r, 1.0)
 grazing = np.arcsin(sine)
-face = sonar.transmit
-psi = 2 / 3 * sonar.wavelength / face.length
-area = r * psi * sonar.resolution / np.maximum(np.cos(grazing), 1e-3)
-pattern = np.sinc(face.height / sonar.wavelength * np.sin(grazing - sonar.depression_angle)) ** 4
+psi = 2 / 3 * wavelength / length
+area = r * psi * 0.5 * image.attrs["sound_speed"] * image.attrs["pulse_length"] / np.maximum(np.cos(grazing), 1e-3)
+pattern = np.sinc(height / wavelength * np.sin(grazing - np.deg2rad(sonar["depression_deg"]))) ** 4
 expected = (image.attrs["source_level_db"] - 40 * np.log10(r) - 2 * image.attrs["absorption_db"] * r
             + -24 + 20 * np.log10(sine) + 10 * np.log10(area) + 10 * np.log10(pattern))
 
