@@ -70,7 +70,7 @@ def read(path: FilePath) -> Navigation:
 def _packets(path):
     """Give the units of navigation, a structured array of each kind of packet that tells of it, and of all pings."""
     import pyxtf
-    from pyxtf.xtf_ctypes import XTFPacketClasses  # pyright: ignore[reportAttributeAccessIssue]  it is there
+    from pyxtf.xtf_ctypes import XTFPacketClasses  # pyright: ignore[reportAttributeAccessIssue]  pyxtf has it
 
     pings = [int(kind) for kind, layout in XTFPacketClasses.items() if issubclass(layout, pyxtf.XTFPingHeader)]
     layouts = {107: pyxtf.XTFPosRawNavigation, 42: pyxtf.XTFHeaderNavigation, 3: pyxtf.XTFAttitudeData,

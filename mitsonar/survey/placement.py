@@ -33,7 +33,8 @@ def _looked_up(geometry, x, y):
     point = (upload(mi.Float, np.ravel(v).astype(np.float32)) for v in (x, y))
     ray = mi.Ray3f(mi.Point3f(*point, dr.opaque(mi.Float, -below)), mi.Vector3f(0, 0, 1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
-    row = dr.reinterpret_array(mi.UInt32, dr.select(pi.instance != None, pi.instance, pi.shape))    # noqa: E711
+    shape = dr.select(pi.instance != None, pi.instance, pi.shape)        # noqa: E711  element by element
+    row = dr.reinterpret_array(mi.UInt32, shape)
     label = dr.gather(mi.UInt32, geometry.rows, 4 * row, pi.is_valid())
     seabed = pi.is_valid() & (label != geometry.surface_label)
     return np.where(seabed.numpy(), below - pi.t.numpy(), np.nan).reshape(x.shape)

@@ -240,7 +240,7 @@ def _toml(path):
     try:
         import tomllib
     except ModuleNotFoundError:                        # before Python 3.11
-        import tomli as tomllib  # pyright: ignore[reportMissingImports]  of Python 3.10
+        import tomli as tomllib  # pyright: ignore[reportMissingImports]  Python 3.10 needs it
 
     known = sorted(entry.name[:-5] for entry in files("mitsonar.scenes").iterdir() if entry.name.endswith(".toml"))
     hint = meant(os.path.basename(path).removesuffix(".toml"), known)
