@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..device.types import Numbers, Triple
 from ..sonar import Array
 from ..sonar.element_patterns import element_pressure
 
@@ -41,7 +42,7 @@ class ElementBeams:
         """Whether they tell directions apart, by faces few enough to be looked at one by one."""
         return not all(omni(array) for array in self.arrays) and max(map(len, self.faces)) <= FACES_AIMED_BY
 
-    def intensity(self, direction: object, rotation: np.ndarray) -> object:
+    def intensity(self, direction: Triple, rotation: np.ndarray) -> Numbers:
         """Give the two-way intensity towards scene directions, NumPy (..., 3) or Dr.Jit, at an attitude (3, 3)."""
         def of(array, normal, along):
             if dr.is_array_v(direction):
@@ -50,7 +51,7 @@ class ElementBeams:
 
         return self._strongest(of, rotation)
 
-    def bound(self, direction: object, distance: object, rotation: np.ndarray) -> object:
+    def bound(self, direction: Triple, distance: Numbers, rotation: np.ndarray) -> Numbers:
         """Give what no element exceeds [-] towards Dr.Jit scene directions and at distances [m] from the centre."""
         def of(array, normal, along):
             # from the source, which may be any transmit element, to the farthest element
@@ -103,8 +104,9 @@ def omni(array: Array) -> bool:
     return array.pattern == "omni" and array.baffle == "none"
 
 
-def pressure(array: Array, direction: object, wavelength: float, normal: np.ndarray, along: np.ndarray) -> object:
+def pressure(array: Array, direction: Triple, wavelength: float, normal: np.ndarray, along: np.ndarray) -> Numbers:
     """`element_pressure` of one face on the device, its numbers opaque so that one kernel serves all faces."""
-    length, height, wavelength = (dr.opaque(mi.Float, float(size)) for size in (array.length, array.height, wavelength))
-    return element_pressure(direction, wavelength, _opaque(normal), _opaque(along), length=length, height=height,
+    sizes = array.length, array.height, wavelength
+    length, height, opaque_wavelength = (dr.opaque(mi.Float, float(size)) for size in sizes)
+    return element_pressure(direction, opaque_wavelength, _opaque(normal), _opaque(along), length=length, height=height,
                             pattern=array.pattern, baffle=array.baffle)

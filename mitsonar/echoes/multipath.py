@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -146,8 +147,9 @@ class _Ends:
 
     def chosen(self, index: mi.UInt32) -> _Ends:
         """The ends with these numbers."""
-        return _Ends(**{name: value.chosen(index) if isinstance(value, (Hits, Leg)) else picked(value, index)
-                        for name, value in vars(self).items()})
+        values: dict[str, Any] = {name: value.chosen(index) if isinstance(value, (Hits, Leg)) else picked(value, index)
+                                  for name, value in vars(self).items()}
+        return _Ends(**values)
 
 
 @dataclass(frozen=True, kw_only=True)

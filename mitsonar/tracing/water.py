@@ -15,6 +15,7 @@ each stretch of pings with the same profile.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -28,7 +29,21 @@ from ..water.profile import SoundSpeedProfile
 from ..water.volume import VolumeScattering
 from ..water.volume_table import VolumeTable, volume_table
 
-__all__ = ["DeviceWater", "Medium"]
+__all__ = ["DeviceWater", "Medium", "Way"]
+
+
+class Way(Protocol):
+    """What of a way through the water decides its absorption: `Hits` and `Connection` have it."""
+
+    @property
+    def arc_length(self) -> mi.Float:
+        """Float (R,) [m]."""
+        ...
+
+    @property
+    def ray_parameter(self) -> mi.Float64:
+        """Float64 (R,) [s/m]."""
+        ...
 
 
 class Medium:
@@ -109,15 +124,14 @@ class DeviceWater:
         """Sound speed by depth, of the water or of the water unfolded."""
         return self.medium(folded).layers
 
-    def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: object, folded: bool = False) -> mi.Float:
+    def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way, folded: bool = False) -> mi.Float:
         """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m].
 
         Parameters
         ----------
         start, end : Array3f64 (R,) [m]
             In the water, both: of folded ways the image of `start` is taken.
-        way : Hits or Connection
-            Their ``arc_length`` and ``ray_parameter``.
+        way : Way
         folded : bool
             By way of the mirror.
         """
