@@ -11,6 +11,7 @@ and of a receive array that is no line its pattern off the fan's plane weigh the
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +19,7 @@ import numpy as np
 
 from ..device.arrays import upload
 from ..device.lookups import held
+from ..device.types import Float
 from ..echoes.element_beams import ElementBeams
 from ..sonar.array import Array
 from .places import Place
@@ -90,7 +92,7 @@ class ArrayBeams:
             first, last = (dr.opaque(mi.Float, end) for end in (self._angle[0], self._angle[-1]))
             number = dr.round((dr.asin(u) - first) * (self.count - 1) / (last - first))
             inside = (number >= 0) & (number <= self.count - 1)
-            beam = mi.UInt32(held(number, 0, self.count - 1))
+            beam = mi.UInt32(held(cast(Float, number), 0, self.count - 1))
             weight = dr.select(inside, weight, 0)
         if self._off_plane is not None:
             in_plane = dr.sqrt(1 - u * u) * normal + u * axis

@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..device.types import DrJitArray
 from ..echoes.energy_sums import UNIT_BITS
 from ..echoes.sonar_equation import absorbed
 
@@ -68,7 +69,7 @@ class EnergyBins:
         inside = valid & (place >= 0) & (place < mi.Float64(self.opaque_count))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 
-    def worth(self, bin: mi.UInt32, inside: mi.Bool, loss_db: mi.Float) -> tuple[mi.Float, mi.Float]:
+    def worth(self, bin: mi.UInt32, inside: mi.Bool, loss_db: mi.Float) -> tuple[DrJitArray, DrJitArray]:
         """Give how many units make 1/m² in bins, and what a two-way absorption leaves relative to that of the unit."""
         units, unit_loss_db = dr.gather(self._row, self._per_bin, bin, inside)
         return units, absorbed(loss_db - unit_loss_db)

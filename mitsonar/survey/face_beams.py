@@ -11,6 +11,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+from ..device.types import DrJitArray
 from ..sonar.directivity import sinc
 from ..sonar.sidescan import Sidescan
 
@@ -43,7 +44,8 @@ class FaceBeams:
         """Give v of body directions."""
         return body.z * dr.cos(self.depression) - abs(body.y) * dr.sin(self.depression)
 
-    def two_way(self, u: mi.Float, v: mi.Float, back_u: mi.Float, back_v: mi.Float) -> tuple[mi.Float, mi.Float]:
+    def two_way(self, u: DrJitArray, v: DrJitArray, back_u: DrJitArray,
+                back_v: DrJitArray) -> tuple[DrJitArray, DrJitArray]:
         """Give the two-way intensity along and across the platform, of what is sent to (u, v) and comes from others."""
         return (dr.square(sinc(u * self.transmit[0]) * sinc(back_u * self.receive[0])),
                 dr.square(sinc(v * self.transmit[1]) * sinc(back_v * self.receive[1])))
@@ -52,7 +54,7 @@ class FaceBeams:
         """Give the intensity of one face, `transmit` or `receive`, towards body directions."""
         return dr.square(sinc(body.x * face[0]) * sinc(self.across(body) * face[1]))
 
-    def lobe(self, u: mi.Float, back_u: mi.Float) -> mi.Float:
+    def lobe(self, u: DrJitArray, back_u: DrJitArray) -> DrJitArray:
         """Give the two-way intensity along the platform by which the main lobe is told from side lobes.
 
         What is sent and what is received are lobes side by side where the platform turns. The middle of their product

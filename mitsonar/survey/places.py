@@ -1,12 +1,15 @@
 """Where the pings of a block are when they are sent, and how their echoes are received: look-ups on the device."""
 from __future__ import annotations
 
+from typing import cast
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.chance import row_keys
+from ..device.types import DrJitArray, UInt32
 from ..tracing.tracer import Sources, Tracer
 from .survey import Survey
 from .underway import Motion, Reception, Underway
@@ -83,7 +86,7 @@ class Place:
         self._below = upload(mi.Float, self.depth_below_of.astype(np.float32))
         dr.eval(self._key, self._position, self._rotation, self._source, self._below)
 
-    def key(self, row: mi.UInt32) -> mi.UInt32:
+    def key(self, row: DrJitArray) -> mi.UInt32:
         """Give the word of chance of rows."""
         return dr.gather(mi.UInt32, self._key, row)
 
@@ -102,7 +105,7 @@ class Place:
 
     def medium(self, ping: mi.UInt32) -> tuple[mi.Float, mi.Float]:
         """Give depth [m] and sound speed [m/s] at the sonar."""
-        depth, speed, _ = self.sources.state.gather(self._lib, self.source(ping))
+        depth, speed, _ = self.sources.state.gather(self._lib, cast(UInt32, self.source(ping)))
         return mi.Float(depth), mi.Float(speed)
 
     def body(self, ping: mi.UInt32, direction: mi.Vector3f) -> mi.Vector3f:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.chance import Salt, other_pair, pair, seeded, stratified, uniform
+from ..device.types import DrJitArray
 from ..tracing.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles
 from .places import Place
 from .rows import Rays
@@ -43,8 +44,8 @@ class SideRays(Rays):
     row: mi.UInt32
     side: mi.Float
     cell: mi.UInt32
-    u: mi.Float
-    v: mi.Float
+    u: DrJitArray
+    v: DrJitArray
     strata: Strata
 
 
@@ -117,7 +118,7 @@ class SideLaunch:
         xi_phi = stratified(lib, i_phi, uniform(lib, a), strata.first)
         phi, phi_width, cell = draw(self._across, mi.UInt32(0), xi_phi)
         xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
-        return self._rays(place, row, phi, phi_width, cell, xi_u, strata), uniform(lib, c)
+        return self._rays(place, row, phi, phi_width, cell, xi_u, strata), mi.Float(uniform(lib, c))
 
     def _rays(self, place, row, phi, phi_width, cell, xi_u, strata):
         """Rays at angles φ, their u drawn with numbers of [0, 1)."""

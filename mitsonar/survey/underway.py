@@ -169,7 +169,7 @@ class Motion:
         if moves:
             for _ in range(STEPS):
                 moved = self._at(rows[:moves], time)
-                way = distance * towards - moved
+                way = mi.Vector3f(distance) * towards - moved
                 # |w| - D, without the difference of large numbers
                 later = (dr.squared_norm(moved) - 2 * distance * dr.dot(towards, moved)) / (
                     (dr.norm(way) + distance) * sound_speed)
