@@ -5,11 +5,15 @@ One unit is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R², Φ the sonar's equiv
 the least absorption of the water: 60 dB finer than a typical ray of a typical bin, with room for a bin 30 dB above a
 perfect reflector that fills the beam.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from types import ModuleType
 
 import drjit as dr
 import numpy as np
+
+from ..device.types import DrJitArray
 
 __all__ = ["EchoSums", "SummedEnergy", "sum_size"]
 
@@ -74,8 +78,8 @@ class EchoSums:
         self.count = dr.zeros(lib.UInt64, sum_size(rows * bins))
         self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
 
-    def add(self, *, row, label, bin, units, depth, in_beam, active, path=None,
-            counted: bool = True) -> None:
+    def add(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray, depth: DrJitArray,
+            in_beam: DrJitArray, active: DrJitArray, path: DrJitArray | None = None, counted: bool = True) -> None:
         """Scatter echoes into their bins.
 
         Parameters
@@ -101,7 +105,7 @@ class EchoSums:
         place = row * bins + bin
         whole = U(units + 0.5)
         dr.scatter_add(self.energy, whole, (row * labels + (label - 1)) * bins + bin, active)
-        if self.path_energy is not None:
+        if self.path_energy is not None and path is not None:
             paths = dr.opaque(lib.UInt32, self.paths)
             dr.scatter_add(self.path_energy, whole, (row * paths + (path - 1)) * bins + bin, active)
         height = dr.clip((depth - self._top) * self._per_depth, 0, 1)
@@ -110,7 +114,7 @@ class EchoSums:
         if counted:
             dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
 
-    def sums(self) -> list:
+    def sums(self) -> list[DrJitArray]:
         """Arrays to evaluate."""
         return [array for array in (self.energy, self.depth, self.count, self.path_energy) if array is not None]
 

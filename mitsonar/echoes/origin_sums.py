@@ -5,6 +5,9 @@ the seabed behind objects would send if the objects were not there, by object; a
 lobe arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`):
 where a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
 """
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -12,6 +15,7 @@ import drjit as dr
 import numpy as np
 
 from ..device.lookups import held
+from ..device.types import DrJitArray
 from .energy_sums import LARGEST, sum_size
 
 __all__ = ["SECTORS", "WORDS", "OriginSums", "SummedOrigins", "sector"]
@@ -23,7 +27,7 @@ FINER = 16                         # than a unit: places far off count, and a bi
 ROUNDING = 0.02                    # [m] that the rounding of an echo's share in a place to 1 may move it
 
 
-def sector(sine, depth_below, farthest):
+def sector(sine: DrJitArray, depth_below: DrJitArray, farthest: DrJitArray) -> DrJitArray:
     """Sector of directions: how far along the record they would meet a level bed.
 
     Parameters
@@ -87,7 +91,8 @@ class OriginSums:
         self.sectors = dr.zeros(lib.UInt64, sum_size(MASK * rows * bins))
         self.hidden = dr.zeros(lib.UInt64, sum_size(rows * labels * bins)) if hidden else None
 
-    def add(self, *, row, bin, units, place, sector, seabed, in_beam, active):
+    def add(self, *, row: DrJitArray, bin: DrJitArray, units: DrJitArray, place: Sequence[DrJitArray],
+            sector: DrJitArray, seabed: DrJitArray, in_beam: DrJitArray, active: DrJitArray) -> None:
         """Scatter rays that arrive from where they hit.
 
         Parameters
@@ -114,14 +119,15 @@ class OriginSums:
         dr.scatter_reduce(dr.ReduceOp.Or, self.sectors, U(1) << U(sector & 63), MASK * index + (sector >> 6),
                           active & in_beam)
 
-    def add_hidden(self, *, row, label, bin, units, active):
+    def add_hidden(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray,
+                   active: DrJitArray) -> None:
         """Scatter what the seabed behind objects would send; `label` is the object's number."""
         lib = self.lib
         bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
         dr.scatter_add(self.hidden, lib.UInt64(0.25 * dr.minimum(units, LARGEST) + 0.5),
                        (row * labels + (label - 1)) * bins + bin, active)
 
-    def sums(self):
+    def sums(self) -> list[DrJitArray]:
         """Arrays to evaluate."""
         return [array for array in (self.place, self.sectors, self.hidden) if array is not None]
 
@@ -150,7 +156,7 @@ class OriginSums:
                              hidden_intensity=hidden, layover=runs(values(self.sectors, self.rows, self.bins, MASK)))
 
 
-def runs(masks):
+def runs(masks: np.ndarray) -> np.ndarray:
     """Count the runs of ones in masks (..., words) of 64 bits, the lowest first: uint8 (...).
 
     A single zero between ones is taken for a sector that no ray happened to come from.
@@ -160,14 +166,14 @@ def runs(masks):
     return np.unpackbits(first.view(np.uint8), axis=-1).sum(-1, dtype=np.uint8)
 
 
-def _raised(masks):
+def _raised(masks: np.ndarray) -> np.ndarray:
     """Every bit one place up."""
     out = masks << np.uint64(1)
     out[..., 1:] |= masks[..., :-1] >> np.uint64(63)
     return out
 
 
-def _lowered(masks):
+def _lowered(masks: np.ndarray) -> np.ndarray:
     """Every bit one place down."""
     out = masks >> np.uint64(1)
     out[..., :-1] |= masks[..., 1:] << np.uint64(63)
