@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import drjit as dr
-import mitsuba as mi
 
+from ..device.types import Bool, Float, Float64, UInt32, Vector, Vector64
 from ..tracing.connection import Connection
 from ..tracing.hits import Hits
 
@@ -38,11 +39,11 @@ class Leg:
         `offset` and `launch_direction`, in water unfolded about the surface (`tracing.water`).
     """
 
-    offset: dr.ArrayBase
-    travel_time: mi.Float64
-    ray_parameter: mi.Float64
-    spreading_area: mi.Float
-    launch_direction: mi.Vector3f
+    offset: Vector64
+    travel_time: Float64
+    ray_parameter: Float64
+    spreading_area: Float
+    launch_direction: Vector
     folded: bool = False
 
     @classmethod
@@ -55,12 +56,12 @@ class Leg:
                    spreading_area=way.spreading_area, launch_direction=launch, folded=folded)
 
     @property
-    def sent_towards(self) -> mi.Vector3f:
+    def sent_towards(self) -> Vector:
         """Unit vectors at the source itself, folded or not."""
         launch = self.launch_direction
         return type(launch)(launch.x, launch.y, -launch.z) if self.folded else launch
 
-    def chosen(self, index: mi.UInt32) -> Leg:
+    def chosen(self, index: UInt32) -> Leg:
         """The legs with these numbers, UInt32."""
         return Leg(folded=self.folded, **{name: dr.gather(type(value), value, index)
                                           for name, value in vars(self).items() if name != "folded"})
@@ -86,9 +87,9 @@ class Echoes:
 
     out: Leg
     back: Leg
-    between: mi.Float64
-    energy: mi.Float
-    amplitude: tuple[mi.Float, mi.Float]
+    between: Float64
+    energy: Float
+    amplitude: tuple[Float, Float]
     path: str = "b"
 
     @property
@@ -97,7 +98,7 @@ class Echoes:
         return self.out is self.back
 
     @property
-    def arrival(self) -> mi.Float64:
+    def arrival(self) -> Float64:
         """When the last scatterer is reached [s], Float64."""
         return self.out.travel_time if self.single else self.out.travel_time + self.between
 
@@ -111,18 +112,18 @@ class Echoes:
         dr.eval(self)
         return self
 
-    def where(self, active: mi.Bool) -> Iterator[Echoes]:
+    def where(self, active: Bool) -> Iterator[Echoes]:
         """Yield the echoes that are `active`, in one block, computed; nothing where there are none."""
         self.evaluated()
         dr.eval(active)
-        index = dr.compress(active)
+        index = cast(UInt32, dr.compress(active))
         if dr.width(index):
             yield self.chosen(index).evaluated()
 
-    def chosen(self, index: mi.UInt32) -> Echoes:
+    def chosen(self, index: UInt32) -> Echoes:
         """The echoes with these numbers, UInt32."""
-        out = self.out.chosen(index)
+        out, (real, imaginary) = self.out.chosen(index), self.amplitude
         return Echoes(out=out, back=out if self.single else self.back.chosen(index), path=self.path,
                       between=dr.gather(type(self.between), self.between, index),
                       energy=dr.gather(type(self.energy), self.energy, index),
-                      amplitude=tuple(dr.gather(type(part), part, index) for part in self.amplitude))
+                      amplitude=(dr.gather(type(real), real, index), dr.gather(type(imaginary), imaginary, index)))

@@ -5,9 +5,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
-import mitsuba as mi
 import numpy as np
 
+from ...device.types import Float64
 from ...echoes.record import Echoes
 from ...signal.accumulation import ImpulseResponses
 from ...sonar.array import Array
@@ -45,7 +45,7 @@ class ElementDelays(ABC):
     counts: ArrivalCounts
 
     @abstractmethod
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: mi.Float64,
+    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element at receive elements.
 

@@ -7,11 +7,14 @@ the echo, η̄ the mean over [0, t]: the bend grows with the speed across and wi
 """
 from __future__ import annotations
 
+from typing import Any, cast
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ...device.arrays import arrays_of
+from ...device.types import Float64
 from ...echoes.record import Echoes
 from ...propagation.travel import rotated
 from ...signal.doppler import two_way_doppler
@@ -23,7 +26,7 @@ SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
 
 
 def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiver: np.ndarray,
-               moment: float = 0.0) -> tuple[mi.Float64, mi.Float64]:
+               moment: float = 0.0) -> tuple[Float64, Float64]:
     """Give the two-way factor of what is sent at a moment, and when its echoes are heard.
 
     Parameters
@@ -42,7 +45,7 @@ def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiv
         After the beginning of the echo; second order in the moment.
     """
     back, speed = source.way_back(echoes), dr.opaque(mi.Float64, source.speed)
-    slower, bend, wide = [], 0, arrays_of(mi.Float).Array3f64
+    slower, bend, wide = [], 0, cast(Any, arrays_of(mi.Float).Array3f64)
     sent = dr.opaque(mi.Float64, moment)
     ways = ((echoes.out, wide(echoes.out.launch_direction), echoes.out.travel_time, sender, mi.Float64(0)),
             (echoes.back, -wide(*map(mi.Float64, back.direction)), back.return_time, receiver,

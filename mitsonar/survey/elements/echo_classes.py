@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ...device.arrays import arrays_of
 from ...device.lookups import held
+from ...device.types import Float64, UInt32
 from ...echoes.record import Echoes
 from ...signal.doppler import factor_tolerance
 from ...sonar.pulses import Pulse
@@ -40,7 +43,7 @@ class EchoClasses(ABC):
 
     @abstractmethod
     def sort(self, source: PingSource, echoes: Echoes, wanted: Collection[int], *, sender: np.ndarray,
-             receiver: np.ndarray, delay: float) -> Iterator[tuple[int, Echoes, mi.Float64]]:
+             receiver: np.ndarray, delay: float) -> Iterator[tuple[int, Echoes, Float64]]:
         """Put echoes into classes.
 
         Parameters
@@ -76,9 +79,9 @@ class OneClass(EchoClasses):
         return [(slice(None), source.position)]
 
     def sort(self, source: PingSource, echoes: Echoes, wanted: Collection[int], *, sender: np.ndarray,
-             receiver: np.ndarray, delay: float) -> Iterator[tuple[int, Echoes, mi.Float64]]:
+             receiver: np.ndarray, delay: float) -> Iterator[tuple[int, Echoes, Float64]]:
         """Take all echoes; see `EchoClasses.sort`."""
-        late = dr.opaque(mi.Float64, 0.0)
+        late = dr.opaque(arrays_of(mi.Float).Float64, 0.0)
         if delay:
             late = time_scale(source, echoes, sender=sender, receiver=receiver, moment=delay)[1]
         yield 0, echoes, late
@@ -105,8 +108,9 @@ class DopplerClasses(EchoClasses):
         return receiver_groups(source, echoes, position, factor_tolerance(self.pulse))
 
     def sort(self, source: PingSource, echoes: Echoes, wanted: Collection[int], *, sender: np.ndarray,
-             receiver: np.ndarray, delay: float) -> Iterator[tuple[int, Echoes, mi.Float64]]:
+             receiver: np.ndarray, delay: float) -> Iterator[tuple[int, Echoes, Float64]]:
         """Put each echo into the class of the nearest factor; see `EchoClasses.sort`."""
+        lib = arrays_of(mi.Float)
         doppler, when = time_scale(source, echoes, sender=sender, receiver=receiver,
                                    moment=self.begin + 0.5 * self.pulse.duration + delay)
         number = self._numbers(doppler)
@@ -114,13 +118,14 @@ class DopplerClasses(EchoClasses):
         occurring = set(np.unique(number.numpy()).tolist())
         for one in wanted:
             if one in occurring:
-                index = dr.compress(number == dr.opaque(mi.UInt32, one))
-                half = dr.opaque(mi.Float64, 0.5 * self.pulse.duration / float(self.factors[one]))
-                yield one, echoes.chosen(index), dr.gather(mi.Float64, when, index) - half
+                index = cast(UInt32, dr.compress(number == dr.opaque(lib.UInt32, one)))
+                half = dr.opaque(lib.Float64, 0.5 * self.pulse.duration / float(self.factors[one]))
+                yield one, echoes.chosen(index), dr.gather(lib.Float64, when, index) - half
 
-    def _numbers(self, doppler: mi.Float64) -> mi.UInt32:
+    def _numbers(self, doppler: Float64) -> UInt32:
         """Give the number of the class nearest to each factor."""
         width = float(self.factors[1] - self.factors[0]) if len(self.factors) > 1 else 1.0
-        first, width = (dr.opaque(mi.Float64, value) for value in (float(self.factors[0]), width))
-        nearest = held(dr.round((doppler - first) / width), 0, dr.opaque(mi.Float64, len(self.factors) - 1))
-        return mi.UInt32(nearest)
+        lib = arrays_of(mi.Float)
+        first, width, last = (dr.opaque(lib.Float64, value)
+                              for value in (float(self.factors[0]), width, len(self.factors) - 1))
+        return lib.UInt32(held(dr.round((doppler - first) / width), 0, last))

@@ -2,12 +2,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ...device.arrays import arrays_of
+from ...device.types import Float64, UInt32
 from ...echoes.element_beams import omni
 from ...echoes.record import Echoes
 from ...propagation.exact_returns import exact_return
@@ -23,36 +25,36 @@ __all__ = ["EigenrayDelays"]
 class EigenrayDelays(ElementDelays):
     """Delays by exact eigenrays."""
 
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: mi.Float64,
+    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         transmit, receive, lib = self.transmit, self.receive, arrays_of(mi.Float)
         way_out, view = self.source.view(echoes.out), self.source.view(echoes.back)
         depth, travel = dr.opaque(lib.Float64, view.depth), view.travel
         # ---- from the transmit element to what is met first
-        factor, first, towards = dr.opaque(mi.Float, weight), echoes.out.travel_time, echoes.out.launch_direction
+        factor, first, towards = dr.opaque(lib.Float, weight), echoes.out.travel_time, echoes.out.launch_direction
         if self.stands_off(element):
             offset = opaque64(way_out.offsets(transmit)[element])
             first, towards = exact_return(way_out.layers, lib, dr.opaque(lib.Float64, way_out.depth), echoes.out.offset,
-                                          mi.Float64(0), offset, REST, first)
+                                          lib.Float64(0), offset, REST, first)
             factor = factor * lib.Float(echoes.out.travel_time / first)
         if not omni(transmit):
             factor *= way_out.pattern(transmit, element, towards, self.wavelength)
         # ---- back to the source, and from there a guess for each receive element
         place, out = echoes.back.offset, first + echoes.between
-        amplitude = tuple(part * factor for part in echoes.amplitude)
+        real, imaginary = (part * factor for part in echoes.amplitude)
         middle, _ = exact_return(view.layers, lib, depth, place, out, opaque64(np.zeros(3)), travel,
                                  echoes.back.travel_time)
-        dr.eval(out, amplitude, middle)
+        dr.eval(out, real, imaginary, middle)
         for row in range(receive.elements)[rows]:
             offset = opaque64(view.offsets(receive)[row])
             back, towards = exact_return(view.layers, lib, depth, place, out, offset, travel, middle)
-            self.counts.count(echoes.count, lost=int(dr.count(dr.isnan(out + back))[0]))
+            self.counts.count(echoes.count, lost=int(cast(UInt32, dr.count(dr.isnan(out + back)))[0]))
             phase, sample, fraction = self.sampling.place(out + back + late)
             spread = lib.Float(middle / back)
             if not omni(receive):
                 turned = rotated(towards, travel.turned(out + back), back=True)
                 spread *= view.pattern(receive, row, turned, self.wavelength)
-            responses.add(amplitude=tuple(part * spread for part in amplitude), phase=phase, sample=sample,
+            responses.add(amplitude=(real * spread, imaginary * spread), phase=phase, sample=sample,
                           fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
                           difference=lambda hit, at: at[0], rows=[row])

@@ -5,14 +5,17 @@ water mirrored there. `View` is the one or the other, so that what follows is wr
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal, TypeAlias
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ...device.arrays import arrays_of
+from ...device.types import Float, Float64, Triple
 from ...echoes.element_beams import pressure
 from ...echoes.record import Echoes, Leg
 from ...propagation.layer_table import LayerTable
@@ -26,6 +29,7 @@ from ...water.profile import SoundSpeedProfile
 
 __all__ = ["PingSource", "View", "opaque", "opaque64"]
 
+Method: TypeAlias = Literal["vector", "paper"]
 UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 
 
@@ -90,14 +94,15 @@ class View:
         """Give the elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""
         return (array.position - self.position) @ self.rotation.T
 
-    def pattern(self, array: Array, element: int, direction: Sequence[mi.Float], wavelength: float) -> mi.Float:
+    def pattern(self, array: Array, element: int, direction: Triple, wavelength: float) -> Float:
         """Give the pressure pattern of an element towards unit vectors, at the attitude of the transmission."""
         return pressure(array, [mi.Float(part) for part in direction], wavelength,
                         self.rotation @ array.normal[element], self.rotation @ array.along[element])
 
-    def carried(self, leg: Leg, method: str, travel: Travel, elapsed: mi.Float64) -> ReturnPaths:
+    def carried(self, leg: Leg, method: Method, travel: Travel, elapsed: Float64) -> ReturnPaths:
         """Carry echoes along a leg back to the source, which moves; arguments as of `return_paths`."""
-        return return_paths(self.layers, self.state, mi.UInt32(0), leg.offset, leg.travel_time, leg.ray_parameter,
+        only_source = arrays_of(mi.Float).UInt32(0)
+        return return_paths(self.layers, self.state, only_source, leg.offset, leg.travel_time, leg.ray_parameter,
                             leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method,
                             elapsed=elapsed)
 
@@ -147,7 +152,7 @@ class PingSource:
         """Give what a leg sees."""
         return self.mirrored if leg.folded else self.direct
 
-    def way_back(self, echoes: Echoes, method: str = "vector", met: mi.Float64 | None = None) -> ReturnPaths:
+    def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
         """Carry echoes back to where the source is then; `met` [s]: when they leave, else `Echoes.arrival`."""
         view = self.view(echoes.back)
         return view.carried(echoes.back, method, view.travel, echoes.arrival if met is None else met)
@@ -157,11 +162,11 @@ class PingSource:
         return self.view(echoes.out).carried(echoes.out, "vector", REST, echoes.out.travel_time)
 
 
-def opaque(kind: type, vector: Sequence[float]) -> list:
+def opaque(kind: type, vector: Iterable[float]) -> list:
     """Give the components of a vector as opaque numbers: they change without a new kernel."""
     return [dr.opaque(kind, float(component)) for component in vector]
 
 
-def opaque64(vector: Sequence[float]) -> tuple[mi.Float64, ...]:
+def opaque64(vector: Iterable[float]) -> tuple[Float64, ...]:
     """Give the components of a vector as opaque Float64."""
     return tuple(opaque(mi.Float64, vector))

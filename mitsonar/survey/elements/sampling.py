@@ -3,8 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mitsuba as mi
-
+from ...device.types import Float, Float64, Int32
 from ...signal.accumulation import centre
 
 __all__ = ["Sampling"]
@@ -26,6 +25,6 @@ class Sampling:
     sampling_rate: float
     frequency: float
 
-    def place(self, delay: mi.Float64) -> tuple[mi.Float, mi.Int32, mi.Float]:
+    def place(self, delay: Float64) -> tuple[Float, Int32, Float]:
         """Give the carrier phase [cycles], the sample and the fraction of a sample of delays (R,) [s]; see `centre`."""
         return centre(delay, start=self.start, frequency=self.frequency, sampling_rate=self.sampling_rate)

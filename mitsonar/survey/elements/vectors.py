@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ...device.arrays import arrays_of
+from ...device.types import Bool, Float, Float64, Triple
 from ...echoes.element_beams import omni
 from ...echoes.record import Echoes
 from ...propagation.return_paths import ReturnPaths
@@ -43,9 +45,9 @@ class VectorDelays(ElementDelays):
     method : {"vector", "paper"}
     """
 
-    method: str = "vector"
+    method: Literal["vector", "paper"] = "vector"
 
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: mi.Float64,
+    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         source, receive, lib = self.source, self.receive, arrays_of(mi.Float)
@@ -76,10 +78,10 @@ class VectorDelays(ElementDelays):
             element_fields = [*element_fields, *(receive.normal[rows] @ view.rotation.T).T,
                               *(receive.along[rows] @ view.rotation.T).T]
 
-        def delay(hit: list, at: list) -> mi.Float:
+        def delay(hit: Sequence[Float], at: Sequence[Float]) -> Float:
             return difference(hit[:hits], at[:fields])
 
-        def gain(hit: list, at: list) -> mi.Float:
+        def gain(hit: Sequence[Float], at: Sequence[Float]) -> Float:
             # Spherical spreading to where the element is: 1 / (1 + x) for an element that is later by x of the way.
             later = delay(hit, at) * hit[hits]
             spread = 1 - later * (1 - later)
@@ -91,18 +93,19 @@ class VectorDelays(ElementDelays):
                                              length=length, height=height, pattern=receive.pattern,
                                              baffle=receive.baffle)
 
-        responses.add(amplitude=tuple(part * factor for part in echoes.amplitude), phase=phase, sample=sample,
+        real, imaginary = echoes.amplitude
+        responses.add(amplitude=(real * factor, imaginary * factor), phase=phase, sample=sample,
                       fraction=fraction, hit_fields=hit_fields, element_fields=element_fields, difference=delay,
                       gain=gain, rows=np.arange(receive.elements)[rows])
 
-    def doubtful(self, echoes: Echoes) -> mi.Bool:
+    def doubtful(self, echoes: Echoes) -> Bool:
         """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,)."""
         source = self.source
         error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
         if not echoes.single:
             error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
         # An error that is not a number is in doubt, too.
-        doubtful = ~(error <= dr.opaque(mi.Float, GUARD))
+        doubtful = ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
         dr.eval(doubtful)
         return doubtful
 
@@ -112,16 +115,16 @@ class VectorDelays(ElementDelays):
         outermost = np.unique([pick(column) for column in offsets.T for pick in (np.argmin, np.argmax)])
         return vector_element_fields(offsets[outermost], view.depth, view.profile)
 
-    def _transmit_delay(self, echoes: Echoes, element: int, way_out: ReturnPaths) -> mi.Float64:
+    def _transmit_delay(self, echoes: Echoes, element: int, way_out: ReturnPaths) -> Float64:
         """How much later than from the source scatterers are reached from a transmit element [s]."""
         view = self.source.view(echoes.out)
         fields = vector_element_fields(view.offsets(self.transmit)[element][None], view.depth, view.profile)
         fields = [dr.opaque(mi.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
-        return mi.Float64(vector_difference(way_out.hit_fields, fields))
+        return arrays_of(mi.Float).Float64(vector_difference(way_out.hit_fields, fields))
 
-    def _transmitted(self, echoes: Echoes, element: int, weight: float, way_out: ReturnPaths | None) -> mi.Float:
+    def _transmitted(self, echoes: Echoes, element: int, weight: float, way_out: ReturnPaths | None) -> Float:
         """What a transmit element's weight and pattern make of echoes; `way_out` is None for one at the source."""
-        transmit, factor = self.transmit, dr.opaque(mi.Float, weight)
+        transmit, factor = self.transmit, dr.opaque(arrays_of(mi.Float).Float, weight)
         if omni(transmit):
             return factor
         view, towards = self.source.view(echoes.out), echoes.out.launch_direction
@@ -131,7 +134,7 @@ class VectorDelays(ElementDelays):
         return factor * view.pattern(transmit, element, towards, self.wavelength)
 
 
-def _seen_from(towards: Sequence, offset: Sequence, curvature: mi.Float) -> list:
+def _seen_from(towards: Triple, offset: Triple, curvature: Float) -> list:
     """Turn unit vectors from the source towards echoes into those from an element: triples.
 
     `offset` of the element [m], `curvature` of the echo's wavefront at the source [1/m].
