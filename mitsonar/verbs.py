@@ -27,7 +27,7 @@ __all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "impulse_response"
            "render"]
 
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
-SEEDS = 1 << 32                    # what Mitsuba takes, and what tells rays apart
+SEEDS = 1 << 32                    # seeds that Mitsuba takes, and that tell rays apart
 
 
 def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
@@ -44,9 +44,9 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
     sensor : int
         Which of the scene's sensors.
     progress : callable(done, total) or None
-        Told the number of pings done, block by block; of arrays with parts of a ping.
+        Called after every block with the number of pings done, which for arrays may have a fractional part.
     say : callable(text) or None
-        Of arrays: told in a sentence, before work of more than a moment begins, how much there is, how long it will
+        For arrays: called before longer work begins, with a sentence that says how much there is, how long it will
         take, and what would be faster.
 
     Returns
@@ -95,15 +95,15 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
         How delays to elements are found: ``vector``, ``paper`` or ``eigenray`` (exact, an eigenray for every hit and
         element; slow).
     seed : int
-        Of rays, where they light the scatterers; the scatterers themselves belong to the scene.
+        Of rays, where they ensonify the scatterers; the scatterers themselves belong to the scene.
     sensor : int
         Which of the scene's sensors.
     paths : sequence of str or None
         Only echoes along these, such as ("b", "bs"), see `paths`; None: all.
     progress : callable(done, total) or None
-        Told how far the work is, block by block of cells: a number between those of whole pings and elements.
+        Called after every block of cells with how much is done, which may be a fraction of a ping or an element.
     say : callable(text) or None
-        Told in a sentence, before work of more than a moment begins, how much there is, how long it will take, and
+        Called before longer work begins, with a sentence that says how much there is, how long it will take, and
         what would be faster.
 
     Returns
@@ -121,7 +121,7 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
     ValueError
         If scene and sensor do not fit together, there is no such ping, or kernel or return path is unknown.
     """
-    _known(kernel, return_path)
+    _check_names(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping)
     record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
@@ -135,7 +135,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
                     return_path: str = "vector", seed: int = 0, *, sensor: int = 0, paths: Sequence[str] | None = None,
                     progress: Callable[[float, int], None] | None = None,
                     say: Callable[[str], None] | None = None) -> SonarSignals:
-    """Compute what every receive element hears of a ping: echoes of the pulse, and noise.
+    """Compute what every receive element records of a ping: echoes of the pulse, and noise.
 
     All transmit elements send together, with their weights and delays. Doppler from the platform's motion stretches
     every echo; absorption is that of each frequency of the pulse; noise is that of the sea and of the receivers.
@@ -145,7 +145,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
     scene, ping, kernel, return_path, sensor, paths, progress, say
         As of `impulse_response`.
     seed : int
-        Of noise, and of rays where they light the scatterers.
+        Of noise, and of rays where they ensonify the scatterers.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
         As `impulse_response`, or if the sampling rate is below the pulse's bandwidth, or the pulse longer than the
         record.
     """
-    _known(kernel, return_path)
+    _check_names(kernel, return_path)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
     record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
@@ -234,7 +234,7 @@ def _with_attributes(array, **attributes):
     return SonarSignals.of(array.assign_attrs(attributes))
 
 
-def _known(kernel, return_path):
+def _check_names(kernel, return_path):
     for name, value, known in (("kernel", kernel, KERNELS), ("return_path", return_path, RETURN_PATHS)):
         if value not in known:
             raise ValueError(f"{name} is {value!r}{meant(value, known)}; give one of {', '.join(known)}")

@@ -26,7 +26,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
 UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
-AT_ONCE = ("-h", "--help", "-v", "--version", "completion")  # commands that nobody wants to wait for a library with
+AT_ONCE = ("-h", "--help", "-v", "--version", "completion")  # commands that must not wait for a library
 
 
 def enter(argv: Sequence[str]) -> None:

@@ -37,7 +37,7 @@ class Signals:
 
 
 def announce(path: object) -> None:
-    """Print the name of a file that was written; that nobody listens does not undo it."""
+    """Print the name of a file that was written; a closed output is no error, the file stays."""
     try:
         print(path, flush=True)
     except OSError:

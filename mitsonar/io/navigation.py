@@ -29,7 +29,7 @@ class Frame:
     Parameters
     ----------
     crs : str
-        Coordinate system in metres, as an EPSG code, WKT or PROJ string; empty where nobody knows.
+        Coordinate system in metres, as an EPSG code, WKT or PROJ string; empty if unknown.
     origin : tuple of 2 floats [m]
         Easting and northing of x = y = 0.
     """

@@ -3,8 +3,9 @@
 Dask carries jobs and answers; each of its workers has processes of its own that render, so that a render which ends its
 process costs no worker, and long kernels keep none from answering. Workers must see the same files as the runner.
 
-Whoever may talk to a scheduler or a worker may have it run any code. Those started here talk by TLS, and only to those
-who hold a key that is made for the sweep and kept in memory. Their HTTP servers cannot be left out, and serve nothing.
+Anyone who can talk to a scheduler or a worker can have it run any code. Those started here use TLS and accept only
+holders of a key that is made for the sweep and kept in memory. Dask cannot leave out their HTTP servers; these serve
+nothing.
 """
 import errno
 import logging

@@ -95,7 +95,7 @@ class Manifest:
         with contextlib.suppress(OSError):             # the lines are written; that is what counts here
             os.fsync(self._file)
         os.close(self._file)
-        if self.fresh and not self._end:               # nothing came of it: as if nobody had been here
+        if self.fresh and not self._end:               # nothing was rendered: leave no trace
             os.unlink(self.path)
             os.unlink(os.path.join(os.path.dirname(self.path), LOCK))
         os.close(self._lock)

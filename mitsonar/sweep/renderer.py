@@ -1,4 +1,4 @@
-"""A process of its own that renders, as whoever started it sees it."""
+"""A separate process that renders, seen from the process that starts it."""
 import contextlib
 import json
 import os

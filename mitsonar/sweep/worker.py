@@ -1,7 +1,7 @@
 """The process that renders for a sweep: jobs come in as lines of JSON, results go out the same way.
 
-It builds every scene from its files, writes the image itself, and ends when whoever started it does, however that ends,
-or when it has had nothing to do for long.
+It builds every scene from its files, writes the image itself, and ends when the process that started it ends, for
+whatever reason, or when it has had no job for long.
 """
 import hashlib
 import json

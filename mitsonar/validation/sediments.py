@@ -116,9 +116,9 @@ def _printed():
         allowed = 0.014 if name == "rough rock" else 6e-4
         yield worst(f"{name} that bears shear, {khz} kHz: backscatter", got, strengths, allowed, "dB")
     sand = Sediment.of("medium sand")
-    khz, *degrees = np.transpose(list(BISTATIC))
+    khz, *degrees = np.array([*BISTATIC]).T
     way_in, way_out, azimuth = np.radians(degrees)
-    surface, volume = np.transpose(list(BISTATIC.values()))
+    surface, volume = np.array([*BISTATIC.values()]).T
     got = 10 * np.log10(sand.rough_strength(way_in, way_out, azimuth, 2e3 * np.pi * khz / SPEED))
     yield worst("medium sand, bistatic: surface", got, surface, 6e-5, "dB")
     got = 10 * np.log10(sand.volume_strength(way_in, way_out))

@@ -42,14 +42,15 @@ def _times():
     got: dict[Literal["eigenray", "vector"], list] = {"eigenray": [], "vector": []}
     for water, source, target, across, lower, farther, aside, _ in EXACT:
         for method, times in got.items():
-            times.append(return_time(water, (0, 0, -source), [(across, 0, -target)], [(-farther, aside, -lower)],
+            times.append(return_time(water, (0, 0, -source), np.array([(across, 0, -target)]),
+                                     np.array([(-farther, aside, -lower)]),
                                      method=method)[0, 0])
     exact = [case[-1] for case in EXACT]
     yield worst("time back to an element, eigenray", got["eigenray"], exact, 2e-15, "s")
     yield worst("time back to an element, vector approximation", got["vector"], exact, 0.6e-9, "s")
     still = SoundSpeedProfile.constant(1500.0)
     for method in got:
-        times = [return_time(still, (0, 0, -50), [np.add(hit, (0, 0, -50))], [(0, 0, 0)], velocity=velocity,
+        times = [return_time(still, (0, 0, -50), [np.add(hit, (0, 0, -50))], np.zeros((1, 3)), velocity=velocity,
                              method=method)[0, 0] for velocity, hit, _ in MOVING]
         yield worst(f"time back to a moving sonar, {method}", times, [case[-1] for case in MOVING], 1e-15, "s")
 

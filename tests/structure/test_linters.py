@@ -19,8 +19,8 @@ SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*
 TOMLLIB = "tomllib" if sys.version_info >= (3, 11) else "tomli"
 EXCEPTION = re.compile(r"#\s*(noqa|type:\s*ignore|pyright:\s*(?:ignore|basic|strict|standard))(.*)")
 RULE_AND_REASON = {
-    "noqa": re.compile(r": ?[A-Z]+\d+(?:, ?[A-Z]+\d+)*\s+\W*\w{3,}"),
-    "pyright": re.compile(r"\[report\w+(?:, ?report\w+)*\]\s+\W*\w{3,}"),
+    "noqa": re.compile(r": ?[A-Z]+\d+(?:, ?[A-Z]+\d+)*\s+.*\w{3,}"),
+    "pyright": re.compile(r"\[report\w+(?:, ?report\w+)*\]\s+.*\w{3,}"),
 }
 
 

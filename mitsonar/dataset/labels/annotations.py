@@ -152,8 +152,8 @@ def clipped(annotation: Annotation, tile: Tile, smallest: int = 1) -> Annotation
 def is_invisible(annotation: Annotation, picture: np.ndarray) -> bool:
     """Tell whether a picture is black where an annotation lies and around it, so that there is nothing to see.
 
-    So it is under the track, where the beam sends too little for the picture's black: an object there is in the record,
-    but a box on it would teach that black is an object.
+    This happens under the track, where levels lie below the picture's black. An object there is in the record, but a
+    box on it would teach that black is an object.
 
     Parameters
     ----------

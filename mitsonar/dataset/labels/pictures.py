@@ -8,10 +8,9 @@ import xarray as xr
 from ...io.files import FilePath
 from ...plots.gain import Tvg, display_gain, display_window
 
-__all__ = ["MODES", "grey", "write_png"]
+__all__ = ["grey", "write_png"]
 
 NOTHING_DB = -199.0                # at or below: the level of a bin with no echo and no noise
-MODES = {"seabed": "seabed", "target": "target", "none": None}                   # names of the gains for display
 
 
 def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",

@@ -12,8 +12,8 @@ through water that it has stirred. What is kept:
 - of these, samples at least as deep as every sample before, so that heave does not fold the profile;
 - of these, one for each depth: samples less than `SAME_DEPTH` deeper than the first of a group are averaged.
 
-Processed casts are sorted, and samples at one depth averaged. The nodes of a plain table are somebody's word for it:
-there a depth that does not increase is an error.
+Processed casts are sorted, and samples at one depth averaged. A plain table is taken at its word: there a
+depth that does not increase is an error.
 """
 import numpy as np
 
