@@ -228,7 +228,7 @@ def coarse_ball():
     angle = np.linspace(0, 2 * np.pi, 17)[:-1]
     rings = [(np.cos(t) * np.cos(angle), np.cos(t) * np.sin(angle), np.full(16, np.sin(t))) for t in
              np.linspace(-1.4, 1.4, 15)]
-    points = np.concatenate([np.stack(ring, 1) for ring in rings]) + [30, -50, -28]
+    points = np.concatenate([np.stack(ring, 1) for ring in rings]) + [30, 0, -28]
     faces = [(16 * i + j, 16 * i + (j + 1) % 16, 16 * (i + 1) + (j + 1) % 16) for i in range(14) for j in range(16)]
     faces += [(16 * i + j, 16 * (i + 1) + (j + 1) % 16, 16 * (i + 1) + j) for i in range(14) for j in range(16)]
     header = (f"ply\nformat ascii 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\n"
