@@ -1,6 +1,6 @@
 """Images as a dataset of PyTorch. Imported only where it is asked for, so that mitsonar works without PyTorch."""
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]  mitsonar does not ask for it
@@ -12,16 +12,28 @@ from .labels.frames import frames
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .images import Images
+    from .sources import Source
 
 
-__all__ = ["TorchImages"]
+__all__ = ["LabelledImages", "TorchImages"]
+
+
+class LabelledImages(Protocol):
+    """What `TorchImages` asks of images: `mitsonar.dataset.Images` has it."""
+
+    sources: "tuple[Source, ...]"
+    classes: tuple[str, ...]
+    object_classes: tuple[str, ...]
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, number: int, /) -> "xr.Dataset": ...
 
 
 class TorchImages(torch.utils.data.Dataset):
     """Pairs of image and target; see `mitsonar.dataset.Images.torch`."""
 
-    def __init__(self, images: "Images", *, image: "str | Callable[[xr.Dataset], Any]",
+    def __init__(self, images: LabelledImages, *, image: "str | Callable[[xr.Dataset], Any]",
                  target: "str | Callable[[xr.Dataset], Any] | None", transform: Callable[..., Any] | None):
         self.images, self.image, self.target, self.transform = images, image, target, transform
 
