@@ -23,10 +23,8 @@ from mitsonar.device import llvm
 
 if TYPE_CHECKING:
     # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
-    from mitsonar import (dataset, imaging, io, plots, plugins, propagation, scattering, seabed, signal, sonar, sweep,
-                          units, water)
-    from mitsonar.cli import doctor
-    from mitsonar.dataset import labels as labelling
+    from mitsonar import (dataset, doctor, imaging, io, labelling, plots, plugins, propagation, scattering, seabed,
+                          signal, sonar, sweep, units, water)
     from mitsonar.device.llvm import BackendError
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
@@ -48,10 +46,10 @@ _PUBLIC = {
     "write": "mitsonar.io.reading:write",
     "BackendError": "mitsonar.device.llvm:BackendError",
     "dataset": "mitsonar.dataset",
-    "doctor": "mitsonar.cli.doctor",
+    "doctor": "mitsonar.doctor",
     "imaging": "mitsonar.imaging",
     "io": "mitsonar.io",
-    "labelling": "mitsonar.dataset.labels",
+    "labelling": "mitsonar.labelling",
     "plots": "mitsonar.plots",
     "plugins": "mitsonar.plugins",
     "propagation": "mitsonar.propagation",

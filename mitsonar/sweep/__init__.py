@@ -15,3 +15,7 @@ def __getattr__(name: str):
     if name not in _HOME:
         raise AttributeError(f"module 'mitsonar.sweep' has no attribute {name!r}; it has {', '.join(__all__)}")
     return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

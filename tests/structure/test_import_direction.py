@@ -29,6 +29,7 @@ FLOORS = """
     validation
     sweep dataset
     cli
+    labelling doctor
     __main__
 """
 RANK = {room: rank for rank, room in enumerate(FLOORS.split())}

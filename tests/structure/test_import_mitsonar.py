@@ -1,5 +1,6 @@
 """``import mitsonar`` is cheap, and makes the plugins known to Mitsuba whichever of the two is imported first."""
 import ast
+import importlib
 import os
 import subprocess
 import sys
@@ -62,6 +63,18 @@ def test_type_checkers_and_completion_see_every_public_name():
                 for alias in node.names}
     assert declared == set(mitsonar._PUBLIC) == set(mitsonar.__all__)
     assert {name for name in dir(mitsonar) if not name.startswith("_")} == declared
+
+
+def test_every_public_module_can_be_imported_by_its_name():
+    """``from mitsonar.labelling import Labels`` works, and so does `mitsonar.labelling`; completion knows its names."""
+    import mitsonar
+
+    modules = [name for name, home in mitsonar._PUBLIC.items() if ":" not in home]
+    assert "labelling" in modules and "doctor" in modules
+    for name in modules:
+        module = importlib.import_module(f"mitsonar.{name}")
+        assert module is getattr(mitsonar, name)
+        assert set(getattr(module, "__all__", ())) <= set(dir(module)), name
 
 
 @pytest.mark.parametrize("order", ORDERS)
