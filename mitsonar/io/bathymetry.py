@@ -4,6 +4,8 @@
 NaN where nothing was measured. Grids in degrees, in feet or turned against north are warped to a grid in metres; every
 node then is interpolated from measured nodes only, so fill values never bleed into the seabed.
 """
+from __future__ import annotations
+
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass

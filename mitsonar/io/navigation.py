@@ -8,6 +8,8 @@ system by PROJ, and a heading, which compasses count from true north, loses the 
 
 (convergence: from true to grid north, clockwise; Snyder, Map Projections, 1987, p. 19).
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

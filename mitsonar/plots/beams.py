@@ -1,4 +1,6 @@
 """Beam patterns: what a beamformer made of a point target, against the closed form of the array."""
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 import xarray as xr

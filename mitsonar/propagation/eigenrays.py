@@ -12,6 +12,8 @@ so Newton's method converges from any start to its left. Rays that turn are foun
 X -> ``horizontal_range`` [m], p -> ``ray_parameter`` = cos(angle) / c [s/m], s_0 and s_1 the sines at source and
 target. Depths and angles are positive down.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 
 import numpy as np

@@ -10,6 +10,8 @@ closed form of what equation 1 constructs from angles (that one fails along the 
 The coefficient is 1/2 - g h / (6 c) for one gradient over the whole path, and has nothing to do with the local gradient
 in any other water: kept for comparison; `vector_approximation` is the method to use.
 """
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -12,6 +12,8 @@ finite through turning points). A row of a ray fan is one exact ray, simplified 
 of the arcs; every vertex carries (r, z) and d(r, z)/dθ0, so that a launch angle between rows moves the vertices along
 their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neighbouring rays part company.
 """
+from __future__ import annotations
+
 
 from collections.abc import Callable
 from typing import Any, cast

@@ -13,6 +13,8 @@ No stop-and-hop: the equation is solved for each element, in closed form along s
 the slowness vector dT/dF of the ray's end for eigenrays. ``vector`` is kept within its range by its own error estimate:
 where that exceeds `GUARD` the time is that of the eigenray.
 """
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Literal, TypeAlias
 

@@ -15,6 +15,8 @@ and v, ω, A those of the echo's reception at the centre: the hit carries g, and
 
 Everything is written once for NumPy (float64) and Dr.Jit (float32). Scene coordinates, z up.
 """
+from __future__ import annotations
+
 from types import ModuleType
 from typing import NamedTuple
 

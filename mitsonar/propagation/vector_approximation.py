@@ -29,6 +29,8 @@ same with v = 0 gives the delays of transmit elements.
 `vector_legs` matches the vector to a leg. Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields
 are in scene coordinates, z up.
 """
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import Literal
 

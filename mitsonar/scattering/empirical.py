@@ -7,6 +7,8 @@ constant beyond the last angle and the outer frequencies; below the first angle 
 extension is reciprocal, the table itself straight back, and the same in all azimuths: nothing is known of them. A table
 gives back more than comes in, and is refused, where  2π sqrt(σ_b(θ_i)) ∫ sqrt(σ_b) cos θ dθ / sin θ_i > 1.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -14,6 +14,8 @@ of the barycentric coordinates, (0, 0), (1, 0), (0, 1),
 
 and for small phases its series, 2 Σ i^n h_n / (n + 2)!, h_n the complete symmetric polynomials of the corners' phases.
 """
+from __future__ import annotations
+
 import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike

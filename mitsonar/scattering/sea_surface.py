@@ -31,6 +31,8 @@ Energy: from 20 degrees of grazing and 3 m/s upwards the surface carries on 10^(
 0.5 dB (to 15 m/s at 30 kHz), as F cuts the tails of the facets; below, shadows take up to 0.4 dB more, at 1 m/s F takes
 0.9 dB.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from types import ModuleType, SimpleNamespace
 from typing import NamedTuple

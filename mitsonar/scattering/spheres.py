@@ -5,6 +5,8 @@
 a -> ``radius`` [m], k = 2πf / c; j and h spherical Bessel and Hankel functions (V. C. Anderson, 1950, J. Acoust. Soc.
 Am. 22, 426). For ka >> 1 it tends to 20 log (a/2).
 """
+from __future__ import annotations
+
 from typing import Literal
 
 import numpy as np

@@ -5,6 +5,8 @@
 σ is the power scattered per area and solid angle over the incident intensity; θ -> ``grazing_in``, ``grazing_out``,
 ``grazing_angle``, φ -> ``azimuth``, 0 forward and π back.
 """
+from __future__ import annotations
+
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Protocol
 

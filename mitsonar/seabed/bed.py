@@ -4,6 +4,8 @@ Triangles are sorted by size into levels of side s = 2^n >= extent, and within a
 holds the south-western corner of their box: of a triangle over a point, this lies in the point's square or in one of
 those to the west, the south and the south-west.
 """
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -6,6 +6,8 @@ alike, and rolls on over an edge as long as the centre of gravity is not above t
 Goldberg, Mirtich, Zhuang, Craig, Carlisle and Canny, "Part pose statistics: estimators and experiments", IEEE Trans.
 Robotics and Automation 15 (1999) 849-857. The centre of gravity is that of the hull filled evenly.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING

@@ -14,6 +14,8 @@ passes at a speed v and a range r, 1/η grows by κ = 2 v² / (r c) a second, an
 acceleration a: a pulse arrives f κ T² / 8 cycles off at its ends, and is cut into pieces, each with a factor of its
 own, where that is more.
 """
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

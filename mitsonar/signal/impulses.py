@@ -22,6 +22,8 @@ The energy Σ_n |z_n|² of a lone echo is |a|² times the kernel's own, on the m
 of this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, and 0.0004 of aliases, 0.7921 in all
 (-1.012 dB, 0.05 dB more or less).
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TypeAlias

@@ -6,6 +6,8 @@ s_b -> ``pulse``, w -> ``window`` of the replica: 1 gives the most signal to noi
 sweep. An echo of amplitude a and delay τ peaks at τ with the value a. Without a window noise of spectral level N0
 leaves with the power N0 / E, E the pulse's energy (Turin 1960, IRE Trans. Inf. Theory 6, 311).
 """
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft

@@ -9,6 +9,8 @@ NL -> ``ambient_db`` of noise from all directions alike (Cook et al. 1955, J. Ac
 the noise is white. Levels are those an element reports; one with a beam hears its directivity index less. Numbers come
 from Philox, keyed by seed and ping: a ping's noise does not depend on which others were drawn.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

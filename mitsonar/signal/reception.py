@@ -9,6 +9,8 @@ s_b -> ``pulse``, η -> ``doppler``, w, d -> ``weight``, ``delay`` of transmit e
 receiver's filter: 1 up to 0.4 of the sampling rate, falling as cos² to 0 at 0.5, so that echoes ring for a few samples
 only. All convolutions are padded: nothing wraps round the ends of a record.
 """
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

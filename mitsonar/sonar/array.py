@@ -10,6 +10,8 @@ direction û, or a point R, an array is steered by
 c -> ``sound_speed``: an element nearer to the point waits longer, and the array's centre does not wait, so ranges stay.
 Everything is in the body frame (x forward, y starboard, z down), about the array's centre, where the track leads.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 

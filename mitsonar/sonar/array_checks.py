@@ -1,4 +1,6 @@
 """What is asked of the numbers of an `Array`; errors name the first element that is wrong."""
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

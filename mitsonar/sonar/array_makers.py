@@ -12,6 +12,8 @@ outwards. What all makers pass on as ``**face`` is length, height, pattern and b
 The Fibonacci lattice covers a sphere with equal areas (e.g. Swinbank and Purser 2006, Q. J. R. Meteorol. Soc. 132).
 A line steered to ψ0 from broadside has no grating lobe where d < λ/(1 + |sin ψ0|).
 """
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, cast
 

@@ -4,6 +4,8 @@
 
 α -> ``azimuth`` from the bow, positive to starboard; δ -> ``depression`` below the horizontal, both [rad].
 """
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

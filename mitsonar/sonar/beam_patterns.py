@@ -5,6 +5,8 @@
 û -> ``direction``, λ -> ``wavelength``, c -> ``sound_speed``, û0 -> where the signal comes from; w_e, τ_e, r_e and the
 element's pattern b_e from the `Array` (e.g. Van Trees, Optimum Array Processing, 2002, ch. 2).
 """
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -8,6 +8,8 @@ which for large N is a Gaussian process with that spectrum (Rice, Mathematical A
 section 2.8). One f_n stands in each N-th part of the density; the mean square over a long time is rms², whatever the
 seed.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

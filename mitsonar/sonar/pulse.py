@@ -5,6 +5,8 @@
 f0 -> ``frequency``, T -> ``duration``, η -> ``doppler``, the two-way factor (c + v)/(c - v). The envelope begins at
 time 0 and ends after T; it is one of those of `pulses` times a window.
 """
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial

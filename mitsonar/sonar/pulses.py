@@ -9,6 +9,8 @@ f0 -> ``frequency``, B -> ``bandwidth`` (f1, f2 = f0 -+ B/2), T -> ``duration``,
 two-way factor (c + v)/(c - v). |s_b| = 1 is the source level, rms: no factor √2 (e.g. Urick 1983, ch. 2; hyperbolic
 sweeps: Kroszczynski 1969, Proc. IEEE 57, 1260).
 """
+from __future__ import annotations
+
 from functools import partial
 from typing import Any
 

@@ -5,6 +5,8 @@ A window is a name, ``"hann"``, or a name with its numbers, ``("chebwin", 30)`` 
 element above its own. The taper loss 10 log10 (Σw)²/(N Σw²) is what it costs against noise that is independent from
 element to element.
 """
+from __future__ import annotations
+
 import warnings
 from typing import Any
 

@@ -9,6 +9,8 @@ Marine Craft Hydrodynamics and Motion Control, 2011, eq. 2.18, body to north-eas
 east-north-up. Heading is clockwise from north, pitch positive nose up, roll positive starboard side down; all in
 radians.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ it leaves the first leg R tan(|δ| / 2) before the way point and so passes insid
 s after its start at heading h, the chord is s sinc(κ s / 2) long and heads for h + κ s / 2. With R = 0 the legs meet in
 the way point, and the heading jumps there: a survey whose turns are not recorded.
 """
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

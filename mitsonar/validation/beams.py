@@ -1,4 +1,6 @@
 """Beams: patterns and directivity of lines, pistons and shaded arrays against closed forms."""
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

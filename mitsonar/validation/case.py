@@ -2,6 +2,8 @@
 
 A row holds if |got - expected| is at most what is allowed; its ``share`` is the error over that.
 """
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast

@@ -6,6 +6,8 @@ f -> ``frequency`` [Hz], T -> ``temperature`` [deg C], S -> ``salinity`` [g/kg],
 Ainslie and McColm shortened the three terms; Thorp's law keeps f alone, for one kind of water. All hold along a path by
 integrating over its depths; over a few tens of metres the mean depth will do.
 """
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

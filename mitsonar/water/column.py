@@ -10,6 +10,8 @@ about the mean of c² over depth, <·> the mean over depth between the two ends 
 thermocline at 400 kHz (94 to 110 dB/km), from 2 to 40 m deep, κ takes the two-way error from 0.59 to 0.26 dB at 5
 degrees of grazing (237 m), from 0.16 to 0.04 dB at 10 degrees (170 m); at 100 kHz it leaves 0.03 and 0.005 dB.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import cast
 

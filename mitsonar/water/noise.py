@@ -9,6 +9,8 @@ f -> ``frequency`` [Hz], s -> ``shipping`` 0..1, w -> ``wind_speed`` [m/s], k th
 three are the fit to Wenz's curves by Coates, whose own thermal line, -15 + 20 log f, lies 0.36 dB under the last.
 A band of width B received by a beam of directivity index DI carries level + 10 log B - DI.
 """
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

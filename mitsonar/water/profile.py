@@ -5,6 +5,8 @@
 
 d -> ``depth`` [m, positive down], c -> ``sound_speed`` [m/s], g -> ``gradient`` [1/s].
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal, cast
 

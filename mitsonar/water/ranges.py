@@ -1,4 +1,6 @@
 """What the formulas of this folder may be asked: wider than any sea, narrow enough to catch a swapped column."""
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TypeVar
 

@@ -7,6 +7,8 @@
 T -> ``temperature`` [deg C, ITS-90], in situ; S -> ``salinity``; z -> ``depth`` [m]; p [dbar], P [bar]. Of TEOS-10 the
 full Gibbs function is used, not its 75-term fit (rms 0.07 m/s).
 """
+from __future__ import annotations
+
 import gsw
 import numpy as np
 from numpy.polynomial.polynomial import polyval, polyval2d

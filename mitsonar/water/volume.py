@@ -8,6 +8,8 @@ S_v -> ``strength_db`` [dB re 1/m] at ``depth`` [m], linear in decibels between 
 second line is the reverberation of water of one S_v and one sound speed: SL -> ``source_level_db``,
 R -> ``slant_range``, α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ -> ``pulse_length``, c -> ``sound_speed``.
 """
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

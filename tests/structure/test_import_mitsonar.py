@@ -1,6 +1,7 @@
 """``import mitsonar`` is cheap, and makes the plugins known to Mitsuba whichever of the two is imported first."""
 import ast
 import importlib
+import inspect
 import os
 import subprocess
 import sys
@@ -75,6 +76,16 @@ def test_every_public_module_can_be_imported_by_its_name():
         module = importlib.import_module(f"mitsonar.{name}")
         assert module is getattr(mitsonar, name)
         assert set(getattr(module, "__all__", ())) <= set(dir(module)), name
+
+
+def test_help_is_short_about_what_arrays_are_made_of():
+    """NumPy's union of all that an array can be made of is a screen long; help shows its name."""
+    import mitsonar
+
+    for name in ("propagation", "scattering", "seabed", "signal", "sonar", "water"):
+        module = getattr(mitsonar, name)
+        for function in filter(inspect.isfunction, (getattr(module, public) for public in module.__all__)):
+            assert "numpy._typing" not in str(inspect.signature(function)), f"{name}.{function.__name__}"
 
 
 @pytest.mark.parametrize("order", ORDERS)

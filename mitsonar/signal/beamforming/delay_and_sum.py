@@ -9,6 +9,8 @@ centre; noise that is independent from element to element goes down by Σw²/(Σ
 The water is homogeneous here, at ``sound_speed``. Directions are as seen by the array at reception: an array that moves
 on at v meanwhile hears a target up to 2 v/c from where it stood at transmission.
 """
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 import drjit as dr

@@ -8,6 +8,8 @@ length L) and is an FFT over the elements padded with zeros, its beams at s = m 
 every f: a chirp-z transform over the elements per frequency (Rabiner, Schafer & Rader 1969), beams at any equal steps
 of s. Both hold beyond some 2 L²/λ; nearer, use `delay_and_sum`.
 """
+from __future__ import annotations
+
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike

@@ -12,6 +12,8 @@ and backwards (J R* J; Pillai & Kwon 1989), and over 2 K + 1 samples, and carrie
 For L of E elements there are 2 (E - L + 1) (2 K + 1) snapshots, of which those of neighbouring subarrays share
 elements. L <= E / 2 resolves up to E / 2 coherent echoes; smaller L and larger δ lean towards delay-and-sum.
 """
+from __future__ import annotations
+
 import numpy as np
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view

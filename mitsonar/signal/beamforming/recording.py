@@ -4,6 +4,8 @@ An echo of amplitude a and delay τ reaches an element as a s_b(t - τ) exp(-2π
 counted from the ping's transmission. Positions are in the body frame (x forward, y starboard, z down), metres from the
 array's centre, or for synthetic apertures in any frame that elements and focal points share.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TypeAlias
 

@@ -5,6 +5,8 @@
 σ scattering strength of the bed, θ grazing angle, A spreading area on the way out; spreading on the way back is that of
 the way out and is the other half of the sonar equation: i / A of a ray is what a receiver of unit pressure hears.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING
