@@ -36,10 +36,10 @@ Any shape of Mitsuba is a target (`sphere`, `cylinder`, `cube`, `rectangle`, `pl
 shapes with the same id share a label. The seabed is a shape too: make it wider than twice the range.
 
 A Mitsuba material in place of `lambert` is taken at its value: `diffuse` of reflectance ρ is a Lambert bottom of µ =
-ρ/π. What mirrors only (`conductor`) is refused, and so are the materials of this page within another (`twosided`,
-`mask`). Textures are Mitsuba's: a `bitmap` (PNG, JPEG, OpenEXR, BMP, PPM or PFM, at most 10⁸ pixels) on shapes with
-texture coordinates, or a `mesh_attribute`, of which `face_mud` is the property `mud_1` that the faces of a PLY file
-have, `vertex_mud` that of its vertices.
+ρ/π. What mirrors only (`conductor`) is refused. So are the materials of this page within another (`twosided`, `mask`);
+only `lambert` may stand there. Textures are Mitsuba's: a `bitmap` (PNG, JPEG, OpenEXR, BMP, PPM or PFM, at most 10⁸
+pixels) on shapes with texture coordinates, or a `mesh_attribute`, of which `face_mud` is the property `mud_1` that the
+faces of a PLY file have, `vertex_mud` that of its vertices.
 
 A mesh whose faces name vertices that are not there is refused: Mitsuba's readers write outside memory then.
 `mi.load_file` checks no file: give files of strangers to `mitsonar.load_file`.
