@@ -17,13 +17,13 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from scipy import ndimage
 
 from ..io.files import FilePath, replacing
-from .grid import Grid
+from .grid import ONLY_SIDE, Grid
 
 DPI = 110
 PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
 KEY_HEIGHT = 24  # picture elements of a line of the legend
 BAR_FOOT, BAR_RISE = 18, 40  # picture elements: of the scale bars above the sheet's edge, and at most along the track
-SIDES = {"port": "#b3261e", "starboard": "#1b7a3d"}  # the colours of the side lights
+SIDES = {"port": "#b3261e", "starboard": "#1b7a3d", ONLY_SIDE: "#1f4e79"}  # the colours of the side lights
 COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
     (0.0, "#050302"), (0.18, "#2b1306"), (0.4, "#7a3c10"), (0.6, "#b86f22"), (0.78, "#e0a548"), (0.92, "#f6dc94"),
     (1.0, "#fffdf0")]).with_extremes(bad=PAPER)
@@ -138,13 +138,16 @@ def _metres(grid, axes):
     axes.xaxis.set_major_locator(MaxNLocator(16, steps=[1, 2, 5, 10]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{abs(value):g}"))
     axes.yaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10], integer=not grid.moving))
-    axes.set_xlabel("port        ←        slant range [m]        →        starboard", color=INK, fontsize=11)
+    sides = grid.across[0] < 0
+    axes.set_xlabel("port        ←        slant range [m]        →        starboard" if sides else "slant range [m]",
+                    color=INK, fontsize=11)
     along = "along track [m]" if grid.moving else "ping"
     axes.set_ylabel(f"{along}        newest →", color=INK, fontsize=11)
     axes.tick_params(colors=INK, labelsize=10, top=True, direction="out")
     for spine in axes.spines.values():
         spine.set_edgecolor(FAINT)
-    axes.axvline(0, color=INK, linewidth=0.5, alpha=0.35)
+    if sides:
+        axes.axvline(0, color=INK, linewidth=0.5, alpha=0.35)
 
 
 def scale_bar(grid: Grid, axes: Axes) -> None:

@@ -1,7 +1,8 @@
 """From bins to picture elements: pings and ranges laid out in metres and averaged over the area of each element.
 
-Across the picture runs the slant range, port mirrored on the left, starboard on the right; up the picture runs the way
-of the sonar, the newest ping on top, so that port is left and starboard right of somebody moving up the picture. An
+Across the picture runs the slant range, port mirrored on the left, starboard on the right; of a sonar with one row a
+ping, from left to right. Up the picture runs the way of the sonar, the newest ping on top, so that port is left and
+starboard right of somebody moving up the picture. An
 element that covers several bins shows their mean, each weighted with the share of the element it covers; one that is
 smaller than a bin shows the bin.
 """
@@ -14,6 +15,7 @@ from scipy.sparse import csr_array
 
 WIDEST, LOWEST = 1400, 420  # picture elements
 LARGEST = 2**22  # bins of a variable worked on at a time
+ONLY_SIDE = ""  # name of the side of a sonar that has no sides
 FLATTEST, TALLEST = 0.4, 1.6  # height / width: beyond these the along-track scale is stretched or squeezed
 
 
@@ -21,7 +23,7 @@ FLATTEST, TALLEST = 0.4, 1.6  # height / width: beyond these the along-track sca
 class Grid:
     """The picture elements of a dataset and the shares of the bins in them."""
 
-    across: np.ndarray  # (2N + 2,) edges of the columns [m]: port, the gap under the sonar, starboard
+    across: np.ndarray  # edges of the columns [m]: (2N + 2,) port, the gap under the sonar, starboard; or (N + 1,)
     along: np.ndarray  # (P + 1,) edges of the pings [m], or in pings where the sonar stands still
     moving: bool
     width: int
@@ -45,7 +47,7 @@ class Grid:
         dataset : xarray.Dataset
             The one the grid was made for.
         values : function
-            Gives the values (p, 2, N) of a stretch of the dataset of p pings.
+            Gives the values (p, 2 or 1, N) of a stretch of the dataset of p pings.
 
         Returns
         -------
@@ -81,29 +83,35 @@ def stretches(dataset: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
         yield first, dataset.isel(ping=slice(first, first + pings)).transpose("ping", "side", "range", ...)
 
 
+def with_sides(dataset: xr.Dataset) -> xr.Dataset:
+    """Give variables over (ping, range), a row a ping, a dimension side of one, as plots take them."""
+    no_sides = set(dataset["level"].dims) == {"ping", "range"} and "side" not in dataset.coords
+    return dataset.expand_dims(side=[ONLY_SIDE]) if no_sides else dataset
+
+
 def make_grid(dataset: xr.Dataset) -> Grid:
-    """Lay out the picture of a sidescan dataset.
+    """Lay out the picture of a dataset whose pings have both sides of a sidescan, or one row (`with_sides`).
 
     Raises
     ------
     ValueError
-        If the dataset has other dimensions than (ping, side, range) with sides port and starboard, or no bins.
+        If the dataset has other dimensions than (ping, side, range) with sides port and starboard, or one; or no bins.
     """
     sides = dataset["side"].values.tolist() if "side" in dataset.coords else []
-    if sides != ["port", "starboard"] or not {"ping", "range"} <= set(dataset.dims):
-        raise ValueError(f"plots show a sidescan with the dimensions ping, side (port, starboard) and range; this "
-                         f"dataset has {dict(dataset.sizes)}.")
+    if sides not in (["port", "starboard"], [ONLY_SIDE]) or not {"ping", "range"} <= set(dataset.dims):
+        raise ValueError(f"plots show a sidescan with the dimensions ping, side (port, starboard) and range, or "
+                         f"ping and range; this dataset has {dict(dataset.sizes)}.")
     if not (dataset.sizes["ping"] and dataset.sizes["range"]):
         raise ValueError(f"there is nothing to plot: the dataset has {dict(dataset.sizes)}.")
     slant_range = _edges_around(dataset["range"].values, float(dataset.attrs.get("bin_width", 1)))
     slant_range[0] = max(slant_range[0], 0)
-    across = np.concatenate([-slant_range[::-1], slant_range])
+    across = slant_range if sides == [ONLY_SIDE] else np.concatenate([-slant_range[::-1], slant_range])
     steps = np.zeros(0)
     if {"x", "y"} <= set(dataset.coords):
         steps = np.hypot(np.diff(dataset["x"].values), np.diff(dataset["y"].values))
     moving = bool(steps.sum() > 1e-6)
     along = _edges_around(np.r_[0, np.cumsum(steps)] if moving else np.arange(dataset.sizes["ping"]), 1)
-    bins = 2 * dataset.sizes["range"]
+    bins = len(sides) * dataset.sizes["range"]
     width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST  # whole picture elements to a bin, where they are many
     square = width * (along[-1] - along[0]) / (across[-1] - across[0])
     height = square if moving else dataset.sizes["ping"]
@@ -113,6 +121,8 @@ def make_grid(dataset: xr.Dataset) -> Grid:
 
 def _side_by_side(values, gap):
     """Lay out an array (p, 2, N) as (p, 2N + 1): port mirrored, a column under the sonar, starboard."""
+    if values.shape[1] == 1:           # a row a ping
+        return values[:, 0]
     middle = np.full((values.shape[0], 1), gap, values.dtype)
     return np.concatenate([values[:, 0, ::-1], middle, values[:, 1]], axis=1)
 

@@ -19,7 +19,7 @@ def subtitle(dataset: xr.Dataset, grid: Grid, column_db: float = 0.0) -> str:
     """Say how many pings and how far, how long the bins are, the altitude, and the gain [dB] of the water column."""
     pings = dataset.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
-             f"{_metres(grid.across[-1])} to each side"]
+             _metres(grid.across[-1]) + (" to each side" if grid.across[0] < 0 else " range")]
     if "bin_width" in dataset.attrs:
         parts.append(f"bins of {_metres(float(dataset.attrs['bin_width']))}")
     if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():

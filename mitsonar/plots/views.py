@@ -18,7 +18,7 @@ from . import canvas
 from .fan_objects import fan_objects
 from .fans import fan_picture
 from .gain import Tvg
-from .grid import make_grid, stretches
+from .grid import make_grid, stretches, with_sides
 from .levels import NOTHING_DB, shown_levels
 from .titles import subtitle, title
 from .truth import TRUTH
@@ -28,12 +28,12 @@ FANS = {"waterfall": fan_picture, "objects": fan_objects}  # the plots of an arr
 
 
 def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None:
-    """Draw the waterfall of a sidescan as sonar software shows it, or the fan of an array's first ping.
+    """Draw the waterfall of a sidescan, or of a single row a ping, or the fan of an array's first ping.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        As made by ``mitsonar.render``: level over (ping, side, range) or (ping, beam, range).
+        As made by ``mitsonar.render``: level over (ping, side, range), (ping, beam, range) or (ping, range).
     path : str or path
         A .png (or .pdf, .svg) to write.
     tvg : {'seabed', 'target', None}
@@ -42,7 +42,7 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None
     Raises
     ------
     ValueError
-        If the dataset is not a sidescan, or ``path`` or ``tvg`` is not as above.
+        If the dataset has other dimensions, or ``path`` or ``tvg`` is not as above.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
@@ -70,7 +70,7 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
     Raises
     ------
     ValueError
-        If the dataset is not a sidescan or lacks the variable, or an argument is not as above.
+        If the dataset lacks sides, beams or the variable, or an argument is not as above.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
@@ -88,6 +88,7 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
     if needed not in dataset.data_vars:
         raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "
                          f"{', '.join(map(str, dataset.data_vars))}.")
+    dataset = with_sides(dataset)
     options = {"waterfall": {"tvg": tvg}, "objects": {"tvg": tvg}, "ping": {"ping": ping}}.get(what, {})
     canvas.save(draw(dataset, make_grid(dataset), **options), path)
 
@@ -153,10 +154,12 @@ def _ping(dataset, grid, *, ping):
     if not 0 <= ping < pings:
         raise ValueError(f"there is no ping {ping}; the dataset has {pings}, the first is 0.")
     figure = canvas.sheet(1200, 720)
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    sides = dataset["side"].values.tolist()
+    panels = figure.subplots(len(sides), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     one = dataset.isel(ping=ping)
     slant_range = dataset["range"].values
-    for axes, (side, colour) in zip(panels, canvas.SIDES.items(), strict=True):
+    for axes, side in zip(panels, sides, strict=True):
+        colour = canvas.SIDES[side]
         axes.plot(slant_range, _with_gaps(one["level"].sel(side=side).values), color=colour, linewidth=0.7, alpha=0.7,
                   label="level")
         if "mean_level" in dataset:
@@ -167,7 +170,7 @@ def _ping(dataset, grid, *, ping):
         axes.set_title(side, loc="left", color=colour, fontsize=12, fontweight="bold")
         _line_axes(axes, slant_range)
     panels[0].legend(loc="upper right", fontsize=10, ncols=3)
-    panels[1].set_xlabel("slant range [m]", fontsize=11)
+    panels[-1].set_xlabel("slant range [m]", fontsize=11)
     when = f" at {float(one['ping_time']):.3f} s" if "ping_time" in one.coords else ""
     figure.suptitle(f"{title(dataset)}: ping {ping}{when}", fontsize=14, fontweight="bold")
     figure.tight_layout()
@@ -178,14 +181,15 @@ def _mean(dataset, grid):
     figure = canvas.sheet(1200, 640)
     axes = figure.subplots()
     slant_range = dataset["range"].values
-    for index, (side, colour) in enumerate(canvas.SIDES.items()):
+    for index, side in enumerate(dataset["side"].values.tolist()):
+        colour, of_side = canvas.SIDES[side], f"{side}: " * bool(side)
         level = dataset["level"].sel(side=side).transpose("ping", "range").values
         power = np.where(level > NOTHING_DB, power_from_db(level), 0).mean(axis=0)
         low, high = np.percentile(level, [10, 90], axis=0)
         axes.fill_between(slant_range, _with_gaps(low), _with_gaps(high), color=colour, alpha=0.15, linewidth=0,
-                          label=f"{side}: 10 to 90 % of the pings")
+                          label=f"{of_side}10 to 90 % of the pings")
         axes.plot(slant_range, _with_gaps(db_from_power(power)), color=colour, linewidth=1.4,
-                  linestyle="-" if index == 0 else "--", label=f"{side}: mean intensity")
+                  linestyle="-" if index == 0 else "--", label=f"{of_side}mean intensity")
     _line_axes(axes, slant_range)
     axes.set_xlabel("slant range [m]", fontsize=11)
     axes.legend(fontsize=10)

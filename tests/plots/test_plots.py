@@ -41,6 +41,7 @@ SURVEYS = {
     "no track, no attributes": sidescan(8, 20)[["level", "label", "depth", "shadow", "rays"]].drop_vars(
         ["altitude", "x", "y", "ping_time"]).drop_attrs(),
     "labelled": labelled(30, 100),
+    "a row a ping": labelled(30, 100).isel(side=1, drop=True),
     "labelled, no object": labelled(8, 40, objects={"seabed": "seabed"}, rectangles=[]),
 }
 
@@ -84,6 +85,18 @@ def test_port_is_left_starboard_right_and_the_newest_ping_last(side, index, colu
     first = 700 - 14 * (index + 1) if side == "port" else 700 + 14 * index
     np.testing.assert_array_equal(columns, np.arange(first, first + 14))
     assert image[row, first] == pytest.approx(1) and not image[laid.height // 2].any()
+
+
+@pytest.mark.parametrize(("ping", "row"), [(0, 0), (29, -1)])
+def test_a_row_a_ping_runs_from_left_to_right_and_has_no_sides(ping, row):
+    dataset = nothing(sidescan(30, 50)).isel(side=0, drop=True)
+    dataset["rays"][ping, 5] = 1
+    dataset = grid.with_sides(dataset)
+    laid = grid.make_grid(dataset)
+    image = laid.mean(dataset, lambda part: part["rays"].values)
+    np.testing.assert_array_equal(np.flatnonzero(image[row]), np.arange(28 * 5, 28 * 6))
+    axes = canvas.picture(laid, image, "a row a ping")[1]
+    assert axes.get_xlabel() == "slant range [m]" and axes.get_xlim() == (0, pytest.approx(75))
 
 
 def test_the_picture_is_upright(tmp_path):
