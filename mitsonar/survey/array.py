@@ -24,7 +24,7 @@ from .signals import LEAD, received_signals
 from .sources import RaySources
 from .voyage import Passage
 
-__all__ = ["ArraySensor", "picture", "plan", "plan_elements", "rows", "survey_of"]
+__all__ = ["ArraySensor", "picture", "picture_of", "plan", "plan_elements", "rows", "survey_of"]
 
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 
@@ -130,8 +130,14 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
 def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the array's beams, with its truth; see `mitsonar.render`."""
+    return picture_of(survey, fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width), seed, progress, say)
+
+
+def picture_of(survey: ArraySurvey, directions: tuple[np.ndarray, np.ndarray], seed: int,
+               progress: Callable[[float, float], None] | None = None,
+               say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of beams whose angles and directions are those of `fan.fan_directions`, with its truth."""
     pings = range(survey.track.pings)
-    directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
     limits.check_beams(survey, len(directions[0]))
     beams = Beams(survey, *directions)                   # refuses what is too large before the hours of signals
     signals = received_signals(PressureRecord(survey, seed=seed), pings, progress=progress, say=say)
