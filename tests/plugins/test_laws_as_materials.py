@@ -2,11 +2,12 @@
 
 Tolerance 0.005 dB: what float32 leaves of laws with narrow lobes, here at most 1e-3 dB.
 """
+import laws
 import numpy as np
 import pytest
 
 import mitsuba as mi
-from mitsonar.scattering import LAWS, ElasticSediment, LambertSeabed, SeaSurface, Sediment
+from mitsonar.scattering import LAWS, ElasticSediment, SeaSurface, Sediment
 from mitsonar.scene.loading import prepare
 
 TABLE = "grazing, 30 kHz, 300 kHz\n8, -32, -28\n20, -26, -22\n45, -20, -18\n75, -14, -14\n90, -4, -9\n"
@@ -17,7 +18,7 @@ def materials(folder):
     from mitsonar.io import backscatter
 
     (folder / "measured.csv").write_text(TABLE, encoding="utf-8")
-    return {"lambert": ({"type": "lambert", "mu_db": -20.0}, LambertSeabed(mu_db=-20)),
+    return {**laws.materials(),
             "sediment": ({"type": "sediment", "sediment": "fine sand"}, Sediment.of("fine sand")),
             "elastic": ({"type": "elastic", "sediment": "cobble"}, ElasticSediment.of("cobble")),
             "empirical": ({"type": "empirical", "filename": str(folder / "measured.csv")},

@@ -6,6 +6,7 @@ over the transverse wavenumber, polar about the specular direction, where every 
 one (midpoint rule); the mean share of 400,000 draws against the integral of σ / sin θ_i to four standard errors and
 0.2 % for the integral.
 """
+import laws
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ import mitsuba as mi
 from mitsonar.scene.loading import prepare
 
 MATERIALS = {
-    "lambert": {"type": "lambert"},
+    **{name: material for name, (material, _) in laws.materials().items()},
     "sand": {"type": "sediment", "sediment": "medium sand"},
     "clay": {"type": "sediment", "sediment": "clay"},
     "gravel": {"type": "sediment", "sediment": "sandy gravel"},

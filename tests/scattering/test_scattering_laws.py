@@ -8,36 +8,10 @@ along the surface, polar about the specular one, ln r = ln r_end - v², which is
 """
 import numpy as np
 import pytest
+from laws import CASES, parameters_of
 
-from mitsonar.scattering import (
-    ELASTIC_SEDIMENTS,
-    LAWS,
-    SEDIMENTS,
-    ElasticSediment,
-    EmpiricalSeabed,
-    LambertSeabed,
-    SeaSurface,
-    Sediment,
-    backscatter_strength_db,
-    bistatic_strength_db,
-    lambert,
-)
+from mitsonar.scattering import LAWS, backscatter_strength_db, bistatic_strength_db, lambert
 
-MEASURED = dict(angles=np.radians([8, 20, 45, 75, 90]), frequencies=[30e3, 300e3],
-                strengths_db=[[-32, -28], [-26, -22], [-20, -18], [-14, -14], [-4, -9]])
-DEGREES = np.radians(np.arange(1, 91))
-CASES = {                          # law -> {name: object}
-    "lambert": {"strongest": LambertSeabed(mu_db=10 * np.log10(lambert.STRONGEST))},
-    "sediment": {**{name: Sediment.of(name) for name in SEDIMENTS},
-                 "resolved": Sediment.of("coarse sand", mesh_resolution=0.1),
-                 "shallow spectrum": Sediment.of("sand", gamma=2.6, w2=5e-7),
-                 "steep spectrum": Sediment.of("sand", gamma=3.8, w2=1e-3)},
-    "elastic": {name: ElasticSediment.of(name) for name in ELASTIC_SEDIMENTS},
-    "empirical": {"measured": EmpiricalSeabed(**MEASURED),
-                  "all that comes in": EmpiricalSeabed(angles=DEGREES, strengths_db=20 * np.log10(np.sin(DEGREES))
-                                                       - 4.98)},
-    "sea_surface": {f"{wind} m/s": SeaSurface(wind_speed=wind) for wind in (1, 5, 15)},
-}
 ALL = [pytest.param(law, id=f"{name}-{case}") for name, laws in CASES.items() for case, law in laws.items()]
 FREQUENCIES = 12e3, 30e3, 100e3, 300e3
 
@@ -107,13 +81,12 @@ def test_scatters_no_more_than_it_receives(law):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_by_name_is_by_object(name):
-    parameters = {"lambert": {"mu_db": -20}, "sediment": {"sediment": "fine sand"}, "elastic": {"sediment": "cobble"},
-                  "empirical": MEASURED, "sea_surface": {"wind_speed": 7.0}}[name]
-    one = LAWS[name].of(**{"name": parameters["sediment"]}) if "sediment" in parameters else LAWS[name](**parameters)
-    angles = np.radians([5, 30, 80])
-    np.testing.assert_array_equal(backscatter_strength_db(name, angles, 50e3, **parameters),
-                                  backscatter_strength_db(one, angles, 50e3))
-    assert bistatic_strength_db(one, angles[:, None], angles, 1.0, 50e3).shape == (3, 3)
+    case, one = next(iter(CASES[name].items()))
+    parameters = {"sediment": case} if hasattr(LAWS[name], "of") else parameters_of(one)
+    angles, frequency = np.radians([5, 30, 80]), next(holds_at(one))
+    np.testing.assert_array_equal(backscatter_strength_db(name, angles, frequency, **parameters),
+                                  backscatter_strength_db(one, angles, frequency))
+    assert bistatic_strength_db(one, angles[:, None], angles, 1.0, frequency).shape == (3, 3)
 
 
 def test_lambert_backscatter_in_decibels():
