@@ -52,13 +52,14 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray,
     column = np.zeros_like(shown)
     if "mean_level" in dataset:
         shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
-        if "seabed_depth" in dataset:
-            # one beside the bed's holds the skirts of its first return
-            water = grid.mean(dataset, _in_the_water) > WHOLLY
-            column = np.asarray(ndimage.binary_erosion(water, np.ones((1, 3))), bool)
+    if "seabed_depth" in dataset:
+        # one beside the bed's holds the skirts of its first return
+        water = grid.mean(dataset, _in_the_water) > WHOLLY
+        column = np.asarray(ndimage.binary_erosion(water, np.ones((1, 3))), bool)
     bed = shown & ~column
     limits = display_window(image[bed if bed.any() else shown if shown.any() else ...])
-    column_db = _column_gain(dataset, grid, image, column, limits) if column.any() and bed.any() else 0.0
+    raised = "mean_level" in dataset and column.any() and bed.any()
+    column_db = _column_gain(dataset, grid, image, column, limits) if raised else 0.0
     image[column] += column_db
     return image, limits, words, column_db
 

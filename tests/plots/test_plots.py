@@ -209,6 +209,15 @@ def test_a_water_column_of_noise_or_of_strong_echoes_gets_no_gain(level):
     assert shown_levels(dataset, grid.make_grid(dataset), "seabed")[3] == 0
 
 
+def test_black_and_white_are_the_beds_where_noise_fills_most_of_the_record():
+    """12 of 17 m are water, and no mean level tells noise from echoes; the bed alone has the same limits."""
+    whole = with_surface(52.0).drop_vars("mean_level").isel(range=slice(0, 68))
+    whole = grid.with_sides(whole.isel(side=1, drop=True))
+    bed = whole.isel(range=slice(49, None))
+    limits = [shown_levels(dataset, grid.make_grid(dataset), "seabed")[1] for dataset in (whole, bed)]
+    np.testing.assert_allclose(*limits, atol=1.0)
+
+
 def drawn(dataset, monkeypatch):
     """The figure that a preview saves."""
     figures = []
