@@ -1,8 +1,8 @@
 """pyright over the sources, with Mitsuba's stubs mended.
 
-Mitsuba's stubs declare a class of their own for each of Dr.Jit's arrays (Float, UInt32, Bool, ...), while its functions,
-points and vectors are declared to take and give Dr.Jit's: to a type checker the two have nothing to do with each other,
-though they are one class. The mended copy says so. By hand: ``python3 tests/inputs/typed_sources.py``.
+Mitsuba's stubs declare a class of their own for each of Dr.Jit's arrays (Float, UInt32, Bool, ...), while its
+functions, points and vectors are declared to take and give Dr.Jit's: to a type checker the two have nothing to do with
+each other, though they are one class. The mended copy says so. By hand: ``python3 tests/inputs/typed_sources.py``.
 """
 import importlib.util
 import json
