@@ -79,7 +79,7 @@ class Medium:
         """Two-way absorption [dB] along rays between depths z0 and z1 [m], Float (R,)."""
         if self._absorption is None:
             return dr.zeros(mi.Float, dr.width(arc_length))
-        return self._absorption(z0, z1, arc_length, ray_parameter)
+        return self._absorption.two_way_db(z0, z1, arc_length, ray_parameter)
 
     def at(self, depth: np.ndarray | float) -> SourceState:
         """What rays need to know of the depths (D,) [m] that they start from."""

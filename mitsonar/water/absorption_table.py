@@ -51,8 +51,6 @@ class Absorption:
         mean = dr.select(far, mean, 0.5 * (a[3] + b[3]))
         return 2 * mean * arc_length
 
-    __call__ = two_way_db
-
     def _at(self, z):
         place = held((z - self.top) * self.steps_per_metre, 0, ABSORPTION_STEPS - 0.001)
         index = self.lib.UInt32(place)
