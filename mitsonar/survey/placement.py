@@ -1,10 +1,17 @@
 """Where a sonar without a recorded track goes, and whether any track makes sense over the scene."""
+from __future__ import annotations
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import upload
-from mitsonar.sonar.track import Track
+from ..device.arrays import upload
+from ..device.types import Real
+from ..scene.geometry import Geometry
+from ..sonar.track import Track
+from ..tracing.tracer import registry_index
+
+__all__ = ["check", "check_local", "check_near", "lifted", "lines_up", "soundings"]
 
 SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
 SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
@@ -12,7 +19,7 @@ ASIDE, ROUNDING = 1e-3, 1e-6       # [m], of the coordinate: how far beside an e
 FAR = 10_000.0                     # [m] beyond which a track belongs to another place
 
 
-def soundings(geometry, x, y):
+def soundings(geometry: Geometry, x: Real, y: Real) -> np.ndarray:
     """Depth [m] of the lowest surface at points (x, y) [m], the seabed but for what is buried; NaN where there is none.
 
     Looked for from below, so that a ship above does not count; nor does the sea surface.
@@ -27,25 +34,24 @@ def soundings(geometry, x, y):
     return depth
 
 
-def _looked_up(geometry, x, y):
+def _looked_up(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Depth [m] of the surface that a vertical ray meets first from below; NaN where there is none."""
     below = geometry.depth_range[1] + 1.0
     point = (upload(mi.Float, np.ravel(v).astype(np.float32)) for v in (x, y))
     ray = mi.Ray3f(mi.Point3f(*point, dr.opaque(mi.Float, -below)), mi.Vector3f(0, 0, 1))
-    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
-    shape = dr.select(pi.instance != None, pi.instance, pi.shape)        # noqa: E711  element by element
-    row = dr.reinterpret_array(mi.UInt32, shape)
-    label = dr.gather(mi.UInt32, geometry.rows, 4 * row, pi.is_valid())
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
+    label = dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), pi.is_valid())
     seabed = pi.is_valid() & (label != geometry.surface_label)
     return np.where(seabed.numpy(), below - pi.t.numpy(), np.nan).reshape(x.shape)
 
 
-def _wet(geometry, x, y):
+def _wet(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Tell where points (x, y) [m] have seabed under water."""
     return np.nan_to_num(soundings(geometry, x, y), nan=-1.0) > 0
 
 
-def lines_up(geometry, *, heading, altitude, pings, interval, speed):
+def lines_up(geometry: Geometry, *, heading: float | None, altitude: float, pings: int, interval: float,
+             speed: float) -> Track:
     """Lay a straight track over the middle of the surveyed area, at a fixed altitude.
 
     Parameters
@@ -105,7 +111,7 @@ def lines_up(geometry, *, heading, altitude, pings, interval, speed):
     return _raised(track, altitude)
 
 
-def lifted(geometry, track, altitude):
+def lifted(geometry: Geometry, track: Track, altitude: float) -> Track:
     """Fly a track's x and y at an altitude [m] above the seabed, smoothed along its headings."""
     course = np.stack([np.sin(track.heading), np.cos(track.heading)], -1)
     seabed = _smoothed(geometry, track.position[:, :2], course)
@@ -119,7 +125,7 @@ def lifted(geometry, track, altitude):
                    altitude)
 
 
-def _raised(track, altitude):
+def _raised(track: Track, altitude: float) -> Track:
     z = track.position[:, 2]
     if np.any(z + altitude > 0):
         raise ValueError(f"altitude {altitude} m puts the sonar above the sea surface: the seabed is {-z.max():.1f} m "
@@ -128,7 +134,7 @@ def _raised(track, altitude):
                  pitch=track.pitch, heading=track.heading)
 
 
-def _smoothed(geometry, position, course):
+def _smoothed(geometry: Geometry, position: np.ndarray, course: np.ndarray) -> np.ndarray:
     """Mean seabed depth over ± SMOOTHING along the course at each position (P, 2); NaN where there is none at all."""
     offset = np.linspace(-SMOOTHING, SMOOTHING, 21)
     line = position[:, None] + offset[:, None] * np.broadcast_to(course, position.shape)[:, None]
@@ -137,7 +143,7 @@ def _smoothed(geometry, position, course):
     return np.where(found.any(1), np.where(found, depth, 0).sum(1) / np.maximum(found.sum(1), 1), np.nan)
 
 
-def check_near(geometry, position, crs):
+def check_near(geometry: Geometry, position: np.ndarray, crs: str) -> None:
     """Refuse positions (P, 2) [m], laid by their coordinates on Earth, of which none lies near the scene.
 
     Raises
@@ -154,7 +160,7 @@ def check_near(geometry, position, crs):
                          "hemisphere, and that latitude and longitude are not swapped")
 
 
-def check_local(geometry, position):
+def check_local(geometry: Geometry, position: np.ndarray) -> None:
     """Refuse positions (P, 2) [m] in the scene's own coordinates of which none lies near it, such as eastings.
 
     Parameters
@@ -179,13 +185,13 @@ def check_local(geometry, position):
                      f"of the scene; {remedy}")
 
 
-def _away(geometry, position):
+def _away(geometry: Geometry, position: np.ndarray) -> np.ndarray:
     """Distance [m] of positions (P, 2) from the scene's bounds, seen from above."""
     low, high = (np.asarray(corner, float) for corner in geometry.horizontal_bounds)
     return np.hypot(*np.maximum(np.maximum(low - position, position - high), 0).T)
 
 
-def check(geometry, track):
+def check(geometry: Geometry, track: Track) -> np.ndarray:
     """Depth of seabed below the sonar at every ping [m], (P,).
 
     Raises
@@ -213,8 +219,9 @@ def check(geometry, track):
     return below
 
 
-def _below(geometry, position):
+def _below(geometry: Geometry, position: np.ndarray) -> np.ndarray:
+    """Depth [m] below positions (P, 3) of what a vertical ray down meets first; NaN where there is nothing."""
     x, y, z = (upload(mi.Float, column.astype(np.float32)) for column in position.T)
     ray = mi.Ray3f(mi.Point3f(x, y, z), mi.Vector3f(0, 0, -1))
-    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=True)
+    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
     return np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)

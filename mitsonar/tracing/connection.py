@@ -7,6 +7,7 @@ there, or at any point of the water; that may be by way of a flat surface that m
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
@@ -138,7 +139,8 @@ class Connector:
         if not occlusion:
             return way
         lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
-        begin = mi.Point3f(start) + dr.copysign(lift, dr.dot(start_normal, way.launch_direction)) * start_normal
+        aside = cast(mi.Float, dr.copysign(lift, dr.dot(start_normal, way.launch_direction)))
+        begin = mi.Point3f(start) + mi.Point3f(aside * start_normal)
         finish, nearer = _end(way, end, end_normal, heading, short)
         blocked = along_arcs(self.geometry.scene, table, self.lib, begin, heading, z0, sine, way.ray_parameter, finish,
                              x + nearer, dr.opaque(self.lib.Float64, 8 * TOLERANCE), folded,
@@ -160,13 +162,13 @@ class Connector:
         _, c0, _ = state.gather(self.lib, source)
         cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
         square = dr.maximum(1 - dr.square(p * c0), 0)
-        sine0 = dr.copysign(dr.sqrt(mi.Float(square)), mi.Float(ray.launch_sine))
+        sine0 = cast(mi.Float, dr.copysign(dr.sqrt(mi.Float(square)), mi.Float(ray.launch_sine)))
         exists = ray.found & dr.isfinite(time) & dr.isfinite(area)
         way = Connection(exists=exists, free=exists, horizontal_range=x, travel_time=time, arc_length=ray.arc_length,
                          spreading_area=area, ray_parameter=p, sound_speed=c,
                          launch_direction=mi.Vector3f(heading.x * cosine0, heading.y * cosine0, -sine0),
                          arrival_direction=mi.Vector3f(heading.x * cosine, heading.y * cosine, -ray.arrival_sine))
-        return way, (cosine0, dr.copysign(dr.sqrt(square), ray.launch_sine))
+        return way, (cosine0, cast(mi.Float64, dr.copysign(dr.sqrt(square), ray.launch_sine)))
 
 
 def _seen_from(origin, point):
@@ -182,5 +184,5 @@ def _end(way, point, normal, heading, short):
     """Where a way ends in front of its point's surface, and how much nearer that is in horizontal range [m], <= 0."""
     lift = LIFT + LIFT_PER_RANGE * mi.Float(way.horizontal_range)
     arrival = way.arrival_direction
-    back = dr.copysign(lift, -dr.dot(normal, arrival)) * normal - short * arrival
+    back = cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival))) * normal - short * arrival
     return mi.Point3f(point) + back, dr.minimum(heading.x * back.x + heading.y * back.y, 0)

@@ -5,9 +5,12 @@ chord.
 """
 from __future__ import annotations
 
+from typing import cast
+
 import drjit as dr
 import mitsuba as mi
 
+from ..device.types import Float64
 from ..propagation.ray_fans import arc_step, first_layer
 from ..propagation.two_point import arc_length, arc_time
 from .hits import Hits
@@ -53,12 +56,13 @@ class FreeRays:
         scale = dr.rcp(dr.maximum(across, 1e-9))
         heading = mi.Vector2f(dr.select(across < 1e-9, 1, direction.x * scale), direction.y * scale)
         sine = lib.Float64(-direction.z)
-        sine = dr.select(abs(sine) < LEVELLEST, dr.copysign(lib.Float64(LEVELLEST), sine), sine)
+        leaning = cast(Float64, dr.copysign(lib.Float64(LEVELLEST), sine))
+        sine = dr.select(abs(sine) < LEVELLEST, leaning, sine)
         cosine = dr.sqrt(dr.maximum(1 - sine * sine, 0))
         z = -start.z
         c = table.at(z)[0]
         p = cosine / c
-        lifted = mi.Point3f(start) + LIFT * normal
+        lifted = mi.Point3f(start) + mi.Point3f(LIFT * normal)
         limits = [dr.opaque(lib.Float64, v) for v in (
             8 * TOLERANCE, self.tracer.max_range, geometry.depth_range[1] + 1.0)]
         valid, pi, chord, time, arc = _followed(geometry.scene, table, lib, lifted, heading, z, sine, p, limits,

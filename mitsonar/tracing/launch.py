@@ -100,14 +100,15 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
     fine = np.linspace(-min(core, 1), min(core, 1), 8193)
     edges = np.union1d(fine, np.linspace(-1, 1, 1025))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    beam = sum(_normalised(sonar.along_intensity(middle, middle + shift), edges) for shift in shifts) / len(shifts)
+    beams = (_normalised(sonar.along_intensity(middle, middle + shift), edges) for shift in shifts)
+    beam = sum(beams, np.zeros(middle.shape)) / len(shifts)
     if len(shifts) > 1:
         lit = _normalised(sonar.transmit.along(middle, sonar.wavelength) ** 2, edges)
         beam = (1 - LIT_SHARE) * beam + LIT_SHARE * lit
     return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
 
 
-def _normalised(density, edges):
+def _normalised(density: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return density / np.sum(density * np.diff(edges))
 
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..propagation.ray_fans import arc_step, first_layer
+from ..device.types import ArrayTypes
+from ..propagation.layer_table import LayerTable
+from ..propagation.ray_fans import RayFans, arc_step, first_layer
 
 __all__ = ["LIFT", "LIFT_PER_RANGE", "TOLERANCE", "along_arcs", "along_fan", "segment"]
 
@@ -19,13 +21,14 @@ LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of
 
 def segment(start: mi.Point3f, stop: mi.Point3f, beyond: float = 0.0) -> tuple[mi.Ray3f, mi.Bool]:
     """Give the ray along a chord, of unit direction, and on `beyond` its end [m]; and whether it has any length."""
-    way = stop - start
+    way = mi.Vector3f(stop - start)
     length = dr.norm(way)
     return mi.Ray3f(mi.Ray3f(start, way / dr.maximum(length, 1e-9)), length + beyond), length > 1e-6
 
 
 @dr.syntax
-def along_fan(scene, ray_fans, origin, source, launch_angle, heading, end, reach, active):
+def along_fan(scene: mi.Scene, ray_fans: RayFans, origin: mi.Point3f, source: mi.UInt32, launch_angle: mi.Float,
+              heading: mi.Vector2f, end: mi.Point3f, reach: mi.Float, active: mi.Bool) -> mi.Bool:
     """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
     row, off = ray_fans.row(source, launch_angle)
     base = row * ray_fans.stride
@@ -44,12 +47,12 @@ def along_fan(scene, ray_fans, origin, source, launch_angle, heading, end, reach
         start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
         stop = mi.Point3f(dr.fma(r1, heading.x, origin.x), dr.fma(r1, heading.y, origin.y), -z1)
         stop = dr.select(last, end, stop)
-        way = stop - start
+        way = mi.Vector3f(stop - start)
         length = dr.norm(way)
         # of unit direction: Mitsuba's spheres and cylinders misplace hits of others; and backwards, for of those that
         # are far from where a ray starts they do not know the edge, and a point on one is in its own shadow or not
         ray = mi.Ray3f(mi.Ray3f(stop, -way / dr.maximum(length, 1e-9)), length)
-        met = scene.ray_test(ray, coherent=True, active=active & (length > 1e-6))
+        met = scene.ray_test(ray, coherent=mi.Bool(True), active=active & (length > 1e-6))
         blocked |= met & active
         active = active & ~blocked & ~last
         r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
@@ -58,7 +61,9 @@ def along_fan(scene, ray_fans, origin, source, launch_angle, heading, end, reach
 
 
 @dr.syntax
-def along_arcs(scene, table, lib, start, heading, z, s, p, end, reach, longest, folded, only_meshes, active):
+def along_arcs(scene: mi.Scene, table: LayerTable, lib: ArrayTypes, start: mi.Point3f, heading: mi.Vector2f,
+               z: mi.Float64, s: mi.Float64, p: mi.Float64, end: mi.Point3f, reach: mi.Float64, longest: mi.Float64,
+               folded: bool, only_meshes: bool, active: mi.Bool) -> mi.Bool:
     """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
     F = lib.Float64
     # -------------------------------------------------- loop state
@@ -81,15 +86,15 @@ def along_arcs(scene, table, lib, start, heading, z, s, p, end, reach, longest, 
         stop = dr.select(last, end, there)
         if dr.hint(only_meshes, mode="scalar"):
             ray, long_enough = segment(here, stop)
-            blocked |= scene.ray_test(ray, coherent=False, active=active & long_enough) & active & long_enough
+            blocked |= scene.ray_test(ray, coherent=mi.Bool(False), active=active & long_enough) & active & long_enough
         else:
             # from both ends: of spheres and cylinders far from where a ray starts they do not know the edge, and a
             # point on one is in its own shadow or not
             middle = 0.5 * (here + stop)
             ray, long_enough = segment(here, middle)
-            blocked |= scene.ray_test(ray, coherent=False, active=active & long_enough) & active & long_enough
+            blocked |= scene.ray_test(ray, coherent=mi.Bool(False), active=active & long_enough) & active & long_enough
             ray, long_enough = segment(stop, middle)
-            blocked |= scene.ray_test(ray, coherent=False, active=active & long_enough) & active & long_enough
+            blocked |= scene.ray_test(ray, coherent=mi.Bool(False), active=active & long_enough) & active & long_enough
         active = active & ~blocked & ~last
         here = stop
         z, s, k = F(z2), F(s2), k2

@@ -7,6 +7,8 @@ and the exact eigenray to that point gives time, spreading and angles (`propagat
 
 from __future__ import annotations
 
+from typing import cast
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -20,7 +22,7 @@ from ..scene.labels import OBJECT, SEABED
 from .hits import Hits
 from .water import DeviceWater
 
-__all__ = ["Sources", "Tracer"]
+__all__ = ["Sources", "Tracer", "registry_index"]
 
 # [m] chord against arc: where neighbouring rows of a ray fan have other chords the hits of random rays leap by as much,
 # over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
@@ -139,7 +141,7 @@ class Tracer:
                 heading: mi.Vector2f, valid: mi.Bool) -> tuple:
         """Hit point in float64, facet normal, texture coordinates, label and shape of intersections with chords."""
         geometry, wide = self.geometry, self.lib.Array3f64
-        row = dr.reinterpret_array(mi.UInt32, _solid(pi))
+        row = registry_index(pi)
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
         mesh = valid
         if not geometry.only_meshes:
@@ -171,14 +173,15 @@ class Tracer:
         return point, normal, uv, face[3], pi.shape
 
 
-def _solid(pi):
-    """The shape a label belongs to: of an instance, the instance."""
-    return dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
+def registry_index(pi: mi.PreliminaryIntersection3f) -> mi.UInt32:
+    """Give the row of `Geometry.rows` and `Geometry.kinds` of what was hit: of an instance, the instance's."""
+    solid = dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
+    return cast(mi.UInt32, dr.reinterpret_array(mi.UInt32, solid))
 
 
 def _kind(kinds, pi, active):
     """Kind of what was hit."""
-    return dr.gather(mi.UInt32, kinds, dr.reinterpret_array(mi.UInt32, _solid(pi)), active)
+    return dr.gather(mi.UInt32, kinds, registry_index(pi), active)
 
 
 def _angles(direction):
