@@ -7,16 +7,48 @@
 
 To add one, write its file and a line here; its sensor plugin says which kind it is.
 """
-from types import ModuleType
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
 
 from . import array, sidescan
+from .array_survey import ArraySurvey
+from .sensor import RunSettings
+from .survey import Survey
 
-__all__ = ["KINDS", "kind_of"]
-
-KINDS: dict[str, ModuleType] = {"sidescan": sidescan, "array": array}
+__all__ = ["KINDS", "Kind", "kind_of"]
 
 
-def kind_of(sensor: object) -> ModuleType:
+class Kind(Protocol):
+    """What the file of a kind of sonar has; sensor and survey are the kind's own."""
+
+    def plan(self, scene: mi.Scene, sensor: Any, settings: RunSettings) -> Survey:
+        """Plan a run whose record is to become a picture."""
+        ...
+
+    def picture(self, survey: Any, sensor: Any, seed: int, progress: Callable[[float, float], None] | None = None,
+                say: Callable[[str], None] | None = None) -> xr.Dataset:
+        """Render the picture."""
+        ...
+
+    def plan_elements(self, scene: mi.Scene, sensor: Any, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+        """Plan a run whose record is the elements' signals."""
+        ...
+
+    def rows(self, level: np.ndarray) -> np.ndarray:
+        """Give the levels of an image as rows of one picture."""
+        ...
+
+
+KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array}
+
+
+def kind_of(sensor: Any) -> Kind:
     """Give the kind of sonar that a sensor is.
 
     Raises

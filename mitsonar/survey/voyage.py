@@ -208,12 +208,14 @@ class Route:
         if self.origin is not None:
             raise ValueError("origin is given, but the bathymetry of the scene says already where it lies; leave it "
                              "out")
-        if not (self.record.geographic or self.georeferenced):
+        geographic = self.record is not None and self.record.geographic
+        if not (geographic or self.georeferenced):
             return None
         if geometry.local_origin is None:
             raise ValueError("georeferenced is true, but no bathymetry of the scene has a geographic origin; "
                              "set it false, or use a bathymetry with a coordinate system")
-        return Frame(crs=geometry.crs or "", origin=tuple(float(value) for value in geometry.local_origin[:2]))
+        easting, northing = geometry.local_origin[:2]
+        return Frame(crs=geometry.crs or "", origin=(float(easting), float(northing)))
 
 
 def _at_height(track, z):
