@@ -19,7 +19,7 @@ import numpy as np
 
 from ..device.arrays import upload
 from ..device.lookups import held
-from ..device.types import Float
+from ..device.types import Float, Vector
 from ..echoes.element_beams import ElementBeams
 from ..sonar.array import Array
 from .places import Place
@@ -66,8 +66,8 @@ class ArrayBeams:
         spread = np.sinc(share * np.arange(-REACH, REACH + 1)) ** 2
         self._spread = spread / spread.sum()
 
-    def receive(self, place: Place, ping: mi.UInt32, sent: mi.Vector3f,
-                towards: mi.Vector3f) -> tuple[mi.UInt32, mi.Float]:
+    def receive(self, place: Place, ping: mi.UInt32, sent: Vector,
+                towards: Vector) -> tuple[mi.UInt32, mi.Float]:
         """Give the beam that receives echoes, and its two-way intensity.
 
         Parameters

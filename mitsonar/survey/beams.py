@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.chance import Salt, ping_key
+from ..device.types import Vector
 from ..echoes.paths import Paths
 from ..tracing.aimed_launch import DrawnRays
 from .array_beams import ArrayBeams
@@ -82,7 +83,7 @@ class Beams:
                                                          float(place.depth_below_of[0]), key)
             yield Rays(ping=ping, direction=direction, solid_angle=solid_angle * self._share)
 
-    def response(self, place: Place, rays: Rays, towards: mi.Vector3f) -> RowResponse:
+    def response(self, place: Place, rays: Rays, towards: Vector) -> RowResponse:
         """Give which beam receives echoes of rays: that whose direction is the nearest."""
         row, pattern = self._beams.receive(place, rays.ping, rays.direction, towards)
         return RowResponse(row=row, pattern=pattern, in_beam=mi.Bool(True), active=pattern > 0)

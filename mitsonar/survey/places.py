@@ -9,7 +9,7 @@ import numpy as np
 
 from ..device.arrays import arrays_of, upload
 from ..device.chance import row_keys
-from ..device.types import DrJitArray, UInt32
+from ..device.types import DrJitArray, UInt32, Vector
 from ..tracing.tracer import Sources, Tracer
 from .survey import Survey
 from .underway import Motion, Reception, Underway
@@ -108,7 +108,7 @@ class Place:
         depth, speed, _ = self.sources.state.gather(self._lib, cast(UInt32, self.source(ping)))
         return mi.Float(depth), mi.Float(speed)
 
-    def body(self, ping: mi.UInt32, direction: mi.Vector3f) -> mi.Vector3f:
+    def body(self, ping: mi.UInt32, direction: Vector) -> mi.Vector3f:
         """Turn scene directions into body directions."""
         rows = [dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
         return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
@@ -118,7 +118,7 @@ class Place:
         x, y, z = (dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
         return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
 
-    def receive(self, ping: mi.UInt32, towards: mi.Vector3f, offset: dr.ArrayBase, delay: mi.Float64) -> Reception:
+    def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> Reception:
         """Give how echoes are received from points `offset` [m] away.
 
         `delay` [s] is the two-way time, and `towards` where the return leg comes from, of a sonar that stands still.

@@ -12,6 +12,7 @@ from typing import Protocol, TypeVar
 import mitsuba as mi
 import numpy as np
 
+from ..device.types import Vector
 from ..echoes.energy_sums import EchoSums
 from ..echoes.paths import Paths
 from ..imaging.energy_record import CoherentSums
@@ -120,7 +121,7 @@ class Rows(Protocol[RaysOf]):
         """
         ...
 
-    def response(self, place: Place, rays: RaysOf, towards: mi.Vector3f) -> RowResponse:
+    def response(self, place: Place, rays: RaysOf, towards: Vector) -> RowResponse:
         """Give how echoes are received that come back from `towards`, the way their rays went."""
         ...
 

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.chance import Salt
+from ..device.types import Vector
 from ..echoes.energy_sums import sum_size
 from ..echoes.origin_sums import WORDS
 from ..imaging.sidescan import mean_intensity, pulse_shares
@@ -102,7 +103,7 @@ class Sides:
         dr.scatter_add(need, share, cell, inside)
         return need.numpy()[:place.rows * CELLS].reshape(place.rows, CELLS) / 2.0 ** 32
 
-    def response(self, place: Place, rays: SideRays, towards: mi.Vector3f) -> RowResponse:
+    def response(self, place: Place, rays: SideRays, towards: Vector) -> RowResponse:
         """Give how the side that sent a ray receives its echo: nothing comes from the other side of the body."""
         u, v, same_side = rays.u, rays.v, mi.Bool(True)
         if not place.still:

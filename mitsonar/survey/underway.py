@@ -22,6 +22,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..device.types import Vector
 from ..sonar.trajectory import NEGLIGIBLE, PingTravel
 
 __all__ = ["Motion", "Reception", "Underway"]
@@ -46,7 +47,7 @@ class Reception:
     """
 
     delay: mi.Float64
-    towards: mi.Vector3f
+    towards: Vector
 
 
 class Underway:
@@ -142,7 +143,7 @@ class Motion:
         self._table = upload(mi.Float, rows.astype(np.float32))
         dr.eval(self._table)
 
-    def receive(self, ping: mi.UInt32, towards: mi.Vector3f, distance: mi.Float, delay: mi.Float64,
+    def receive(self, ping: mi.UInt32, towards: Vector, distance: mi.Float, delay: mi.Float64,
                 sound_speed: mi.Float) -> Reception:
         """Give when and from where echoes come back.
 
@@ -188,7 +189,7 @@ class Motion:
         return value
 
 
-def _turned_back(v: mi.Vector3f, rho: mi.Vector3f) -> mi.Vector3f:
+def _turned_back(v: Vector, rho: mi.Vector3f) -> Vector:
     """Vectors turned by -|ρ| about ρ."""
     angle = dr.maximum(dr.norm(rho), 1e-6)
     sine, cosine = dr.sincos(0.5 * angle)
