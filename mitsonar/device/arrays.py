@@ -12,7 +12,7 @@ import numpy as np
 
 from .types import ArrayTypes, Bool, DrJitArray, UInt32
 
-__all__ = ["arrays_of", "looped", "picked", "upload"]
+__all__ = ["arrays_of", "compressed", "looped", "picked", "reinterpreted", "upload"]
 
 Kept = TypeVar("Kept")              # the type of array that goes in comes out
 ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once
@@ -23,6 +23,11 @@ def arrays_of(array: DrJitArray | type) -> ArrayTypes:
     kind = array if isinstance(array, type) else type(array)
     module = next(base.__module__ for base in kind.__mro__ if base.__module__.startswith("drjit."))
     return cast(ArrayTypes, importlib.import_module(module))
+
+
+def compressed(mask: Bool) -> UInt32:
+    """Give the numbers of the entries that are true: `drjit.compress`, which is declared to give any object."""
+    return cast(UInt32, dr.compress(mask))
 
 
 def looped(state: tuple, condition: Callable[..., Bool], body: Callable[..., tuple], label: str | None = None) -> tuple:
@@ -36,6 +41,11 @@ def looped(state: tuple, condition: Callable[..., Bool], body: Callable[..., tup
 def picked(value: Kept, index: UInt32) -> Kept:
     """Give the values at these indices; an array of one value gives it for every index."""
     return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
+
+
+def reinterpreted(kind: type[Kept], array: DrJitArray) -> Kept:
+    """Give the same bits as another type: `drjit.reinterpret_array`, which is declared to give any object."""
+    return cast(Any, dr.reinterpret_array)(kind, array)
 
 
 def upload(kind: type[Kept], values: np.ndarray) -> Kept:

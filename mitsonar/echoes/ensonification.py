@@ -17,7 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
+from ..device.arrays import arrays_of, compressed, upload
 from ..scene.materials import scattering_strength
 from ..tracing.aimed_launch import DrawnRays
 from ..tracing.connection import Connector
@@ -176,7 +176,7 @@ class Ensonification:
             point = self.scatterers.at(facet, s).point
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
             distance = mi.Float(dr.norm(point - origin))
-            index = dr.compress(self.beams.bound(direction, distance, rotation) > NEGLIGIBLE)
+            index = compressed(self.beams.bound(direction, distance, rotation) > NEGLIGIBLE)
             if not dr.width(index):
                 return
             facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
@@ -205,7 +205,7 @@ class Ensonification:
     def points(self, sources: Sources, origin: dr.ArrayBase) -> Iterator[tuple[mi.UInt32, Echoes]]:
         """Yield the labels and the echoes of the point targets that are seen straight."""
         for echoes, free in self._of_targets(sources, origin, mirrored=False):
-            label = self.scatterers.targets.label(dr.compress(free))
+            label = self.scatterers.targets.label(compressed(free))
             for some in echoes.where(free):
                 yield label, some
 

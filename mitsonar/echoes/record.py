@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import cast
 
 import drjit as dr
 
+from ..device.arrays import compressed
 from ..device.types import Bool, Float, Float64, UInt32, Vector, Vector64
 from ..tracing.connection import Connection
 from ..tracing.hits import Hits
@@ -116,7 +116,7 @@ class Echoes:
         """Yield the echoes that are `active`, in one block, computed; nothing where there are none."""
         self.evaluated()
         dr.eval(active)
-        index = cast(UInt32, dr.compress(active))
+        index = compressed(active)
         if dr.width(index):
             yield self.chosen(index).evaluated()
 

@@ -12,7 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
+from ..device.arrays import arrays_of, reinterpreted, upload
 from ..device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
 from ..scene.geometry import Geometry
 from ..scene.tessellation import Grids, grid_of
@@ -192,7 +192,7 @@ class Scatterers:
 
     def of(self, hits: Hits) -> tuple[mi.UInt32, mi.UInt32]:
         """Facet and s of the cell that each of some `Hits` lies in, UInt32 (R,)."""
-        registry = dr.reinterpret_array(mi.UInt32, hits.shape)
+        registry = reinterpreted(mi.UInt32, hits.shape)
         row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
         facet, is_quad = row[0] + hits.primitive, row[1] != 0
         if self.geometry.others:
@@ -207,7 +207,7 @@ class Scatterers:
         u, v = dr.clip(u, 0, 1), dr.clip(v, 0, 1)
         return facet, cell_of(self.lib, u, v, n)
 
-    def _corners(self, facet, active=True):
+    def _corners(self, facet, active: mi.Bool | bool = True):
         lib = self.lib
         row = dr.gather(lib.Array4u, self._faces, facet, active)
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
@@ -227,7 +227,7 @@ class Scatterers:
         cuts = mi.Float(n)
         return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
                      amplitude=gaussian(lib, third, fourth), primitive=facts[1],
-                     shape=dr.reinterpret_array(mi.ShapePtr, facts[0]),
+                     shape=reinterpreted(mi.ShapePtr, facts[0]),
                      uv=self._uv(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
 
     def _uv(self, facet, mapped, u, v):

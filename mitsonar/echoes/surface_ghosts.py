@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of
+from ..device.arrays import arrays_of, compressed
 from ..device.chance import Salt, gaussian, hashed_pair, pair, salted, uniform
 from ..scene.materials import bistatic_strength
 from ..tracing.connection import Connection
@@ -99,7 +99,7 @@ class ArrayGhosts:
             # once for all names, and no kernel of its own for any of them
             dr.eval(energy, active, path, ghosts)
             for name in self.paths.names:
-                some = dr.compress(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
+                some = compressed(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
                 if dr.width(some):
                     power = dr.gather(mi.Float, energy, some)
                     bits = hashed_pair(self.lib, some, row_key, dr.opaque(mi.UInt32, number))

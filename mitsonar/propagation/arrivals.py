@@ -5,12 +5,11 @@ For all other points, and where aiming finds none, the reference (`eigenrays`) t
 these are none, or the few at the edge of a shadow.
 """
 from dataclasses import dataclass
-from typing import cast
 
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import picked, upload
+from ..device.arrays import compressed, picked, upload
 from ..device.types import ArrayTypes, Bool, Float, Float64, UInt32
 from ..water import SoundSpeedProfile
 from .aiming import CLOSE_ENOUGH, aim
@@ -76,7 +75,7 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
     state = {"found": found, "travel_time": time, "arc_length": arc, "spreading_area": area, "ray_parameter": p,
              "launch_sine": sine0, "arrival_sine": sine, "sound_speed": c}
     dr.eval(state, unsure)
-    some = cast(UInt32, dr.compress(unsure))
+    some = compressed(unsure)
     if dr.width(some):
         count = max(map(dr.width, (unsure, *state.values())))
         index = dr.arange(lib.UInt32, count)

@@ -12,8 +12,8 @@ from typing import cast
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import picked, upload
-from ..device.types import ArrayTypes, Bool, Float64, Numbers, Triple, UInt32, Vector64
+from ..device.arrays import compressed, picked, upload
+from ..device.types import ArrayTypes, Bool, Float64, Numbers, Triple, Vector64
 from .aiming import CLOSE_ENOUGH, aim
 from .eigenrays import eigenray
 from .layer_table import LayerTable
@@ -56,7 +56,7 @@ def exact_return(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, disp
     """
     time, towards, unsure = _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first)
     dr.eval(time, towards, unsure)
-    some = cast(UInt32, dr.compress(unsure))
+    some = compressed(unsure)
     if dr.width(some):
         place = type(displacement)(*(picked(axis, some) for axis in displacement))
         first = dr.select(dr.isfinite(time), time, first)

@@ -19,7 +19,7 @@ import numpy as np
 from ..device.arrays import arrays_of, upload
 
 if TYPE_CHECKING:
-    from ..device.types import Array3f64
+    from ..device.types import Vector64
 
 __all__ = ["FINEST_SAGITTA", "Grid", "Grids", "grid_of"]
 
@@ -140,7 +140,7 @@ class Grids:
         self._table, self._to_object = upload(mi.UInt32, table), upload(mi.Float64, to_object)
         dr.eval(self._table, self._to_object)
 
-    def first_of(self, registry: mi.UInt32, point: Array3f64, active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
+    def first_of(self, registry: mi.UInt32, point: Vector64, active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """First facet of the quad that points (R,), Array3f64, lie in, and whether their shape has a grid."""
         lib = self.lib
         row = dr.gather(lib.Array4u, self._table, registry, active)

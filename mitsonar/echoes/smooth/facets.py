@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ...device.arrays import arrays_of, upload
+from ...device.arrays import arrays_of, reinterpreted, upload
 from ...scene.geometry import Geometry
 from ...scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 from ..cells import place
@@ -99,7 +99,7 @@ class SmoothFacets:
                 corner, normal = grid.vertices[grid.faces], grid.normals[grid.faces]
                 grids.append((index, grid, first))
             else:
-                if vertices is None:
+                if vertices is None or faces is None:
                     vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
                     faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
                 corner, normal = vertices[faces[some]], _vertex_normals(shape)
@@ -197,7 +197,7 @@ class SmoothFacets:
     def facts(self, facet: mi.UInt32) -> tuple[mi.ShapePtr, mi.UInt32, mi.UInt32]:
         """Shape, primitive and label of facets."""
         row = dr.gather(self.lib.Array4u, self._facts, facet)
-        return dr.reinterpret_array(mi.ShapePtr, row[0]), row[1], row[2]
+        return reinterpreted(mi.ShapePtr, row[0]), row[1], row[2]
 
     def normals_at(self, facet: mi.UInt32, point: dr.ArrayBase, offsets: Sequence[mi.Vector3f]) -> list[mi.Vector3f]:
         """Normals of the surface that facets stand for, Vector3f (R,), at `point` + each of `offsets` [m].
@@ -210,7 +210,7 @@ class SmoothFacets:
     def of(self, shape: mi.ShapePtr, primitive: mi.UInt32, point: dr.ArrayBase,
            active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Facet of hits, and whether what they hit is smooth."""
-        registry = dr.reinterpret_array(mi.UInt32, shape)
+        registry = reinterpreted(mi.UInt32, shape)
         active = active & (registry < self._registry)
         row = dr.gather(self.lib.Array4u, self._rows, registry, active)
         smooth = active & (row[1] != 0)
@@ -269,7 +269,7 @@ def warn_where_too_coarse(geometry: Geometry, wavelength: float) -> None:
     for _, shape, first, count in geometry.meshes:
         if not getattr(shape.bsdf(), "smooth", False):
             continue
-        if vertices is None:
+        if vertices is None or faces is None:
             vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
             faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
         corner = vertices[faces[first:first + count]]

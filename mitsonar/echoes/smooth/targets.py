@@ -21,12 +21,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of, upload
+from ...device.arrays import arrays_of, compressed, upload
 from ...scattering.facets import phase_mean
 from ...scene.materials import reflection
 from ...tracing.hits import Hits
@@ -79,7 +80,7 @@ class _Tube:
         return _Tube(**{name: _picked(value, index) for name, value in vars(self).items()})
 
 
-def _picked(value, index):
+def _picked(value: Any, index: mi.UInt32) -> Any:
     if isinstance(value, (list, tuple)):
         return type(value)(_picked(part, index) for part in value)
     return value.chosen(index) if isinstance(value, Leg) else dr.gather(type(value), value, index)
@@ -176,7 +177,7 @@ class SmoothTargets:
         """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
-            edge, seen = np.inf, np.ones(len(facets), bool)
+            edge, seen = np.full(len(facets), np.inf), np.ones(len(facets), bool)
             for folded in views:
                 image = np.array([1, 1, -1 if folded else 1])
                 there, visible = self.edges(origin * image)
@@ -306,16 +307,16 @@ class SmoothTargets:
         flat, towards = self.facets.flat_normal(tube.facet), tube.directions[0]
         side = dr.select(dr.dot(flat, towards) > 0, -flat, flat)
         active = tube.active & (dr.dot(side, directions[0]) > FLATTEST)
-        ray = mi.Ray3f(mi.Ray3f(mi.Point3f(tube.point) + LIFT * side, directions[0]),
+        ray = mi.Ray3f(mi.Ray3f(mi.Point3f(mi.Vector3f(tube.point) + LIFT * side), directions[0]),
                        dr.opaque(mi.Float, self.farthest))
-        met = self.geometry.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        met = self.geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(False), active=active)
         active &= met.is_valid() & (met.instance == None)    # noqa: E711  (element-wise)
         wide = self.lib.Array3f64
         facet, smooth = self.facets.of(met.shape, met.prim_index, wide(ray.o) + wide(ray.d) * self.lib.Float64(met.t),
                                        active)
         active &= smooth
         dr.eval(active, facet, directions)
-        index = dr.compress(active)
+        index = compressed(active)
         if not dr.width(index):
             return None
         tube, facet = tube.chosen(index), dr.gather(mi.UInt32, facet, index)
@@ -364,7 +365,7 @@ def _sent(place, label, out, back, between, amplitude, path, active):
                     path=path).evaluated()
     active &= dr.isfinite(energy)
     dr.eval(active, label, place)
-    index = dr.compress(active)
+    index = compressed(active)
     if dr.width(index):
         yield (dr.gather(mi.UInt32, place, index), dr.gather(mi.UInt32, label, index),
                echoes.chosen(index).evaluated())
