@@ -18,15 +18,15 @@ from __future__ import annotations
 
 import zlib
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, overload
 
 import drjit as dr
 import numpy as np
 
+from .types import DrJitArray, Float, Float64, UInt32
+
 __all__ = ["Salt", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "ping_key", "row_keys", "salted",
            "seeded", "shape_key", "stratified", "uniform", "uniform_inside"]
-
-UInt32 = TypeVar("UInt32", bound=dr.ArrayBase)
 
 WORD = 0xFFFFFFFF
 SEED_FACTOR, PING_FACTOR, NUMBER_FACTOR = 0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35     # odd: each number has its own key
@@ -86,6 +86,12 @@ def seeded(row_key: UInt32, seed: int, salt: int) -> UInt32:
     return row_key ^ dr.opaque(type(row_key), (int(seed) * SEED_FACTOR + salt) & WORD)
 
 
+@overload
+def salted(key: int, salt: int, number: int = 0) -> int: ...
+@overload
+def salted(key: UInt32, salt: int, number: int = 0) -> UInt32: ...
+
+
 def salted(key: UInt32 | int, salt: int, number: int = 0) -> UInt32 | int:
     """Give the key of another use; `number` tells apart repetitions of that use, as the bounces of a path."""
     if isinstance(key, int):
@@ -95,7 +101,7 @@ def salted(key: UInt32 | int, salt: int, number: int = 0) -> UInt32 | int:
 
 # ---- hashes
 
-def hashed(lib: ModuleType, *parts: dr.ArrayBase) -> dr.ArrayBase:
+def hashed(lib: ModuleType, *parts: UInt32) -> UInt32:
     """Mix UInt32 arrays into one UInt32, by rounds of multiplying and shifting: each bit in stirs every bit out."""
     U = lib.UInt32
     state = U(HASH_STEP)
@@ -107,19 +113,19 @@ def hashed(lib: ModuleType, *parts: dr.ArrayBase) -> dr.ArrayBase:
     return state
 
 
-def hashed_pair(lib: ModuleType, *parts: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase]:
+def hashed_pair(lib: ModuleType, *parts: UInt32) -> tuple[UInt32, UInt32]:
     """Mix UInt32 arrays into two independent UInt32."""
     first = hashed(lib, *parts)
     return first, hashed(lib, first)
 
 
-def pair(index: UInt32, key: UInt32) -> tuple[UInt32, UInt32]:
+def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
     """Give two UInt32 of 32 random bits for numbers under a key, by 4 rounds of TEA.
 
     Four rounds leave the first word of consecutive numbers uneven by up to 1.2 % of its distribution, and both words
     correlated by up to 2 %: enough within strata, not for statistics of their own.
     """
-    U = type(key) if dr.is_array_v(key) else type(index)
+    U: Any = type(key) if dr.is_array_v(key) else type(index)
     v0, v1, total = U(index), U(key), 0
     for _ in range(TEA_ROUNDS):
         total = (total + TEA_STEP) & WORD
@@ -128,29 +134,29 @@ def pair(index: UInt32, key: UInt32) -> tuple[UInt32, UInt32]:
     return v0, v1
 
 
-def other_pair(index: UInt32, key: UInt32) -> tuple[UInt32, UInt32]:
+def other_pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
     """Give two more for the same key, independent of `pair`."""
     return pair(index, ~key)
 
 
 # ---- numbers
 
-def uniform(lib: ModuleType, bits: dr.ArrayBase) -> dr.ArrayBase:
+def uniform(lib: ModuleType, bits: UInt32) -> Float:
     """[0, 1) from 32 random bits, Float."""
     return lib.Float(bits >> 8) * SMALLEST_UNIFORM
 
 
-def uniform_inside(lib: ModuleType, bits: dr.ArrayBase) -> dr.ArrayBase:
+def uniform_inside(lib: ModuleType, bits: UInt32) -> Float64:
     """(0, 1) from 32 random bits, Float64: neither end."""
     return (lib.Float64(bits) + 0.5) * 2.0 ** -32
 
 
-def stratified(lib: ModuleType, stratum: dr.ArrayBase, share: dr.ArrayBase, strata: dr.ArrayBase) -> dr.ArrayBase:
+def stratified(lib: ModuleType, stratum: DrJitArray, share: Float, strata: DrJitArray) -> Float:
     """Give a place in [0, 1), Float (R,), that lies a `share` in [0, 1) along a stratum, UInt32 (R,), of so many."""
     return dr.minimum((lib.Float(stratum) + share) / lib.Float(strata), BELOW_ONE)
 
 
-def gaussian(lib: ModuleType, first: dr.ArrayBase, second: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase]:
+def gaussian(lib: ModuleType, first: UInt32, second: UInt32) -> tuple[Float, Float]:
     """Complex Gaussian of unit mean square from two hashes; real and imaginary part, Float (Box and Muller 1958)."""
     radius = dr.sqrt(-dr.log((lib.Float(first >> 8) + 0.5) * SMALLEST_UNIFORM))
     sine, cosine = dr.sincos((2 * np.pi) * uniform(lib, second))

@@ -18,6 +18,8 @@ from types import ModuleType
 import drjit as dr
 import numpy as np
 
+from ..device.types import DrJitArray, Float64, UInt32
+
 __all__ = ["cell_of", "divisions", "place"]
 
 
@@ -26,7 +28,7 @@ def divisions(longest_side: np.ndarray, cell_size: float | np.ndarray) -> np.nda
     return np.maximum(1, np.ceil(np.asarray(longest_side, float) / cell_size - 1e-9)).astype(np.uint32)
 
 
-def cell_of(lib: ModuleType, u: dr.ArrayBase, v: dr.ArrayBase, n: dr.ArrayBase) -> dr.ArrayBase:
+def cell_of(lib: ModuleType, u: DrJitArray, v: DrJitArray, n: UInt32) -> UInt32:
     """Number s of the cell that holds barycentric coordinates (u, v), Float or Float64 (H,), of facets cut n-fold."""
     N = type(u)(n)
     i = dr.minimum(lib.UInt32(u * N), n - 1)
@@ -36,8 +38,7 @@ def cell_of(lib: ModuleType, u: dr.ArrayBase, v: dr.ArrayBase, n: dr.ArrayBase) 
     return i * (2 * n - i) + 2 * j + dr.select(upside_down, lib.UInt32(1), lib.UInt32(0))
 
 
-def place(lib: ModuleType, s: dr.ArrayBase, n: dr.ArrayBase, a: dr.ArrayBase,
-          b: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase]:
+def place(lib: ModuleType, s: UInt32, n: UInt32, a: Float64, b: Float64) -> tuple[Float64, Float64]:
     """Barycentric coordinates (u, v), Float64, of the point (a, b) in the unit square, folded into cell s.
 
     Uniform (a, b) give a uniform point of the cell.

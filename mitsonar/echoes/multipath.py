@@ -382,7 +382,7 @@ class Bounces:
         z = ghosts.out.offset.z + (-origin.z if ghosts.out.folded else origin.z)
         return replace(ghosts, out=ghosts.back, back=ghosts.out, label=ends.first_label, depth=mi.Float(-z))
 
-    def _ghosts(self, energy, out, back, between, code, active, loss_db=0.0):
+    def _ghosts(self, energy, out, back, between, code, active, loss_db: mi.Float | float = 0.0):
         active = active & (energy > 0) & dr.isfinite(energy)
         return Ghosts(energy=energy, loss_db=out.loss_db + back.loss_db + loss_db, out=out.leg, back=back.leg,
                       between=between, code=code, label=back.label, depth=mi.Float(-back.point.z), active=active)

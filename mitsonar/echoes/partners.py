@@ -5,10 +5,13 @@ chance log((m + 2) / (m + 1)), so that all scales get their share.
 """
 from __future__ import annotations
 
+from typing import cast
+
 import drjit as dr
 import mitsuba as mi
 
 from ..device.chance import other_pair, pair, uniform
+from ..device.types import UInt32
 from ..tracing.launch import Strata
 
 __all__ = ["partners"]
@@ -54,4 +57,4 @@ def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
         both_signs = (apart > 0) & (apart < (count >> 1))
         chance *= dr.log((m + 2) / (m + 1)) / dr.log(most + 2) * dr.select(both_signs, mi.Float(0.5), mi.Float(1))
     chance = EVEN_SHARE / mi.Float(strata.per_row) + (1 - EVEN_SHARE) * chance
-    return strata.index(row, *chosen), chance
+    return cast(UInt32, strata.index(row, *chosen)), chance

@@ -15,6 +15,7 @@ import drjit as dr
 import numpy as np
 
 from ..device.arrays import upload
+from ..device.types import Bool, UInt32
 
 __all__ = ["Paths"]
 
@@ -50,12 +51,12 @@ class Paths:
         """Number of a path by its name, either way round."""
         return 1 + self.names.index(_canonical(name))
 
-    def numbers(self, code: dr.ArrayBase) -> dr.ArrayBase:
+    def numbers(self, code: UInt32) -> UInt32:
         """Numbers of codes, UInt32 (R,)."""
         return dr.gather(type(code), upload(type(code), self._numbers), code)
 
     @staticmethod
-    def extended(code: dr.ArrayBase, at_surface: dr.ArrayBase) -> dr.ArrayBase:
+    def extended(code: UInt32, at_surface: Bool) -> UInt32:
         """Codes after one more bounce; `at_surface` Bool (R,)."""
         return 2 * code + dr.select(at_surface, type(code)(1), type(code)(0))
 
