@@ -1,6 +1,6 @@
 """The sonar equation: what sound that has met something is worth when it is back at the sonar.
 
-A ray sent into ΔΩ lights a patch of A ΔΩ / sin θ_i of a surface. Of every unit of power that it carries,
+A ray sent into ΔΩ ensonifies a patch of A ΔΩ / sin θ_i of a surface. Of every unit of power that it carries,
 
     σ / sin θ_i                      goes on towards the receiver, per steradian                         `scattered`
     (c_h / c_0)² / A                 of that arrives there                                               `returned`

@@ -104,7 +104,7 @@ def sentence(record: PressureRecord, pings: Sequence[int], *, threads: int, all_
     by_rays = replace(now, cells=min(float(survey.rays), now.cells))
     cells = f"{_number(now.cells)} cells of {100 * survey.cell_size:.3g} cm within reach"
     return (f"{many}, {cells}: {_duration(now.seconds)}; faster: a shorter range, or coarser with cell "
-            f"{COARSER * survey.cell_size:.3g} ({_duration(coarser.seconds)}) or lighting rays "
+            f"{COARSER * survey.cell_size:.3g} ({_duration(coarser.seconds)}) or ensonification rays "
             f"({_duration(by_rays.seconds)})")
 
 

@@ -93,7 +93,7 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
     """Quantile table (CELLS + 1,) of u: the two-way beam, and a share spread over all directions.
 
     `shifts` (S,) are those of u until reception: a share of the draw goes to each, and where they differ one to what
-    the transmitting face lights alone, so that no echo weighs much more than others whatever the platform does.
+    the transmitting face ensonifies alone, so that no echo weighs much more than others whatever the platform does.
     """
     core = 4 * sonar.wavelength / max(sonar.transmit.length, sonar.receive.length, 4 * sonar.wavelength)
     core += np.abs(shifts).max()

@@ -16,7 +16,7 @@ SONAR_DEPTH, BED_DEPTH, RANGE, FREQUENCY = 12.0, 22.0, 116.0, 100e3             
 GATES = 2 / 1500.0 * np.r_[10.5, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0, 50.0, 64.0, 80.0, 98.0, 114.0]   # [s], two-way
 ABSORPTION = 0.0334                                # [dB/m]
 WATERS = {"uniform": SoundSpeedProfile.constant(1500.0), "summer": SUMMER}
-ENSONIFICATIONS = {"scatterers": {"cell": 0.25}, "rays": {"cell": 0.25, "lighting": "rays", "rays": 1_000_000}}
+ENSONIFICATIONS = {"scatterers": {"cell": 0.25}, "rays": {"cell": 0.25, "ensonification": "rays", "rays": 1_000_000}}
 RUNS = [(water, sediment, ensonified_by) for water in WATERS for sediment in ("medium sand", "silt")
         for ensonified_by in ENSONIFICATIONS if ensonified_by == "scatterers" or sediment == "medium sand"]
 ALLOWED, ALLOWED_MEAN = 0.2, 0.05                  # [dB]

@@ -1,7 +1,7 @@
 """What a ping of an array costs, from scene to element signals.
 
-    python tests/benchmarks/elements.py                 by the number of elements: ensonify once, then carry to all
-    python tests/benchmarks/elements.py --lighting      the two ways to find scatterers: time, and error of the level
+    python tests/benchmarks/elements.py                    by the number of elements: ensonify once, carry to all
+    python tests/benchmarks/elements.py --ensonification   two ways to find scatterers: time, and error of the level
 
 A line of receivers looks ahead from 5 m above a rough bed, 300 kHz, 20 kHz of bandwidth, through a summer cast; the
 cells' size sets the number of echoes. The second compares, in gates of 0.5 m, the energy Σ|e|² that reaches the array
@@ -22,11 +22,11 @@ def main(argv=None):
     parser.add_argument("--range", type=float, default=25.0, help="[m]")
     parser.add_argument("--cell", type=float, default=0.24, help="[m]; default 0.24, about 100,000 echoes")
     parser.add_argument("--elements", type=int, nargs="*", default=[1, 4, 16, 64, 256])
-    parser.add_argument("--rays", type=int, nargs="*", default=[100_000, 400_000, 1_600_000], help="of --lighting")
+    parser.add_argument("--rays", type=int, nargs="*", default=[100_000, 400_000, 1_600_000], help="of the latter")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--lighting", action="store_true")
+    parser.add_argument("--ensonification", "--lighting", action="store_true")
     arguments = parser.parse_args(argv)
-    (lighting if arguments.lighting else by_elements)(arguments)
+    (ways_to_ensonify if arguments.ensonification else by_elements)(arguments)
 
 
 def record_of(arguments, elements=1, **integrator):
@@ -89,7 +89,7 @@ def by_elements(arguments):
                      "whole ping [ms]", "the same, CPU over threads", "million echoes x elements a second"], rows)
 
 
-def lighting(arguments):
+def ways_to_ensonify(arguments):
     """Print time and level error of both ways to find scatterers."""
 
     def energies(record):
@@ -101,7 +101,8 @@ def lighting(arguments):
         return total
 
     records = {f"scatterers, cells of {arguments.cell} m": record_of(arguments)}
-    records.update({f"{rays:,} rays": record_of(arguments, lighting="rays", rays=rays) for rays in arguments.rays})
+    records.update({f"{rays:,} rays": record_of(arguments, ensonification="rays", rays=rays)
+                    for rays in arguments.rays})
     arguments.cell /= 2
     truth = energies(record_of(arguments))
     heard = truth > 1e-6 * truth.max()

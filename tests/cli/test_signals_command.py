@@ -61,7 +61,8 @@ def test_work_of_more_than_a_moment_is_told_before_it_starts(variant, folder, sc
     for command in (["signals", "-o", "a.nc"], ["signals", "-o", "a.nc", "--response"], ["render", "-o", "a.exr"]):
         assert cli.main([command[0], "array.xml", *command[1:]]) == 0
         assert re.fullmatch(r"mitsonar: 1 ping to 3 elements, \d+ cells of 50 cm within reach: under 1 s; faster: "
-                            r"a shorter range, or coarser with cell 1 \(under 1 s\) or lighting rays \(under 1 s\)\n",
+                            r"a shorter range, or coarser with cell 1 \(under 1 s\) "
+                            r"or ensonification rays \(under 1 s\)\n",
                             capfd.readouterr().err)
 
 

@@ -16,9 +16,9 @@ CUTS = int(np.ceil(200 * np.sqrt(2) / 2.0))
 LINE = {"receive": "line", "receive_elements": 3, "receive_normal": "down"}
 
 
-def scene(*, lighting="scatterers", pings=1, size=200.0, film=300.0, **sensor):
+def scene(*, ensonification="scatterers", pings=1, size=200.0, film=300.0, **sensor):
     return array_sonar({"bed": bed(20.0, size=size)}, sensor={**LINE, "pings": pings, **sensor}, film={"range": film},
-                       integrator={"cell": 2.0, "lighting": lighting, "rays": 5000})
+                       integrator={"cell": 2.0, "ensonification": ensonification, "rays": 5000})
 
 
 def record_of(scene, **how):
@@ -62,14 +62,14 @@ def test_it_is_said_before_the_work_with_what_would_be_faster(variant, monkeypat
         said.clear()
         verb(small, say=said.append, progress=lambda done, total: said.append(done))
         assert "1 ping to 3 elements, " in said[0] and " cells of 200 cm within reach: about " in said[0]
-        assert "faster: a shorter range, or coarser with cell 4 (about " in said[0] and "lighting rays" in said[0]
+        assert "faster: a shorter range, or coarser with cell 4 (about " in said[0] and "ensonification rays" in said[0]
         assert not any(isinstance(later, str) for later in said[1:]) and len(said) > 1
     monkeypatch.undo()
     said.clear()
     mitsonar.element_signals(small, say=said.append)
     assert not said                                                        # a moment
     monkeypatch.setattr(array_cost, "RETURNED", 1e-3)
-    mitsonar.element_signals(scene(lighting="rays", film=40.0), say=said.append)
+    mitsonar.element_signals(scene(ensonification="rays", film=40.0), say=said.append)
     assert said[0].startswith("1 ping to 3 elements, cells found by 5e+03 rays: about ")
 
 

@@ -28,7 +28,7 @@ from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_targe
 
 MU, ALPHA, ALTITUDE = 10 ** -2.7, 0.030, 10.0
 EDGES = np.arange(11.0, 29.0)                                         # of gates of slant range [m]
-LIGHTING = {"scatterers": {"cell": 0.1}, "rays": {"cell": 0.1, "lighting": "rays", "rays": 400_000}}
+ENSONIFICATIONS = {"scatterers": {"cell": 0.1}, "rays": {"cell": 0.1, "ensonification": "rays", "rays": 400_000}}
 
 
 def flat(r, altitude=ALTITUDE):
@@ -70,18 +70,18 @@ def gated(scene, edges=EDGES, speed=1500.0, **options):
 
 
 # ------------------------------------------------------------------------------------------- energies, no speckle
-@pytest.mark.parametrize("lighting", LIGHTING)
-def test_flat_bed_closes_within_hundredths_of_a_decibel(variant, sure, lighting):
-    energy = gated(array_sonar({"bed": bed(20.0, size=60.0)}, integrator=LIGHTING[lighting]))
+@pytest.mark.parametrize("ensonification", ENSONIFICATIONS)
+def test_flat_bed_closes_within_hundredths_of_a_decibel(variant, sure, ensonification):
+    energy = gated(array_sonar({"bed": bed(20.0, size=60.0)}, integrator=ENSONIFICATIONS[ensonification]))
     assert np.abs(db(energy / gates(flat))).max() < 0.03
     assert abs(db(energy.sum() / gates(flat).sum())) < 0.005
 
 
-@pytest.mark.parametrize("lighting", LIGHTING)
-def test_level_follows_refraction(variant, sure, lighting):
+@pytest.mark.parametrize("ensonification", ENSONIFICATIONS)
+def test_level_follows_refraction(variant, sure, ensonification):
     """Thermocline; gates of 1 m of mean speed, integrated over the eigenrays of 4000 ranges."""
-    scene = array_sonar({"bed": bed(30.0, size=70.0)}, water={"profile": SUMMER_TEXT}, integrator=LIGHTING[lighting],
-                        film={"range": 35.0})
+    scene = array_sonar({"bed": bed(30.0, size=70.0)}, water={"profile": SUMMER_TEXT},
+                        integrator=ENSONIFICATIONS[ensonification], film={"range": 35.0})
     profile = scene.sensors()[0].water.profile
     x = np.linspace(1e-3, 33, 4000)
     ray = eigenray(profile, 10.0, 30.0, x)
@@ -94,8 +94,8 @@ def test_level_follows_refraction(variant, sure, lighting):
     assert np.abs(db(gated(scene, edges) / expected)).max() < 0.03
 
 
-@pytest.mark.parametrize("finer", [{"cell": 0.1}, {"cell": 0.2, "lighting": "rays", "rays": 300_000},
-                                   {"cell": 0.2, "lighting": "rays", "rays": 600_000}])
+@pytest.mark.parametrize("finer", [{"cell": 0.1}, {"cell": 0.2, "ensonification": "rays", "rays": 300_000},
+                                   {"cell": 0.2, "ensonification": "rays", "rays": 600_000}])
 def test_neither_cells_nor_rays_move_the_level(variant, sure, finer):
     coarse, fine = (gated(array_sonar({"bed": bed(20.0, size=60.0)}, integrator=some), np.arange(11.0, 29.0, 2.0))
                     for some in ({"cell": 0.2}, finer))
@@ -103,8 +103,8 @@ def test_neither_cells_nor_rays_move_the_level(variant, sure, finer):
     assert abs(db(fine.sum() / coarse.sum())) < 0.01
 
 
-@pytest.mark.parametrize("lighting, within", [("scatterers", 0.03), ("rays", 0.1)])
-def test_tilted_bed(variant, sure, lighting, within):
+@pytest.mark.parametrize("ensonification, within", [("scatterers", 0.03), ("rays", 0.1)])
+def test_tilted_bed(variant, sure, ensonification, within):
     """All rings about the foot of the perpendicular are those of a flat bed at that distance, to the edges of it. Rays
     are spread for a level bed and get rare uphill."""
     import mitsuba as mi
@@ -114,7 +114,7 @@ def test_tilted_bed(variant, sure, lighting, within):
     altitude = 10 * np.cos(np.radians(tilt))
     edges = np.arange(10.0, 23.0)
     expected = gates(lambda r: flat(r, altitude), edges)
-    energy = gated(array_sonar({"bed": shape}, integrator=LIGHTING[lighting]), edges)
+    energy = gated(array_sonar({"bed": shape}, integrator=ENSONIFICATIONS[ensonification]), edges)
     assert np.abs(db(energy / expected)).max() < within
 
 
@@ -126,12 +126,12 @@ UNEVEN = {
 
 
 @pytest.mark.parametrize("name", UNEVEN)
-def test_both_ways_of_lighting_see_the_same_uneven_bed(variant, sure, name):
+def test_both_ways_to_ensonify_see_the_same_uneven_bed(variant, sure, name):
     """Slopes and shadows through a thermocline: rays, and ways to cells, know nothing of each other."""
     shape = {"type": "seabed", "depth": 20.0, "bsdf": {"type": "lambert"}, **UNEVEN[name]}
     by_cells, by_rays = (gated(array_sonar({"bed": shape}, water={"profile": SUMMER_TEXT}, integrator=some,
                                            film={"range": 32.0}), np.arange(12.0, 30.0, 2.0))
-                         for some in ({"cell": 0.1}, {"cell": 0.1, "lighting": "rays", "rays": 1_000_000}))
+                         for some in ({"cell": 0.1}, {"cell": 0.1, "ensonification": "rays", "rays": 1_000_000}))
     assert np.abs(db(by_cells / by_rays)).max() < 0.05
 
 
@@ -150,13 +150,13 @@ def boxed(**integrator):
     return array_sonar({"bed": strip, "box": box}, integrator=integrator, film={"range": 27.0})
 
 
-@pytest.mark.parametrize("lighting", ["scatterers", "rays"])
-def test_a_box_casts_its_shadow(variant, sure, lighting):
+@pytest.mark.parametrize("ensonification", ["scatterers", "rays"])
+def test_a_box_casts_its_shadow(variant, sure, ensonification):
     """What is heard stands in the light: of rays that find cells, up to a cell off. Energies of face, top and bed by
     a sum over 1 cm patches."""
     cell = 0.05
-    _, energy, place = echoes(boxed(cell=cell, lighting=lighting, rays=400_000))
-    slack = 2e-2 if lighting == "scatterers" else cell
+    _, energy, place = echoes(boxed(cell=cell, ensonification=ensonification, rays=400_000))
+    slack = 2e-2 if ensonification == "scatterers" else cell
     on_bed = place[:, 2] < -20 + 1e-3
     hidden = (place[:, 0] > FRONT + slack) & (place[:, 0] < BEHIND - slack) & on_bed
     assert not hidden.any()
@@ -167,7 +167,7 @@ def test_a_box_casts_its_shadow(variant, sure, lighting):
     expected = brute_force(edges)
     dark = expected == 0
     assert dark.sum() == 1 and total[dark] == 0
-    assert np.abs(db(total[~dark] / expected[~dark])).max() < (0.05 if lighting == "scatterers" else 0.1)
+    assert np.abs(db(total[~dark] / expected[~dark])).max() < (0.05 if ensonification == "scatterers" else 0.1)
 
 
 def brute_force(edges, step=0.01):

@@ -176,8 +176,8 @@ def test_scatterers_know_no_seed(variant):
 
 def test_rays_of_any_seed_find_the_same_scatterers(variant):
     """With 10 rays a cell the energies of cells scatter by a third or less, so that echoes agree to better than -10 dB;
-    other seeds of the bed would agree to +3 dB. And both ways of lighting show one bed."""
-    scene = small(integrator={"lighting": "rays", "rays": 500_000})
+    other seeds of the bed would agree to +3 dB. And both ways of ensonification show one bed."""
+    scene = small(integrator={"ensonification": "rays", "rays": 500_000})
     first, second = (mitsonar.impulse_response(scene, seed=seed).values for seed in (0, 12))
     assert -60 < apart_db(first, second) < -10
     assert apart_db(first, mitsonar.impulse_response(small()).values) < -10
@@ -223,7 +223,7 @@ def test_other_ids_are_other_beds(variant):
 # ------------------------------------------------------------------------------------------------ the same bytes
 RUNS = {
     "scatterers": ({}, {}),
-    "rays": ({"integrator": {"lighting": "rays", "rays": 20_000}}, {}),
+    "rays": ({"integrator": {"ensonification": "rays", "rays": 20_000}}, {}),
     "summer": ({"water": {"profile": SUMMER_TEXT}, "sensor": {"speed_knots": 6.0, **line("transmit", 3, 0.1)}}, {}),
     "fans": ({"integrator": {"fans": "interpolated", "fan_count": 2}, "sensor": line("transmit", 3, 0.1)}, {}),
     "nearest": ({}, {"kernel": "nearest"}),

@@ -30,13 +30,13 @@ def square(kind, tmp_path):
     return {"type": "obj", "filename": str(path), "to_world": transform, "bsdf": material}
 
 
-@pytest.mark.parametrize("lighting", [{"cell": 0.06}, {"cell": 0.06, "lighting": "rays", "rays": 200_000}],
+@pytest.mark.parametrize("integrator", [{"cell": 0.06}, {"cell": 0.06, "ensonification": "rays", "rays": 200_000}],
                          ids=["scatterers", "rays"])
 @pytest.mark.parametrize("kind", ["rectangle", "obj"])
-def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, lighting):
+def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, integrator):
     monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
     prepare()
-    scene = array_sonar({"bed": square(kind, tmp_path)}, integrator=lighting)
+    scene = array_sonar({"bed": square(kind, tmp_path)}, integrator=integrator)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     ensonification = PressureRecord(survey).ensonification
     energy = np.zeros((2, 2))

@@ -28,11 +28,11 @@ def expected():
             for path, both in ways.items()}
 
 
-@pytest.mark.parametrize("lighting, tolerance", [("scatterers", 0.02), ("rays", 0.1)])
-def test_a_bed_under_a_mirror_is_heard_once_along_each_way(variant, lighting, tolerance):
+@pytest.mark.parametrize("ensonification, tolerance", [("scatterers", 0.02), ("rays", 0.1)])
+def test_a_bed_under_a_mirror_is_heard_once_along_each_way(variant, ensonification, tolerance):
     sea = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "sea": sea}, film={"range": 42.0},
-                        integrator={"max_depth": 3, "cell": 0.5, "rays": 50_000, "lighting": lighting})
+                        integrator={"max_depth": 3, "cell": 0.5, "rays": 50_000, "ensonification": ensonification})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     heard, ensonification = {}, PressureRecord(survey).ensonification
     for echoes in ensonification.echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, 0):

@@ -77,7 +77,7 @@ def test_strength_of_lambert_shapes(variant, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rays_bring_the_same(variant, kind):
-    total, _, _ = energy(kind, lighting="rays", rays=400_000)
+    total, _, _ = energy(kind, ensonification="rays", rays=400_000)
     assert total == pytest.approx(10 ** (MU_DB / 10) * seen(kind), rel=0.04)
 
 

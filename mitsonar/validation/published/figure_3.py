@@ -5,7 +5,7 @@
 T is traced, T_r the vector approximation (`propagation.return_time`), the platform moving on meanwhile. Three transmit
 elements send three rays each, three receive elements hear them: 3 impulses become 27.
 
-As published, every transmit element sends its own fan at the same launch angles, so that each lights hits of its own:
+As published, every transmit element sends its own fan at the same launch angles, so that each finds hits of its own:
 what shifts the impulses between transmit elements is above all that the hits are others. With common scatterers, lit
 from the array's centre, transmit and receive elements shift them alike. Nearest to a plane wave, the shifts of a ray
 α off the array's axis between neighbours d apart up the tilted plane, grazing angle θ = 45° - α, are
@@ -180,7 +180,7 @@ def table(dataset: xr.Dataset) -> str:
         f"rate it does not state: {PUBLISHED_TRANSMIT / transmit / 1e6:.2f} MHz would make",
         f"our {1e6 * transmit:.1f} us the one, {PUBLISHED_RECEIVE / receive / 1e6:.2f} MHz our {1e6 * receive:.1f} us "
         "the other. The larger shift is that of the hits: each transmit element",
-        f"lights its own, and water of one speed shifts them by {1e6 * uniform:.1f} us. Common scatterers have no such "
+        f"finds its own, and water of one speed shifts them by {1e6 * uniform:.1f} us. Common scatterers have no such "
         "shift.",
         f"vector approximation against eigenrays: {error:.2g} ns at most"]
     return "\n".join(lines)
