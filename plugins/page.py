@@ -41,8 +41,8 @@ only `lambert` may stand there. Textures are Mitsuba's: a `bitmap` (PNG, JPEG, O
 pixels) on shapes with texture coordinates, or a `mesh_attribute`, of which `face_mud` is the property `mud_1` that the
 faces of a PLY file have, `vertex_mud` that of its vertices.
 
-A mesh whose faces name vertices that are not there is refused: Mitsuba's readers write outside memory then.
-`mi.load_file` checks no file: give files of strangers to `mitsonar.load_file`.
+`mitsonar.load_file` refuses a mesh whose faces name vertices that are not there: Mitsuba's readers would write outside
+memory. `mi.load_file` does not check files, so load scenes that you do not trust by `mitsonar.load_file`.
 """
 KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": "Rays", "bsdf": "Materials",
          "shape": "Shapes"}
