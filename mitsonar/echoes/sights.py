@@ -1,6 +1,6 @@
 """Points as a sonar sees them: straight, and by way of a flat surface that mirrors.
 
-What is heard of a point under a mirror went out by one of the two and comes back by one of the two:
+An echo of a point under a mirror went out by one of the two and comes back by one of the two:
 
     e = f √(g_out g_back) (-1)^m
 

@@ -97,7 +97,7 @@ class WaterEchoes:
         point = origin + type(origin)(direction * r)
         in_water = point.z < 0
         way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
-        strength = self.water.volume(mi.Float(-point.z), in_water)
+        strength = self.water.volume.at(mi.Float(-point.z), in_water)
         source_speed = mi.Float(sources.state.gather(self.lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, source_speed))
         energy = along_legs(strength * r * r * solid_angle * self.span, gain, gain)

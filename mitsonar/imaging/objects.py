@@ -6,7 +6,7 @@
                 such bins of a ping; and the bin is no object's highlight
 
 ``share``, ``object_shadow``, ``shadow``, ``hidden`` and ``mean_level`` are variables of the record, made by the same
-rays as its levels. Within a shadow an object's dark side is often all that is heard; and what lies in the lee of a
+rays as its levels. Within a shadow an object's dark side is often all that echoes; and what lies in the lee of a
 ripple has no echo that an object could hide. Neither is what a picture shows.
 """
 from collections.abc import Iterator

@@ -56,7 +56,7 @@ class Sensor(Protocol):
     sound_speed : float or None [m/s]
         At the sonar, for slant range and steering; None: the profile's there.
     noise : bool
-        Whether the sea is heard.
+        Whether the sea's noise is added.
     """
 
     kind: str

@@ -31,8 +31,6 @@ class VolumeTable(Record):
         row = dr.gather(self.lib.Array4f, self.pieces, piece, active)
         return row[2] + dr.exp(dr.fma(row[1], depth - row[3], row[0]))
 
-    __call__ = at
-
 
 @dr.syntax
 def _pieces_above(lib, edges, count, depth, active):

@@ -43,7 +43,7 @@ class SonarSensor(mi.Sensor):
     sound_speed : float or None [m/s]
         At the sonar; None: the profile's there.
     noise : bool
-        Whether the sea is heard.
+        Whether the sea's noise is added.
     provenance : dict or None
         File, resolved text and parameters, told by `mitsonar.load_file`.
     loaded : dict or None

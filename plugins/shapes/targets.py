@@ -103,7 +103,7 @@ class Targets(mi.Mesh):
         except ValueError as error:
             raise attributes.error(f"{error}.") from None
         self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
-        self.placed = {name: _told(target) for name, target in zip(self.part_names, targets)}
+        self.placed = {name: _record_of(target) for name, target in zip(self.part_names, targets)}
         if targets:
             mesh = _joined(targets)
             self.part_of_face = np.repeat(np.arange(len(targets), dtype=np.uint32),
@@ -217,7 +217,7 @@ def _circles(shape):
     return [(*((low + high) / 2)[:2], np.hypot(*(high - low)[:2]) / 2)]
 
 
-def _told(target):
+def _record_of(target):
     heading, tilt, tilt_heading = np.rad2deg((target.heading, target.tilt, target.tilt_heading)) % 360
     numbers = {"radius": target.radius, "heading_deg": heading, "tilt_deg": tilt, "tilt_heading_deg": tilt_heading,
                "scale": target.scale, "burial": target.burial}

@@ -59,7 +59,7 @@ class ElementDelays(ABC):
         weight : float [-]
             Of what it transmits.
         late : Float64 (R,) or (1,) [s]
-            By how much echoes are heard later, in their phase as in their place.
+            By how much echoes arrive later, in their phase as in their place.
         rows : slice
             Receive elements.
         """

@@ -2,7 +2,7 @@
 
     η = (c + v_back·n_back) / (c - v_out·n_out)      at a moment of the pulse, v of the elements, n towards the echo
 
-The factor changes while the platform passes, so that what is sent at a moment t is heard at t/η̄ after the beginning of
+The factor changes while the platform passes, so that what is sent at a moment t arrives at t/η̄ after the beginning of
 the echo, η̄ the mean over [0, t]: the bend grows with the speed across and with 1 / range.
 """
 from __future__ import annotations
@@ -27,14 +27,14 @@ SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
 
 def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiver: np.ndarray,
                moment: float = 0.0) -> tuple[Float64, Float64]:
-    """Give the two-way factor of what is sent at a moment, and when its echoes are heard.
+    """Give the two-way factor of what is sent at a moment, and when its echoes arrive.
 
     Parameters
     ----------
     source : PingSource
     echoes : Echoes
     sender, receiver : (3,) [m]
-        Where sound is sent and heard, body frame.
+        Where sound is sent and received, body frame.
     moment : float [s]
         After the beginning of the pulse.
 

@@ -1,7 +1,7 @@
 """Echoes in classes of nearly one Doppler factor, each of which is convolved with its own time scale of the pulse.
 
 Two kinds: `OneClass` takes all echoes as if they had one factor; `DopplerClasses` puts each echo into the class whose
-factor is nearest, delayed so that the middle of the pulse is heard when it is.
+factor is nearest, delayed so that the middle of the pulse arrives when it does.
 """
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class EchoClasses(ABC):
         wanted : collection of int
             Numbers of the classes asked for.
         sender, receiver : (3,) [m]
-            Where sound is sent and heard, body frame.
+            Where sound is sent and received, body frame.
         delay : float [s]
             By which it is sent later.
 
@@ -63,7 +63,7 @@ class EchoClasses(ABC):
             Of a class that has echoes.
         echoes : Echoes
         late : Float64 (R,) or (1,) [s]
-            By how much they are heard later.
+            By how much they arrive later.
         """
 
 
