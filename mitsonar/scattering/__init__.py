@@ -1,4 +1,4 @@
-"""What the seabed and other surfaces are made of: relief, roughness and the laws of scattering."""
+"""How surfaces scatter sound: laws of the seabed, of targets and of the sea surface, one a file."""
 from ..seabed.fractal import Fractal
 from ..seabed.relief import Plane, Relief, Sinusoid, Sum
 from ..seabed.ripples import Ripples

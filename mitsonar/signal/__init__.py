@@ -1,4 +1,4 @@
-"""From hits to echoes."""
+"""From echoes to signals: impulse responses, Doppler, noise, reception, matched filter, beams."""
 from . import beamforming
 from .accumulation import ImpulseResponses, centre
 from .doppler import doppler_class, doppler_classes, two_way_doppler

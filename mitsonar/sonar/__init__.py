@@ -1,4 +1,4 @@
-"""Sonars: faces and their beams, pulses, tracks, and the directions a ping's rays are drawn in."""
+"""Sonars: arrays and their beams, pulses, tracks and the motion of what carries them."""
 from .array_makers import (Array, cylindrical_array, element_array, line_array, mills_cross, planar_array,
                            spherical_array)
 from .axes import body_direction

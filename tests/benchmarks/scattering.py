@@ -9,6 +9,7 @@ Two questions, and the answer as the ratio to lambert's time, round by round:
   memory), frames and dispatch included, which every law needs; aim 2 as well. The same towards given directions.
 """
 import argparse
+from functools import partial
 from types import SimpleNamespace
 
 import measuring
@@ -19,6 +20,8 @@ import drjit as dr
 import mitsuba as mi
 from mitsonar.scene import materials
 from mitsonar.scene.loading import prepare
+from mitsonar.survey.energy import record
+from mitsonar.survey.sides import Sides
 
 FREQUENCY = 100e3
 LAWS = {
@@ -76,7 +79,7 @@ def ping(description, arguments):
                   "medium": {"type": "seawater", "cast": str(measuring.SUMMER)},
                   "film": {"type": "sonar_film", "range": 100.0, "bins": 800}}}, optimize=False)
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    return survey.echoes
+    return partial(record, survey, Sides(survey))
 
 
 def hits(count):
