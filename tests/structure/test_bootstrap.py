@@ -41,11 +41,13 @@ class Checkout:
     def __init__(self, folder):
         self.root, self.calls, self.tools = folder / "checkout", folder / "calls", folder / "tools"
         self.environment = self.root / ".venv"
-        (self.root / "mitsonar").mkdir(parents=True)
-        for name in ("__init__.py", "__main__.py", "bootstrap.py", "debian.py", "installer.py", "llvm.py",
-                     "requirements.lock"):
-            shutil.copy(ROOT / "mitsonar" / name, self.root / "mitsonar")
-        (self.root / "mitsonar" / "cli.py").write_text("def main(argv):\n    print('ran', *argv)\n    return 0\n")
+        for room in ("cli", "device"):
+            (self.root / "mitsonar" / room).mkdir(parents=True)
+        for name in ("__init__.py", "__main__.py", "requirements.lock", "cli/__init__.py", "cli/bootstrap.py",
+                     "cli/installer.py", "device/__init__.py", "device/debian.py", "device/llvm.py"):
+            shutil.copy(ROOT / "mitsonar" / name, self.root / "mitsonar" / name)
+        self.command = self.root / "mitsonar" / "cli" / "main.py"
+        self.command.write_text("def main(argv):\n    print('ran', *argv)\n    return 0\n")
         shutil.copy(ROOT / "pyproject.toml", self.root)
         self.tools.mkdir()
         (self.tools / "uv").write_text(UV)
@@ -180,7 +182,7 @@ def broken_path(checkout):
     """Where a NumPy lies that cannot be imported; the command tries to."""
     (checkout.root / "elsewhere").mkdir()
     (checkout.root / "elsewhere" / "numpy.py").write_text("raise ImportError('made for another Python\\n\\nREAD THIS')")
-    (checkout.root / "mitsonar" / "cli.py").write_text("def main(argv):\n    import numpy\n    return 0\n")
+    checkout.command.write_text("def main(argv):\n    import numpy\n    return 0\n")
     return str(checkout.root / "elsewhere")
 
 

@@ -52,7 +52,7 @@ def test_only_water_that_scatters_has_a_strength(variant):
     volume = VolumeScattering([0.0, 10.0, 30.0], [-80.0, -70.0, -75.0])
     water = DeviceWater(SoundSpeedProfile.constant(1500.0), None, volume)
     assert water.scatters
-    assert 10 * np.log10(water.volume(mi.Float(10.0)).numpy()[0]) == pytest.approx(-70.0, abs=1e-3)
+    assert 10 * np.log10(water.volume.at(mi.Float(10.0)).numpy()[0]) == pytest.approx(-70.0, abs=1e-3)
     still = DeviceWater(SoundSpeedProfile.constant(1500.0))
     assert not still.scatters
     with pytest.raises(ValueError, match="without volume scattering"):
