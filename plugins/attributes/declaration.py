@@ -1,5 +1,6 @@
 """What a plugin declares of an attribute, of whatever kind."""
 from collections.abc import Mapping
+from abc import ABC, abstractmethod
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -62,7 +63,7 @@ class SameAs:
 
 
 @dataclass(frozen=True)
-class Attribute:
+class Attribute(ABC):
     """What a plugin takes under a name.
 
     Attributes
@@ -92,13 +93,13 @@ class Attribute:
     types: ClassVar[tuple[str, ...]] = ()
 
     @property
+    @abstractmethod
     def expected(self) -> str:
         """What must be written, in words."""
-        raise NotImplementedError
 
+    @abstractmethod
     def read(self, value: Any, written_as: str) -> Any:
         """Give what the plugin gets of a property's value, which has one of the types; raise `Unfit` otherwise."""
-        raise NotImplementedError
 
     def taken(self, default: Any) -> Any:
         """Give what the plugin gets where the default is taken, which is not None."""
@@ -131,6 +132,10 @@ class Nested(Attribute):
     @property
     def expected(self) -> str:
         return f"nested `<{self.name}>`, one or more" if self.many else f"a nested `<{self.name}>`"
+
+    def read(self, value: Any, written_as: str) -> Any:
+        """Give the object as Mitsuba made it."""
+        return value
 
 
 def in_unit(unit: str) -> str:

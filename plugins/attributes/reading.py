@@ -132,7 +132,7 @@ class Attributes:
             if self._props.type(name).name in NESTED and (one.many or not found):
                 queried = self._props.was_queried(name)
                 if isinstance(value := self._props[name], kind):
-                    found.append(value)
+                    found.append(one.read(value, name))
                 else:
                     self._props.mark_queried(name, queried)    # left for whoever knows it, or for Mitsuba to report
         if not found and one.default is REQUIRED:

@@ -74,7 +74,8 @@ class Material(mi.BSDF):
             The latter of the water at the surface.
         active : Bool (R,)
         """
-        raise NotImplementedError
+        # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
+        raise NotImplementedError(f"{type(self).__name__} lacks the method scattering_strength")
 
     def patchy_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                         sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:

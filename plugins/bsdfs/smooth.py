@@ -36,4 +36,5 @@ class Smooth(Material):
         -------
         real, imaginary : Float (R,)
         """
-        raise NotImplementedError
+        # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
+        raise NotImplementedError(f"{type(self).__name__} lacks the method reflection")

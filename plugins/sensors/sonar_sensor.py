@@ -70,7 +70,8 @@ class SonarSensor(mi.Sensor):
 
     def read(self, attributes: Attributes) -> None:
         """Take what this kind of sonar alone has."""
-        raise NotImplementedError
+        # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
+        raise NotImplementedError(f"{type(self).__name__} lacks the method read")
 
     def noise_level_db(self) -> float:
         """Ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
