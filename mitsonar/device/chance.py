@@ -50,6 +50,8 @@ class Salt:
     PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495
     # of a cell of the seabed: where its scatterer lies, and that one's amplitude
     PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4
+    # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
+    THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43
     PATCH = 0x6A09E667             # the strength of a patch of seabed
     NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed
 

@@ -148,11 +148,22 @@ class Ensonification:
                     yield from self._echoes(sources, start, rotation, upload(mi.UInt32, facet[some]),
                                             upload(mi.UInt32, s[some]), path,
                                             [upload(mi.Float, column[some].astype(np.float32)) for column in brought])
-        for echoes, free in self._of_targets(sources, start):
-            yield from echoes.where(free)
-        for _, _, echoes in self.smooth.echoes(sources, np.array([origin], float), np.zeros(1, np.uint32)):
+        for _, echoes in self.coherent_echoes(origin):
             yield echoes
-        yield from self.ghosts.overhead(sources, start)
+
+    def coherent_echoes(self, origin: np.ndarray) -> Iterator[tuple[mi.UInt32, Echoes]]:
+        """Yield echoes that owe no phase to chance, with their labels: targets, smooth surfaces, a mirror overhead."""
+        if not (self.scatterers.targets or self.smooth or self.sights.mirror):
+            return
+        sources, start = self._source(origin)
+        for echoes, free in self._of_targets(sources, start):
+            label = self.scatterers.targets.label(compressed(free))
+            for some in echoes.where(free):
+                yield label, some
+        for _, label, echoes in self.smooth.echoes(sources, np.array([origin], float), np.zeros(1, np.uint32)):
+            yield label, echoes
+        for echoes in self.ghosts.overhead(sources, start):
+            yield dr.full(mi.UInt32, self.sights.geometry.surface_label, echoes.count), echoes
 
     def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
                       key: int) -> Iterator[Echoes]:

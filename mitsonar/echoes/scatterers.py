@@ -14,6 +14,7 @@ import numpy as np
 
 from ..device.arrays import arrays_of, reinterpreted, upload
 from ..device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
+from ..device.types import Array4u
 from ..scene.geometry import Geometry
 from ..scene.tessellation import Grids, grid_of
 from ..tracing.connection import Connection
@@ -78,6 +79,8 @@ class Scatterers:
         n: facet f has n² cells.
     at_surface : (F,) bool
         Of the sea surface.
+    label : (F,) uint32
+        Numbers of the instances.
     targets : PointTargets
 
     Raises
@@ -92,6 +95,7 @@ class Scatterers:
         self.targets = PointTargets(geometry.targets())
         vertices = geometry.vertices.numpy().reshape(-1, 4)
         faces = geometry.faces.numpy().reshape(-1, 4).copy()
+        named = faces[:, 3].copy()
         grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
         meshed, meshed_faces, rows = len(vertices), len(faces), []
         for index, shape, grid in grids:
@@ -113,6 +117,7 @@ class Scatterers:
         facts = np.zeros((len(faces), 4), np.uint32)
         self.scattering, self.at_surface = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
         known = [(index, shape, first, count) for index, shape, first, count in geometry.meshes] + rows
+        self.label = np.zeros(len(faces), np.uint32)
         self.rows = np.zeros((max(index for index, *_ in known) + 1, 2), np.uint32)
         for index, shape, first, count in known:
             some = slice(first, first + count)
@@ -123,6 +128,7 @@ class Scatterers:
                                          or getattr(shape.bsdf(), "mirror", False))
             self.at_surface[some] = getattr(shape, "sea_surface", False)
             self.rows[index] = first, first >= meshed_faces
+            self.label[some] = named[some] if first < meshed_faces else geometry.named.of(shape)
             facts[some, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
                             len(self.rows))
@@ -198,16 +204,17 @@ class Scatterers:
         if self.geometry.others:
             quad, _ = self._grids.first_of(registry, hits.point, hits.valid & is_quad)
             facet = dr.select(is_quad, quad, facet)
-        a, b, c = self._corners(facet, hits.valid)[:3]
+        a, b, c = self.device_corners(facet, hits.valid)[:3]
         u, v = _barycentric(hits.point, a, b, c)
         # a quad is (a, b, c) and (a, c, d); beyond the side a c, u is negative. At a sphere's pole a is b.
         facet = dr.select(is_quad & ((u < 0) | (dr.squared_norm(b - a) < 1e-16)), facet + 1, facet)
-        a, b, c, n = self._corners(facet, hits.valid)
+        a, b, c, n = self.device_corners(facet, hits.valid)
         u, v = _barycentric(hits.point, a, b, c)
         u, v = dr.clip(u, 0, 1), dr.clip(v, 0, 1)
         return facet, cell_of(self.lib, u, v, n)
 
-    def _corners(self, facet, active: mi.Bool | bool = True):
+    def device_corners(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> tuple:
+        """Give the corners of facets, three Array3f64 (R,) [m], and into how many rows each is cut, UInt32."""
         lib = self.lib
         row = dr.gather(lib.Array4u, self._faces, facet, active)
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
@@ -216,8 +223,8 @@ class Scatterers:
     def at(self, facet: mi.UInt32, s: mi.UInt32) -> Cells:
         """Give the scatterers of cells s (R,) of facets (R,)."""
         lib = self.lib
-        a, b, c, n = self._corners(facet)
-        facts = dr.gather(lib.Array4u, self._facts, facet)
+        a, b, c, n = self.device_corners(facet)
+        facts = self.facts(facet)
         first, second = hashed_pair(lib, facts[2], facts[1], s, mi.UInt32(Salt.PLACE))
         third, fourth = hashed_pair(lib, facts[2], facts[1], s, mi.UInt32(Salt.AMPLITUDE))
         u, v = place(lib, s, n, uniform_inside(lib, first), uniform_inside(lib, second))
@@ -228,10 +235,18 @@ class Scatterers:
         return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
                      amplitude=gaussian(lib, third, fourth), primitive=facts[1],
                      shape=reinterpreted(mi.ShapePtr, facts[0]),
-                     uv=self._uv(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
+                     uv=self.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
 
-    def _uv(self, facet, mapped, u, v):
-        """Texture coordinates of points given by barycentric ones."""
+    def corners(self, facet: np.ndarray) -> np.ndarray:
+        """Give the corners of facets with these numbers (K,): (K, 3, 3) [m], on the host."""
+        return self._host_vertices[self._host_faces[facet, :3], :3]
+
+    def facts(self, facet: mi.UInt32) -> Array4u:
+        """Give registry index of the shape, number there, key of its hashes, and whether it has texture coordinates."""
+        return dr.gather(self.lib.Array4u, self._facts, facet)
+
+    def texture_coordinates(self, facet: mi.UInt32, mapped: mi.Bool, u: mi.Float, v: mi.Float) -> mi.Point2f:
+        """Give the texture coordinates of points given by barycentric ones."""
         if self._texcoords is None:
             return mi.Point2f(u, v)
         row = dr.gather(self.lib.Array4u, self._faces, facet)

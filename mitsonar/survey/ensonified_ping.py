@@ -23,13 +23,13 @@ KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next;
 BY_CHANCE = -1                     # number of the source of what is drawn by chance
 
 
-def ensonification_of(survey: ArraySurvey) -> Ensonification:
-    """Make what ensonifies the scatterers of a survey's scene."""
+def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
+    """Make what ensonifies the scatterers of a survey's scene, or some given ones."""
     end = survey.time[-1]
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))
     return Ensonification(
-        Scatterers(survey.geometry, survey.cell_size), survey.water, frequency=survey.frequency,
+        scatterers or Scatterers(survey.geometry, survey.cell_size), survey.water, frequency=survey.frequency,
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,

@@ -1,0 +1,265 @@
+"""Scatterers as few as the resolution asks for, fixed to the ground: those of pictures in the beam domain.
+
+A patch of surface (a facet, or a part of a large one) of area A and normal n, seen at the distance R along the unit
+vector l by a line along the unit vector a, covers of a picture over range and sine the area A |n·(l × a)| / R. It gets
+
+    m = q A max(|n·(l × a)|, 1/4) / (R ΔR Δs)                                                       scatterers,      (1)
+
+q of them a resolution cell ΔR Δs. Scatterer k = 0, 1, 2 ... of a patch lies at the place k of a sequence of low
+discrepancy (Roberts 2018, R2: steps of 1/g and 1/g², g³ = g + 1), which begins where a hash of the patch says, has a
+complex Gaussian amplitude of its own hash, and exists while
+
+    k + h < m,     m of (1) at the scatterer's own place, h in [0, 1) hashed from the patch                          (2)
+
+It stands for the area A / m. So the mean echo does not depend on m, and as the sonar moves one scatterer after the
+other comes or goes while all others keep place and amplitude: sets are nested, and the seabed stays the same.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, reinterpreted, upload
+from ..device.chance import Salt, gaussian, hashed, hashed_pair, uniform, uniform_inside
+from ..scene.geometry import Geometry
+from .cells import place
+from .scatterers import Scatterers
+
+__all__ = ["Density", "ThinnedScatterers", "ThinnedSet", "patch_size"]
+
+EDGE_ON = 0.25                     # of the density that a surface seen edge-on keeps
+NEAREST = 0.3                      # [m] nearer, the density no longer grows
+MOST_PATCHES = 2_000_000           # that large facets are cut into, about
+MOST = 1 << 26                     # scatterers of a ping
+SHARE = 1 / 64                     # of the reach, that a patch is long at most
+BLOCK = 1024                       # patches that are looked at together when a ping's are chosen
+# 1/g and 1/g² as 32-bit fractions
+STEP_U, STEP_V = 0xC13FA9A9, 0x91E10DA6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Density:
+    """How densely a ping needs scatterers.
+
+    Attributes
+    ----------
+    origin : (3,) [m]
+        Where distances are measured from, scene coordinates.
+    axis : (3,) [-]
+        a, of the line; scene coordinates.
+    per_cell : float [-]
+        q.
+    range_cell, sine_cell : float [m], [-]
+        ΔR and Δs.
+    nearest, farthest : float [m]
+        Distances that matter.
+    """
+
+    origin: np.ndarray
+    axis: np.ndarray
+    per_cell: float
+    range_cell: float
+    sine_cell: float
+    nearest: float
+    farthest: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThinnedSet:
+    """Some scatterers, on the device.
+
+    Attributes
+    ----------
+    exists : Bool (R,)
+        By (2).
+    offset : Array3f64 (R,) [m]
+        From the density's origin.
+    normal : Vector3f (R,)
+        Of the facet, unit, to the side its vertices run round counter-clockwise.
+    area : Float (R,) [m²]
+        That each stands for.
+    amplitude : (Float, Float) (R,)
+        Real and imaginary part of the Gaussian.
+    shape : ShapePtr (R,)
+    primitive, registry, label : UInt32 (R,)
+        Facet of the shape; row of `Geometry.rows`; number of the instance.
+    uv : Point2f (R,)
+    """
+
+    exists: mi.Bool
+    offset: dr.ArrayBase
+    normal: mi.Vector3f
+    area: mi.Float
+    amplitude: tuple[mi.Float, mi.Float]
+    shape: mi.ShapePtr
+    primitive: mi.UInt32
+    registry: mi.UInt32
+    label: mi.UInt32
+    uv: mi.Point2f
+
+
+class ThinnedScatterers:
+    """The patches of a scene, and the scatterers that a ping needs of them.
+
+    Parameters
+    ----------
+    facets : Scatterers
+        Their cells are the patches; see `patch_size`.
+    """
+
+    def __init__(self, facets: Scatterers):
+        self.lib, self._facets = arrays_of(mi.Float), facets
+        cuts = np.where(facets.scattering, facets.cuts, 0).astype(np.int64)
+        count = cuts ** 2
+        self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
+        self._part = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
+        corner = facets.corners(self._facet).astype(np.float32)                                  # (P, 3, 3)
+        u, v = _middles(self._part, facets.cuts[self._facet])
+        edges = corner[:, 1:] - corner[:, :1]
+        centre = corner[:, 0] + u[:, None] * edges[:, 0] + v[:, None] * edges[:, 1]
+        cross = np.cross(edges[:, 0], edges[:, 1])
+        twice = np.linalg.norm(cross, axis=1)
+        n = facets.cuts[self._facet].astype(np.float32)
+        radius = facets.radius[self._facet].astype(np.float32) / n
+        table = np.zeros((len(centre), 8), np.float32)
+        table[:, :3], table[:, 3] = centre, 0.5 * twice / n ** 2
+        table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
+        self._table = upload(mi.Float, table)
+        self._facet_of, self._part_of = upload(mi.UInt32, self._facet), upload(mi.UInt32, self._part)
+        self._labels = upload(mi.UInt32, facets.label)
+        dr.eval(self._table, self._facet_of, self._part_of, self._labels)
+        self._blocks = _balls(centre, radius)
+
+    def candidates(self, density: Density,
+                   useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> tuple[mi.UInt32, mi.UInt32]:
+        """List the scatterers that may exist: patches and numbers k, UInt32 (R,).
+
+        Parameters
+        ----------
+        density : Density
+        useful : callable(direction, distance) -> Bool
+            Whether a direction (Vector3f, scene) is looked into at a distance (Float) [m].
+
+        Raises
+        ------
+        ValueError
+            If there are too many.
+        """
+        patches = self._in_reach(density)
+        if not len(patches):
+            return mi.UInt32(), mi.UInt32()
+        patch = upload(mi.UInt32, patches)
+        centre, area, normal, radius = self._patch(patch)
+        d = centre - _opaque(density.origin)
+        R = dr.norm(d)
+        least = dr.maximum(dr.maximum(abs(dr.dot(d, normal)), R - radius), NEAREST)
+        sight = d / dr.maximum(R, NEAREST)
+        seen = abs(dr.dot(normal, dr.cross(sight, _opaque(density.axis)))) + radius / least
+        reached = (R - radius < dr.opaque(mi.Float, density.farthest)) & (
+            R + radius > dr.opaque(mi.Float, density.nearest)) & useful(sight, dr.maximum(R - radius, NEAREST))
+        most = _count(density, dr.minimum(seen, 1), least, area)
+        number = dr.select(reached, dr.maximum(dr.ceil(most - self._threshold(patch)), 0), 0)
+        total = float(dr.sum(number)[0])
+        if not total <= MOST:
+            raise ValueError(f"a ping needs {total:.2g} scatterers of this scene, and {MOST:.1e} is the most; take "
+                             "fewer a cell, a longer pulse or a shorter range")
+        number = mi.UInt32(number)
+        return _listed(self.lib, patch, number, int(dr.sum(number)[0]))
+
+    def at(self, patch: mi.UInt32, k: mi.UInt32, density: Density) -> ThinnedSet:
+        """Give scatterers by patch and number."""
+        lib, facets = self.lib, self._facets
+        facet, part = dr.gather(mi.UInt32, self._facet_of, patch), dr.gather(mi.UInt32, self._part_of, patch)
+        a, b, c, n = facets.device_corners(facet)
+        facts = facets.facts(facet)
+        first, second = hashed_pair(lib, facts[2], facts[1], part, mi.UInt32(Salt.THINNED_PLACE))
+        u, v = place(lib, part, n, uniform_inside(lib, first + k * STEP_U), uniform_inside(lib, second + k * STEP_V))
+        third, fourth = hashed_pair(lib, facts[2], facts[1], part, k, mi.UInt32(Salt.THINNED_AMPLITUDE))
+        origin = lib.Array3f64(*(dr.opaque(mi.Float64, float(x)) for x in density.origin))
+        offset = (a - origin) + (b - a) * u + (c - a) * v
+        across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
+        twice, cuts = dr.norm(across), mi.Float(n)
+        normal, area = across / dr.maximum(twice, 1e-30), 0.5 * twice / (cuts * cuts)
+        d = mi.Vector3f(offset)
+        R = dr.maximum(dr.norm(d), NEAREST)
+        m = _count(density, abs(dr.dot(normal, dr.cross(d / R, _opaque(density.axis)))), R, area)
+        return ThinnedSet(exists=mi.Float(k) + self._threshold(patch) < m, offset=offset, normal=normal,
+                          area=area / dr.maximum(m, 1e-30), amplitude=gaussian(lib, third, fourth),
+                          shape=reinterpreted(mi.ShapePtr, facts[0]), primitive=facts[1], registry=facts[0],
+                          label=dr.gather(mi.UInt32, self._labels, facet),
+                          uv=facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
+
+    def _in_reach(self, density):
+        """Numbers of the patches in blocks that lie within reach, uint32."""
+        centre, radius = self._blocks
+        distance = np.linalg.norm(centre - density.origin, axis=1)
+        blocks = np.flatnonzero((distance - radius < density.farthest) & (distance + radius > density.nearest))
+        patches = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        return patches[patches < len(self._facet)].astype(np.uint32)
+
+    def _patch(self, patch):
+        first, second = (dr.gather(self.lib.Array4f, self._table, 2 * patch + half) for half in (0, 1))
+        return (mi.Point3f(first[0], first[1], first[2]), first[3], mi.Vector3f(second[0], second[1], second[2]),
+                second[3])
+
+    def _threshold(self, patch):
+        """h, Float in [0, 1), by the patch's facet and part: not by its number, which other shapes would change."""
+        facet, part = dr.gather(mi.UInt32, self._facet_of, patch), dr.gather(mi.UInt32, self._part_of, patch)
+        facts = self._facets.facts(facet)
+        return uniform(self.lib, hashed(self.lib, facts[2], facts[1], part, mi.UInt32(Salt.THINNED_COUNT)))
+
+
+def patch_size(geometry: Geometry, farthest: float) -> float:
+    """Give the longest side of a patch [m]: a share of the reach, but not so small that there are too many."""
+    (x0, y0), (x1, y1) = geometry.horizontal_bounds
+    ground = max(x1 - x0, 1.0) * max(y1 - y0, 1.0)
+    return max(farthest * SHARE, np.sqrt(2 * ground / MOST_PATCHES))
+
+
+def _middles(part: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric coordinates of the middles of parts (`cells`), (P,) each."""
+    part, n = part.astype(np.int64), n.astype(np.int64)
+    i = (n - np.ceil(np.sqrt(n ** 2 - part.astype(float)))).astype(np.int64)
+    i = np.where(i * (2 * n - i) > part, i - 1, i)
+    i = np.where((i + 1) * (2 * n - (i + 1)) <= part, i + 1, i)
+    rest = part - i * (2 * n - i)
+    third = (1 + (rest & 1)) / 3
+    return ((i + third) / n).astype(np.float32), (((rest >> 1) + third) / n).astype(np.float32)
+
+
+def _balls(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (B, 3) and radii (B,) of balls that hold the patches of blocks."""
+    starts = np.arange(0, len(centre), BLOCK)
+    if not len(starts):
+        return np.zeros((0, 3)), np.zeros(0)
+    wide = radius[:, None]
+    low = np.minimum.reduceat(centre - wide, starts).astype(float)
+    high = np.maximum.reduceat(centre + wide, starts).astype(float)
+    return 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+
+
+def _count(density: Density, seen: mi.Float, distance: mi.Float, area: mi.Float) -> mi.Float:
+    """m of (1)."""
+    per_area = dr.opaque(mi.Float, density.per_cell / (density.range_cell * density.sine_cell))
+    return per_area * dr.maximum(seen, EDGE_ON) * area / distance
+
+
+@dr.syntax
+def _listed(lib, patch, number, total):
+    """Every patch as often as it has scatterers, and their numbers."""
+    start = dr.prefix_sum(number)                         # of those before
+    patches, numbers = dr.empty(lib.UInt32, total), dr.empty(lib.UInt32, total)
+    k = lib.UInt32(0)
+    while k < number:
+        dr.scatter(patches, patch, start + k)
+        dr.scatter(numbers, k, start + k)
+        k += 1
+    return patches, numbers
+
+
+def _opaque(vector: np.ndarray) -> mi.Vector3f:
+    return mi.Vector3f(*(dr.opaque(mi.Float, float(component)) for component in vector))

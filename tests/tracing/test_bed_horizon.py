@@ -1,0 +1,74 @@
+"""The bed's horizon against rays: what it hides of itself and of what stands on it.
+
+In water of one speed Mitsuba's own straight rays are the truth. Of points on a rippled bed they may differ in 1 of 100,
+where a crest's silhouette lies within the grid's step; a wall's shadow ends where the straight line over its edge does.
+"""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.tracing.bed_horizon import BedHorizon
+from mitsonar.validation import scenes
+
+REACH, DEPTH = 40.0, 17.0
+ORIGIN = np.array([1.3, -2.1, -DEPTH])
+
+
+def straight(x, height):
+    return height * dr.rsqrt(height * height + x * x)
+
+
+def rippled(**changes):
+    return {"type": "seabed", "depth": 20.0, "length": 100.0, "width": 100.0, "spacing": 0.2, "ripple_wavelength": 3.0,
+            "ripple_height": 0.5, "ripple_heading_deg": 30.0, "bsdf": scenes.lambert(), **changes}
+
+
+def hidden(horizon, point, on_bed=True):
+    """What a horizon says of points (R, 3)."""
+    d = point - ORIGIN
+    x = np.hypot(d[:, 0], d[:, 1])
+    columns = [upload(mi.Float, column.astype(np.float32)) for column in
+               (d[:, 0] / x, d[:, 1] / x, x, d[:, 2] / np.hypot(x, d[:, 2]))]
+    return horizon.hidden(mi.Vector2f(*columns[:2]), *columns[2:], mi.Bool(on_bed)).numpy()
+
+
+def test_a_rippled_bed_hides_what_rays_do_not_reach():
+    geometry = Geometry(scenes.array_sonar({"seabed": rippled()}))
+    horizon = BedHorizon(geometry, REACH).around(ORIGIN, straight)
+    random = np.random.default_rng(2)
+    x, phi = random.uniform(2, 39, 20000), random.uniform(0, 2 * np.pi, 20000)
+    top = mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in
+                       (ORIGIN[0] + x * np.cos(phi), ORIGIN[1] + x * np.sin(phi), 0 * x)))
+    met = geometry.scene.ray_intersect(mi.Ray3f(top, mi.Vector3f(0, 0, -1)))
+    point, normal = met.p.numpy().T.astype(float), met.n.numpy().T.astype(float)
+    lifted = mi.Point3f(*(upload(mi.Float, v.astype(np.float32)) for v in (point + 2e-3 * normal).T))
+    towards = mi.Point3f(*ORIGIN.tolist()) - lifted
+    distance = dr.norm(towards)
+    free = ~geometry.scene.ray_test(mi.Ray3f(mi.Ray3f(lifted, towards / distance), distance))
+    truth = ~free.numpy() | (np.sum((ORIGIN - point) * normal, 1) < 0)
+    found = hidden(horizon, point) | (np.sum((ORIGIN - point) * normal, 1) < 0)
+    assert 0.2 < truth.mean() < 0.8
+    assert (found != truth).mean() < 0.01
+
+
+def test_windows_do_not_matter():
+    """The same place seen after sampling another part of the bed gives the same bits."""
+    bed = BedHorizon(Geometry(scenes.array_sonar({"seabed": rippled(length=300.0)})), REACH)
+    first = bed.around(ORIGIN, straight).sine.numpy()
+    bed.around(ORIGIN + [0.0, 90.0, 0.0], straight)
+    assert (bed.around(ORIGIN, straight).sine.numpy() == first).all()
+
+
+def test_a_flat_bed_hides_nothing_of_itself():
+    horizon = BedHorizon(Geometry(scenes.array_sonar({"seabed": scenes.bed(20.0, size=100.0)})), REACH).around(
+        ORIGIN, straight)
+    x, phi = np.linspace(0.3, 39, 500), np.linspace(0, 20, 500)
+    point = np.stack([ORIGIN[0] + x * np.cos(phi), ORIGIN[1] + x * np.sin(phi), -20 + 0 * x], 1)
+    assert not hidden(horizon, point).any()
+    assert hidden(horizon, point - [0, 0, 0.5], on_bed=False)[x > 5].all()
+
+
+def test_without_a_seabed_there_is_no_horizon():
+    assert BedHorizon(Geometry(scenes.array_sonar({"rock": scenes.bed(20.0)})), REACH).around(ORIGIN, straight) is None
