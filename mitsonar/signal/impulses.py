@@ -25,13 +25,14 @@ of this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike
-from scipy.special import i0
+
+from .bells import Bell
 
 __all__ = ["KERNELS", "BandLimited", "Nearest", "Peterson", "element_responses", "in_band_error_db", "make_kernel",
            "response_spectrum"]
@@ -111,33 +112,12 @@ class Peterson:
 
 
 @dataclass(frozen=True)
-class BandLimited:
-    """Kaiser-Bessel bell over four samples, its spectrum divided out afterwards."""
+class BandLimited(Bell):
+    """Kaiser-Bessel bell over four samples, its spectrum divided out afterwards: see `bells`."""
 
-    taps = 4
+    band: float = FLAT
+
     margin = MARGIN
-
-    @cached_property
-    def shape(self) -> float:
-        """Beatty's β for a band of two thirds of the sampling rate."""
-        ratio = 0.5 / FLAT
-        return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
-
-    def impulse(self, x: ArrayLike) -> np.ndarray:
-        """Give k at x samples from the echo, before `finish`."""
-        inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
-        return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
-
-    def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Give the Fourier transform of k at `frequency` [cycles per sample], before `finish`.
-
-        Notes
-        -----
-        (w / I₀(β)) sinh(√(β² - (πwf)²)) / √(β² - (πwf)²), w taps.
-        """
-        root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
-        near = np.abs(root) < 1e-6
-        return np.real(np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root))) * self.taps / i0(self.shape)
 
     @property
     def energy(self) -> float:

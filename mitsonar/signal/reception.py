@@ -20,7 +20,8 @@ from scipy import fft
 from ..sonar.pulse import Pulse
 from ..units import amplitude_from_db
 
-__all__ = ["absorbed", "band_filter", "check_record", "delayed", "received", "received_classes", "transmitted"]
+__all__ = ["absorbed", "band_filter", "check_record", "delayed", "excess_loss_rate", "padded_length", "received",
+           "received_classes", "transmitted"]
 
 GUARD = 64                         # samples an echo may ring beyond its ends
 FLAT = 0.4                         # of the sampling rate
@@ -209,13 +210,14 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     response = response.astype(np.result_type(response, np.complex64), copy=False)
     real, samples = np.real(response).dtype, response.shape[-1]
     probe = np.linspace(-0.5, 0.5, 65) * sampling_rate
-    rate = np.abs(_excess_rate(probe, sampling_rate, frequency, absorption_db, sound_speed)).max()
+    rate = np.abs(excess_loss_rate(probe, sampling_rate, frequency, absorption_db, sound_speed)).max()
     # linear interpolation of exp(-κt) over steps Δ is wrong by (κΔ)²/8 at most, relative to it
     steps = max(1, int(np.ceil(rate * samples / sampling_rate / np.sqrt(8 * INTERPOLATION_ERROR))))
     step = -(-samples // steps)
     triangle = (1 - np.abs(np.arange(2 * step) / step - 1)).astype(real)
     length = fft.next_fast_len(2 * step + 2 * GUARD)
-    rates = _excess_rate(fft.fftfreq(length, 1 / sampling_rate), sampling_rate, frequency, absorption_db, sound_speed)
+    offset = fft.fftfreq(length, 1 / sampling_rate)
+    rates = excess_loss_rate(offset, sampling_rate, frequency, absorption_db, sound_speed)
     edges = [(0, 0)] * (response.ndim - 1)
     source = np.pad(response, [*edges, (step, 2 * step)])               # begins `step` before the record
     sums = np.zeros((*response.shape[:-1], samples + 3 * step + 2 * GUARD), response.dtype)      # GUARD earlier still
@@ -227,7 +229,7 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     return sums[..., step + GUARD:step + GUARD + samples]
 
 
-def _excess_rate(offset: np.ndarray, sampling_rate: float, frequency: float,
+def excess_loss_rate(offset: np.ndarray, sampling_rate: float, frequency: float,
                  absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float) -> np.ndarray:
     """Loss beyond that at the carrier, [Np/s] of two-way time, at offsets [Hz] from it."""
     alpha = np.asarray(absorption_db(np.maximum(frequency + offset, 0.0)), float)

@@ -10,14 +10,15 @@ import drjit as dr
 import numpy as np
 
 from ..device.types import ArrayTypes, Float
-from .impulses import BandLimited, Kernel, Nearest, Peterson
+from .bells import Bell
+from .impulses import Kernel, Nearest, Peterson
 
 __all__ = ["tap_weights", "turned"]
 
 POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell: higher ones leave the error as it is
 
 
-def tap_weights(lib: ArrayTypes, kernel: Kernel, x: Float) -> list[Float]:
+def tap_weights(lib: ArrayTypes, kernel: Kernel | Bell, x: Float) -> list[Float]:
     """Give the kernel's taps for an echo x in [0, 1) after the middle one."""
     if isinstance(kernel, Nearest):
         return [lib.Float(1)]
@@ -43,7 +44,7 @@ def turned(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
 
 
 @lru_cache
-def _bell(kernel: BandLimited) -> list[tuple[np.ndarray, np.ndarray]]:
+def _bell(kernel: Bell) -> list[tuple[np.ndarray, np.ndarray]]:
     """Polynomials, even and odd part, of the bell's first two taps for an echo x = -1/2..1/2 off their middle."""
     x = 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
     fits = (np.polynomial.Polynomial.fit(x, kernel.impulse(tap - (kernel.taps - 1) / 2 - x), POLYNOMIAL, domain=[-1, 1])

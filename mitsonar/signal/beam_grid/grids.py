@@ -1,0 +1,93 @@
+"""Grids that echoes are added to, before they become beams or rows of signals."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from ...device.types import DrJitArray, Float, UInt32
+from ..bells import Bell
+from .absorption import AbsorptionTerms
+from .spreading import GridSums
+
+__all__ = ["MARGIN", "BeamGrid", "GridShape", "RowGrid"]
+
+MARGIN = 16                        # [samples] kept before and after a record, so that echoes at its edges stay whole
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridShape:
+    """What a grid is like.
+
+    Attributes
+    ----------
+    rows, samples, length : int
+        Rows, samples of the record, and columns that are kept of a row.
+    along : Bell
+        Over samples.
+    across : Bell or None
+        Over rows; None where they are whole numbers.
+    first, step : float [-]
+        Sine of row 0, and from each to the next; 0 and 1 where rows are whole numbers.
+    absorption : AbsorptionTerms or None
+    """
+
+    rows: int
+    samples: int
+    length: int
+    along: Bell
+    across: Bell | None = None
+    first: float = 0.0
+    step: float = 1.0
+    absorption: AbsorptionTerms | None = None
+
+    def sums(self, like: DrJitArray | type) -> GridSums:
+        """Make empty sums on the backend of `like`."""
+        return GridSums(like, rows=self.rows, columns=self.samples + 2 * MARGIN, pitch=self.length, along=self.along,
+                        across=self.across, absorption=self.absorption)
+
+
+class _Grid:
+    """Sums of echoes that are taken out once."""
+
+    def __init__(self, like: DrJitArray | type, shape: GridShape):
+        self.shape, self._like = shape, like
+        self._sums = shape.sums(like)
+
+    def taken(self) -> Float:
+        """Take the sums out, real and imaginary parts by turns; the grid is empty afterwards."""
+        sums, self._sums = self._sums.sums, self.shape.sums(self._like)
+        return sums
+
+
+class BeamGrid(_Grid):
+    """Echoes on (sine, time), made by `LineBeams.grid`."""
+
+    def add(self, *, column: Float, sine: Float, real: Float, imaginary: Float) -> None:
+        """Add echoes. Several calls add up.
+
+        Parameters
+        ----------
+        column : Float (H,) [samples]
+            After the record's start.
+        sine : Float (H,) [-]
+            Of the direction of arrival towards the line.
+        real, imaginary : Float (H,)
+            Amplitude, the carrier's phase included.
+
+        Notes
+        -----
+        What lies outside the record, has a sine beyond ±1, or is not finite brings nothing.
+        """
+        scale = dr.opaque(type(sine), 1 / self.shape.step)
+        begin = dr.opaque(type(sine), self.shape.first)
+        row = dr.select(abs(sine) <= 1 + 1e-6, (sine - begin) * scale, -1)
+        self._sums.add(row, column + MARGIN, real, imaginary)
+
+
+class RowGrid(_Grid):
+    """Echoes on (row, time), rows whole numbers, made by `RowSignals.grid`."""
+
+    def add(self, *, column: Float, row: UInt32, real: Float, imaginary: Float) -> None:
+        """Add echoes to rows; see `BeamGrid.add`."""
+        self._sums.add(row, column + MARGIN, real, imaginary)

@@ -1,0 +1,186 @@
+"""Steps between transforms, each a kernel on the device: from rows to frequencies, through the line, to beams.
+
+Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new one makes no new kernel.
+
+    by_frequency        Z[f, r] = P_r(f) G[r, f] + noise of rows
+    through_the_line    Z[f, ν] = Ŵ_f(ν) Z[f, ν] + noise of waves
+    by_beam             B[b, f] = Σ_k k_u(...) Z[f, r_b + k]                                         4 taps of a beam
+    along_rows          G[r, f] = P_r(f) G[r, f] + noise of rows                                     without beams
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from ...device.arrays import arrays_of, upload
+from ...device.types import Bool, DrJitArray, Float, UInt32
+from .noise import gaussians
+from .pulse_response import RowTransfers
+from .transforms import divided, tiles
+
+__all__ = ["Noise", "Sizes", "along_rows", "by_beam", "by_frequency", "through_the_line", "turned_in"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sizes:
+    """Of a grid and its spectra.
+
+    Attributes
+    ----------
+    rows, length : int
+        Of the grid's rows that count, and columns.
+    first : int
+        The first of these rows.
+    period : int
+        Rows of a period.
+    used : UInt32 (F,)
+        Columns of the frequencies that are used.
+    """
+
+    rows: int
+    length: int
+    first: int
+    period: int
+    used: UInt32
+
+    @property
+    def frequencies(self) -> int:
+        """F."""
+        return dr.width(self.used)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Noise:
+    """What is drawn.
+
+    Attributes
+    ----------
+    key : int
+    row : Float (R,)
+        Root of the power of rows.
+    frequency : Float (F,)
+        The replica's size.
+    taps : (float, float)
+        Bell at its middle, and a row off.
+    """
+
+    key: int
+    row: Float
+    frequency: Float
+    taps: tuple[float, float] = (1.0, 0.0)
+
+
+def turned_in(sums: Float, sizes: Sizes, edge: int) -> Float:
+    """Add `edge` rows on either side of a grid to those a period away; `sums` is used up."""
+    lib = arrays_of(sums)
+    U = lib.UInt32
+    length, rows = (dr.opaque(U, value) for value in (sizes.length, sizes.rows))
+    row, column = divided(lib, dr.arange(U, 2 * edge * sizes.length), sizes.length)
+    before = row < edge
+    source, into = dr.select(before, row, row + rows), dr.select(before, row + rows, row)
+    dr.scatter_add(sums, dr.gather(lib.Array2f, sums, source * length + column), into * length + column,
+                   mode=_unshared(lib))
+    return sums
+
+
+def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
+    """Multiply spectra (rows, length) by the rows' transfer functions: (F, period), rows that are none 0."""
+    lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
+    count, period = sizes.frequencies, dr.opaque(U, sizes.period)
+    number, row = tiles(lib, count, sizes.rows)
+    exists = number < dr.opaque(U, count)
+    column = dr.gather(U, sizes.used, number, exists)
+    place = (row + dr.opaque(U, sizes.first)) * dr.opaque(U, sizes.length) + column
+    z = _complex(lib, spectra, place, exists) * _transfer(lib, transfers, number, row, exists)
+    if noise is not None:
+        z += _row_noise(lib, noise, sizes, number, row, exists)
+    into = (dr.empty if sizes.period == sizes.rows else dr.zeros)(lib.Float, 2 * count * sizes.period)
+    dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row, exists)
+    return into
+
+
+def through_the_line(spectra: Float, sizes: Sizes, waves: UInt32, line: Float, noise: Float | None,
+                     key: int) -> Float:
+    """Multiply spectra (F, period) over waves by the line's pattern (F, U) at those used, all others 0.
+
+    `noise` (F, U) is the root of the power of what is drawn under `key` and added.
+    """
+    lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
+    lane = dr.arange(U, sizes.frequencies * dr.width(waves))
+    number, wave = divided(lib, lane, dr.width(waves))
+    place = number * dr.opaque(U, sizes.period) + dr.gather(U, waves, wave)
+    z = _complex(lib, spectra, place) * _complex(lib, line, lane)
+    if noise is not None:
+        z += lib.Complex2f(*gaussians(lib, lane, dr.opaque(U, key))) * noise
+    into = dr.zeros(lib.Float, 2 * sizes.frequencies * sizes.period)
+    dr.scatter(into, lib.Array2f(z.real, z.imag), place)
+    return into
+
+
+def by_beam(spectra: Float, sizes: Sizes, rows: UInt32, taps: Float) -> Float:
+    """Read beams (B, length) from spectra (F, period): four rows (B, 4) of each, and their weights."""
+    lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
+    beams = dr.width(taps) // 4
+    number, beam = tiles(lib, sizes.frequencies, beams)
+    exists = number < dr.opaque(U, sizes.frequencies)
+    begin, total = number * dr.opaque(U, sizes.period), lib.Array2f(0)
+    for row, tap in zip(dr.gather(lib.Array4u, rows, beam), dr.gather(lib.Array4f, taps, beam)):
+        total = dr.fma(dr.gather(lib.Array2f, spectra, begin + row, exists), tap, total)
+    into = dr.zeros(lib.Float, 2 * beams * sizes.length)
+    column = dr.gather(U, sizes.used, number, exists)
+    dr.scatter(into, total, beam * dr.opaque(U, sizes.length) + column, exists)
+    return into
+
+
+def along_rows(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None,
+               row_keys: UInt32 | None) -> Float:
+    """Multiply spectra (rows, length) by the rows' transfer functions, frequencies that are not used 0.
+
+    `row_keys` (rows,) are mixed with the key of `noise`.
+    """
+    lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
+    count = sizes.frequencies
+    row, number = divided(lib, dr.arange(U, sizes.rows * count), count)
+    place = row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number)
+    every = lib.Bool(True)
+    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row, every)
+    if noise is not None and row_keys is not None:
+        size = dr.gather(lib.Float, noise.row, row) * dr.gather(lib.Float, noise.frequency, number)
+        key = dr.gather(U, row_keys, row) ^ dr.opaque(U, noise.key)
+        z += lib.Complex2f(*gaussians(lib, number, key)) * size
+    into = dr.zeros(lib.Float, 2 * sizes.rows * sizes.length)
+    dr.scatter(into, lib.Array2f(z.real, z.imag), place)
+    return into
+
+
+def _transfer(lib, transfers: RowTransfers, number: UInt32, row: UInt32, exists: Bool):
+    """P of a row's factor at the frequencies of these numbers."""
+    U = lib.UInt32
+    nodes, count = upload(lib.Float, transfers.nodes.view("f4")), dr.opaque(U, transfers.nodes.shape[1])
+    node = dr.gather(U, upload(U, transfers.node), row)
+    after = dr.minimum(node + 1, dr.opaque(U, len(transfers.nodes) - 1))
+    low, high = (_complex(lib, nodes, one * count + number, exists) for one in (node, after))
+    share = dr.gather(lib.Float, upload(lib.Float, transfers.share), row)
+    return (low + (high - low) * share) * _complex(lib, upload(lib.Float, transfers.turn.view("f4")), row)
+
+
+def _row_noise(lib, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32, exists: Bool):
+    """Noise of a row and its two neighbours, through the bell and the replica."""
+    U = lib.UInt32
+    key, rows, total = dr.opaque(U, noise.key), dr.opaque(U, sizes.rows), lib.Complex2f(0)
+    for away in (-1, 0, 1):
+        other = U(lib.Int32(row) + away)             # before the first row a large number
+        there = exists & (other < rows)
+        size = dr.gather(lib.Float, noise.row, other, there) * dr.opaque(lib.Float, noise.taps[abs(away)])
+        total += lib.Complex2f(*gaussians(lib, number * rows + other, key)) * size
+    return total * dr.gather(lib.Float, noise.frequency, number, exists)
+
+
+def _complex(lib, values: Float, place: UInt32, exists: Bool | bool = True):
+    return lib.Complex2f(*dr.gather(lib.Array2f, values, place, exists))
+
+
+def _unshared(like: DrJitArray) -> dr.ReduceMode:
+    """No two lanes add to the same place."""
+    return dr.ReduceMode.NoConflicts if dr.backend_v(like.Float) == dr.JitBackend.LLVM else dr.ReduceMode.Auto

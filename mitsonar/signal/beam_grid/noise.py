@@ -1,0 +1,55 @@
+"""Noise of the sea and of the receivers as it stands in beams, drawn on the device.
+
+Noise from all directions alike is plane waves whose sines are evenly distributed over -1..1: white on (frequency, row).
+A receiver's own noise is white on (frequency, element), which over rows is a stationary process with the spectrum
+Σ_n |w_n|² δ(ν - ν_n). Where the rows' period is that of the sines, 2, white over rows is white over ν:
+
+    N(f, ν) = |S_r(f)| g(f, ν) √(f_s L (A |Ŵ|² M ds/2 + O V))                                                (1)
+
+A, O -> ``ambient``, ``own``; V as of `LineResponse.own_noise`, g circular Gaussian of variance 1, M rows of a period,
+L samples of an FFT. Over a longer period rows beyond ±1 are silent, and A is drawn on rows; since all rows will be
+divided by the bell's spectrum, it goes through the bell before: k(0) g_r + k(1) (g_{r-1} + g_{r+1}).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+
+from ...device.chance import gaussian, hashed_pair
+from ...device.types import Float, UInt32
+
+__all__ = ["NoiseDensity", "gaussians"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseDensity:
+    """Spectral densities of noise at one element, in the square of the unit of echoes.
+
+    Attributes
+    ----------
+    ambient : float [1/Hz]
+        From all directions alike.
+    own : float [1/Hz]
+        Of each receiver, independent of the others'.
+
+    Raises
+    ------
+    ValueError
+        If one is not finite and 0 or more.
+    """
+
+    ambient: float = 0.0
+    own: float = 0.0
+
+    def __post_init__(self):
+        for name in ("ambient", "own"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"noise density: {name} is {value} per Hz; give a finite number of 0 or more.")
+
+
+def gaussians(lib: ModuleType, index: UInt32, key: UInt32) -> tuple[Float, Float]:
+    """Give circular Gaussians of variance 1 for numbers under a key: real and imaginary part."""
+    return gaussian(lib, *hashed_pair(lib, index, key))

@@ -1,0 +1,129 @@
+"""What a grid's spectrum is multiplied with, row by row: pulse, receiver, matched filter, and the bell in time.
+
+    P_r(f) = S_η(f) F(f) S_r*(f) R(f) / (g K(f)) e^{-κ(f) t_m},        g = mean of S_1 S_r* F over f
+
+S_η -> the pulse's spectrum with the two-way factor η of the row, S_r the replica's, F the receiver's filter, R the
+response of the kernel `impulses.BandLimited`, K the bell's spectrum, κ and t_m as in `absorption`. An echo of amplitude
+a peaks at its delay with the value a, as after `reception.received` and `matched_filter`.
+
+Spectra are made at factors a step apart and interpolated: η_k = 1 + kδ. The turn of the pulse's middle, f0 (η - 1) T/2
+cycles, is taken out before; what is left turns by π f0 δ T/2 from node to node at the pulse's ends. Nodes stay for the
+next ping.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import fft
+
+from ...sonar.pulse import Pulse, Window
+from ..impulses import BandLimited
+from ..reception import band_filter, check_record
+
+__all__ = ["PulseResponse", "RowTransfers"]
+
+TURN = 0.045                       # [rad] halfway between two nodes at the pulse's ends: interpolated within 1e-3
+DROPPED = 3e-4                     # of the sum of |P|: frequencies that are left out
+MOST_NODES = 4096                  # kept from ping to ping
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RowTransfers:
+    """Transfer functions of rows.
+
+    Attributes
+    ----------
+    nodes : complex64 (K, F)
+        P at the Doppler factors of nodes, the turn of the middle taken out.
+    node : uint32 (R,)
+        The one below a row's factor.
+    share : float32 (R,)
+        From that one to the next.
+    turn : complex64 (R,)
+        Of the row's middle.
+    """
+
+    nodes: np.ndarray
+    node: np.ndarray
+    share: np.ndarray
+    turn: np.ndarray
+
+
+class PulseResponse:
+    """Pulse and matched filter on the frequencies of a record's FFT.
+
+    Parameters
+    ----------
+    pulse : Pulse
+    window : Window or None
+        Of the replica.
+    sampling_rate : float [Hz]
+    samples, length : int
+        Of the record; of its FFT.
+    """
+
+    def __init__(self, pulse: Pulse, window: Window | None, sampling_rate: float, samples: int, length: int):
+        check_record(pulse, sampling_rate, samples)
+        self.pulse, self.sampling_rate, self.samples, self.length = pulse, sampling_rate, samples, length
+        every = fft.fftfreq(length, 1 / sampling_rate)
+        sent = pulse.spectrum(sampling_rate, length)
+        replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length))
+        keep = band_filter(every, sampling_rate)
+        gain = np.mean(sent * replica * keep).real
+        size = np.abs(sent * replica * keep)
+        rising = np.argsort(size)
+        self.used = np.sort(rising[np.cumsum(size[rising]) > DROPPED * size.sum()])
+        self.offset = every[self.used]
+        self.replica = (replica / gain)[self.used]
+        kernel, cycles = BandLimited(), self.offset / sampling_rate
+        self._received = self.replica * keep[self.used] * kernel.response(cycles) / kernel.spectrum(cycles)
+        self._loss: np.ndarray | float = 1.0
+        self._nodes: dict[int, np.ndarray] = {}
+
+    def weaken(self, loss: np.ndarray) -> None:
+        """Let echoes lose by a factor (F,) as well, that of absorption in the middle of the record."""
+        self._loss = loss
+        self._nodes.clear()
+
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """|P| of a target at rest, (F,) [-]."""
+        return np.abs(self._received * self.pulse.spectrum(self.sampling_rate, self.length)[self.used])
+
+    @property
+    def step(self) -> float:
+        """δ of the module [-]."""
+        return 2 * TURN / (np.pi * self.pulse.frequency * self.pulse.duration)
+
+    def transfers(self, doppler: np.ndarray) -> RowTransfers:
+        """Give the transfer functions of rows with factors (R,) [-].
+
+        Raises
+        ------
+        ValueError
+            If the sampling rate is below the band of the pulse with such a factor.
+        """
+        place = (np.asarray(doppler, float) - 1) / self.step
+        node = np.floor(place).astype(np.int64)
+        share = place - node
+        numbers = range(int(node.min()), int(node.max()) + (2 if share.any() else 1))
+        if len(self._nodes) + len(numbers) > MOST_NODES:
+            self._nodes.clear()
+        nodes = np.stack([self._node(number) for number in numbers])
+        return RowTransfers(nodes=nodes, node=(node - numbers[0]).astype(np.uint32), share=share.astype(np.float32),
+                            turn=np.exp(2j * np.pi * self._middle(np.asarray(doppler, float))).astype(np.complex64))
+
+    def _node(self, number: int) -> np.ndarray:
+        if number not in self._nodes:
+            factor = 1 + number * self.step
+            check_record(self.pulse, self.sampling_rate, self.samples, factor)
+            sent = self.pulse.spectrum(self.sampling_rate, self.length, factor)[self.used]
+            turn = np.exp(-2j * np.pi * self._middle(factor))
+            self._nodes[number] = (self._received * self._loss * sent * turn).astype(np.complex64)
+        return self._nodes[number]
+
+    def _middle(self, factor: np.ndarray | float):
+        """Turn of the pulse's middle [cycles]."""
+        return 0.5 * self.pulse.frequency * self.pulse.duration * (factor - 1)

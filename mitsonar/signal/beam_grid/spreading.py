@@ -1,0 +1,196 @@
+"""Echoes spread on a grid of (row, column), on the device: the hot loop of the beam domain.
+
+    G[r, n] += a k_u(r - u) k_t(n - t)                                               [per echo: 4 x 4 taps, or 1 x 4]
+
+a -> ``real``, ``imaginary``; u -> ``row``, t -> ``column``; k_u, k_t Kaiser-Bessel bells (`signal.bells`). Rows may be
+whole numbers instead: then an echo lies in one row.
+
+Echoes are put in order of the stripe of STRIPE rows that they begin in, by a stable sort of these small numbers. A
+stripe belongs to one work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two
+blocks a thread; idle blocks make sure that it has. As an echo reaches into the next stripe too, even stripes come
+first, then odd ones. So no two threads add to the same row, no atomic operation is needed, and the order of additions,
+hence every bit of the result, depends on the echoes alone. On a GPU the sums are atomic, and their last bits vary.
+
+Four taps along a row lie in two packets of four complex numbers, each aligned, which are added in one go.
+"""
+from __future__ import annotations
+
+import drjit as dr
+import numpy as np
+
+from ...device.arrays import arrays_of, looped, upload
+from ...device.lookups import held
+from ...device.types import DrJitArray, Float, UInt32
+from ..bells import Bell
+from ..taps import tap_weights
+from .absorption import AbsorptionTerms
+
+__all__ = ["GridSums", "PACKET"]
+
+STRIPE = 8                         # rows: 11 of 4000 columns stay in a core's cache
+LANES = 1 << 14                    # of a work block: Dr.Jit's largest
+ROUNDS = 16                        # echoes of a lane at least: fewer do not pay for its start
+NEIGHBOURS = 64                    # lanes that read neighbouring echoes, a multiple of every vector's width
+PACKET = 4                         # complex numbers that are added at once
+MOST_NUMBERS = 1 << 32             # in an array of Dr.Jit
+
+
+class GridSums:
+    """Sums of echoes on a grid.
+
+    Parameters
+    ----------
+    like : Dr.Jit array or type
+        Of the backend to use.
+    rows, columns : int
+        Echoes lie on these, taps included.
+    pitch : int
+        From the first column of a row to that of the next, a multiple of PACKET; what lies between is 0.
+    along : Bell
+        k_t.
+    across : Bell or None
+        k_u; None where rows are whole numbers.
+    absorption : AbsorptionTerms or None
+
+    Raises
+    ------
+    ValueError
+        If the grid exceeds what 32-bit indices reach.
+    """
+
+    def __init__(self, like: DrJitArray | type, *, rows: int, columns: int, pitch: int, along: Bell,
+                 across: Bell | None, absorption: AbsorptionTerms | None = None):
+        if 2 * rows * pitch >= MOST_NUMBERS:
+            raise ValueError(f"a grid of {rows} rows and {pitch} samples takes {8 * rows * pitch / 2**30:.0f} GiB, "
+                             f"and {4 * MOST_NUMBERS >> 30} is the limit; take fewer rows or a shorter record")
+        self.lib = lib = arrays_of(like)
+        self.along, self.across, self.absorption = along, across, absorption
+        self.stripes = -(-rows // STRIPE)
+        self.on_cpu = dr.backend_v(lib.Float) == dr.JitBackend.LLVM
+        whole = dict(packets=pitch // PACKET, nowhere=self.stripes, last=rows - 1)
+        self.whole = {name: dr.opaque(lib.UInt32, value) for name, value in whole.items()}
+        self.ends = {name: dr.opaque(lib.Float, value) for name, value in dict(rows=rows, columns=columns).items()}
+        self.sums: Float = dr.zeros(lib.Float, 2 * rows * pitch)
+
+    def add(self, row: Float | UInt32, column: Float, real: Float, imaginary: Float) -> None:
+        """Add echoes; those that do not lie on the grid with all their taps, or are not finite, bring nothing.
+
+        Parameters
+        ----------
+        row : Float (H,), or UInt32 (H,) without bells across
+        column : Float (H,)
+        real, imaginary : Float (H,)
+        """
+        lib = self.lib
+        fields = [dr.detach(lib.Float(field)) for field in (row, column, real, imaginary)]
+        count = max(dr.width(field) for field in fields)
+        wrong = sorted({dr.width(field) for field in fields} - {1, count})
+        if wrong:
+            raise ValueError(f"fields of {count} echoes have {wrong[0]} values; give each as many as echoes, or one")
+        if not count:
+            return
+        with dr.suspend_grad():
+            inside = self._inside(*fields)
+            if not self.on_cpu:
+                self._spread(fields, inside)
+                dr.eval(self.sums)
+                return
+            fields = [field + dr.zeros(lib.Float, count) if dr.width(field) < count else field for field in fields]
+            packed, starts = self._sorted(count, fields, inside)
+            for first in range(2 if self.across else 1):
+                self._add_stripes(packed, starts, np.arange(first, self.stripes, 2 if self.across else 1))
+
+    def _inside(self, row: Float, column: Float, real: Float, imaginary: Float):
+        """Whether echoes lie on the grid; comparisons with NaN are false."""
+        margin = (1, 2) if self.across else (0, 0)
+        inside = (row >= margin[0]) & (row < self.ends["rows"] - margin[1])
+        inside &= (column >= 1) & (column < self.ends["columns"] - 2)
+        return inside & (abs(real) < dr.inf) & (abs(imaginary) < dr.inf) & ((real != 0) | (imaginary != 0))
+
+    # -- who adds where ------------------------------------------------------------------------------------------
+
+    def _sorted(self, count: int, fields: list[Float], inside) -> tuple[Float, np.ndarray]:
+        """Put echoes in order of their stripes: packed fields (4 H,), and where each stripe begins (stripes + 2,)."""
+        lib = self.lib
+        stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // STRIPE
+        stripe = dr.select(inside, stripe, self.whole["nowhere"])
+        buckets = 1 << self.stripes.bit_length()
+        counts = dr.zeros(lib.UInt32, buckets)
+        dr.scatter_add(counts, lib.UInt32(1), stripe)
+        dr.eval(stripe, counts, fields)
+        order = dr.detail.block_mkperm(stripe, count, buckets)
+        packed = dr.empty(lib.Float, 4 * count)
+        dr.scatter(packed, lib.Array4f(*(dr.gather(lib.Float, field, order) for field in fields)),
+                   dr.arange(lib.UInt32, count))
+        dr.eval(packed)
+        return packed, np.concatenate([[0], np.cumsum(counts.numpy(), dtype=np.uint32)]).astype(np.uint32)
+
+    def _add_stripes(self, packed: Float, starts: np.ndarray, mine: np.ndarray) -> None:
+        """Add the echoes of stripes of which no two share a row."""
+        lib, used = self.lib, len(mine)
+        if not used:
+            return
+        U = lib.UInt32
+        first, last = upload(U, starts[mine]), upload(U, starts[mine + 1])
+        groups, count = max(used, 2 * dr.thread_count() + 1), dr.opaque(U, used)
+        lane = dr.arange(U, groups * LANES)
+        group = lane // LANES
+        lane -= group * LANES
+        begin = dr.gather(U, first, group, group < count)
+        end = dr.gather(U, last, group, group < count)
+        # a bundle of lanes takes a stretch of echoes, lane by lane
+        stretch = NEIGHBOURS * dr.maximum((end - begin + (LANES - 1)) // LANES, ROUNDS)
+        bundle = lane // NEIGHBOURS
+        begin += bundle * stretch
+        end = dr.minimum(begin + stretch, end)
+        step = dr.opaque(U, NEIGHBOURS)
+
+        def turn(echo: UInt32) -> tuple[UInt32]:
+            self._spread(dr.gather(lib.Array4f, packed, echo), lib.Bool(True))
+            return echo + step,
+
+        looped((begin + lane - bundle * NEIGHBOURS,), lambda echo: echo < end, turn, "echoes")
+        dr.eval(self.sums)
+
+    # -- one echo ------------------------------------------------------------------------------------------------
+
+    def _spread(self, fields, inside) -> None:
+        """Add echoes that lie on the grid, with all their taps."""
+        lib = self.lib
+        row, column, real, imaginary = fields
+        above, before = dr.floor(row), dr.floor(column)
+        tap = lib.UInt32(held(before, 1, self.ends["columns"] - 3)) - 1
+        offset = tap & (PACKET - 1)
+        values = self._along(column, before, real, imaginary, offset)
+        packet = lib.UInt32(held(above, 0, self.ends["rows"] - 1)) * self.whole["packets"] + tap // PACKET
+        weights = [None] if self.across is None else tap_weights(lib, self.across, row - above)
+        if self.across is not None:
+            packet -= self.whole["packets"]
+        mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
+        for weight in weights:
+            parts = values if weight is None else [part * weight for part in values]
+            for half, active in ((0, inside), (1, inside & (offset != 0))):
+                there = parts[2 * PACKET * half:2 * PACKET * (half + 1)]
+                dr.scatter_add(self.sums, lib.ArrayXf(there), packet + half, active=active, mode=mode)
+            packet = packet + self.whole["packets"]
+
+    def _along(self, column: Float, before: Float, real: Float, imaginary: Float, offset: UInt32) -> list[Float]:
+        """Give the echo along its row: real and imaginary part by turns at the eight places of two packets."""
+        lib = self.lib
+        if self.absorption is None:
+            places = _moved(lib, tap_weights(lib, self.along, column - before), offset)
+            return [part * weight for weight in places for part in (real, imaginary)]
+        taps = self.absorption.tap_weights(lib, self.along, column, column - before)
+        cosines, sines = (_moved(lib, list(parts), offset) for parts in zip(*taps))
+        return [part for cosine, sine in zip(cosines, sines)
+                for part in (dr.fma(real, cosine, -imaginary * sine), dr.fma(real, sine, imaginary * cosine))]
+
+
+def _moved(lib, taps: list[Float], offset: UInt32) -> list[Float]:
+    """Put four taps into eight places, from place `offset` in 0..3 on."""
+    nothing = lib.Float(0)
+    places = [*taps, nothing, nothing, nothing, nothing]
+    for bit in (1, 2):
+        moved = (offset & bit) != 0
+        places = [dr.select(moved, places[k - bit] if k >= bit else nothing, places[k]) for k in range(8)]
+    return places
