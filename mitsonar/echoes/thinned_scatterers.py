@@ -168,6 +168,8 @@ class ThinnedScatterers:
             raise ValueError(f"a ping needs {total:.2g} scatterers of this scene, and {MOST:.1e} is the most; take "
                              "fewer a cell, a longer pulse or a shorter range")
         number = mi.UInt32(number)
+        if not total:
+            return mi.UInt32(), mi.UInt32()
         return _listed(self.lib, patch, number, int(dr.sum(number)[0]))
 
     def at(self, patch: mi.UInt32, k: mi.UInt32, density: Density) -> ThinnedSet:

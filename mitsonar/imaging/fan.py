@@ -21,7 +21,7 @@ from ..sonar.pulses import Pulse
 from . import truth
 from .energy_record import EnergyRecord
 
-__all__ = ["fan_directions", "image"]
+__all__ = ["fan_directions", "formed", "image", "levels"]
 
 NOTHING_DB = -200.0                # level of a sample without any echo or noise
 SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
@@ -61,16 +61,40 @@ def fan_directions(array: Array, beams: int, width: float) -> tuple[np.ndarray, 
     return angle, np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * axis
 
 
-def image(signals: xarray.DataArray, pulse: Pulse, angle: np.ndarray, direction: np.ndarray, *,
-          depth_below: np.ndarray, record: EnergyRecord, labels: Mapping[int, str],
-          class_of: Mapping[int, int]) -> xarray.Dataset:
-    """Make the picture of pings.
+def formed(signals: xarray.DataArray, pulse: Pulse, direction: np.ndarray) -> np.ndarray:
+    """Form the beams of pings from the signals of elements.
 
     Parameters
     ----------
     signals : xarray.DataArray (ping, tx, rx, sample) [µPa]
         As `mitsonar.element_signals` gives them.
     pulse : Pulse
+    direction : (B, 3)
+        Of the beams, body frame.
+
+    Returns
+    -------
+    complex (ping, B, sample) [µPa]
+        Compressed by the matched filter.
+    """
+    rate = signals.attrs["sampling_rate"]
+    values = signals.values
+    if signals["rx_delay"].values.any():                     # receivers that steer: their beams are formed here
+        values = delayed(values, -signals["rx_delay"].values, rate, signals.attrs["frequency"])
+    return delay_and_sum(signals.copy(data=matched_filter(values, pulse, rate)), direction).values
+
+
+def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction: np.ndarray, *,
+          depth_below: np.ndarray, record: EnergyRecord, labels: Mapping[int, str],
+          class_of: Mapping[int, int]) -> xarray.Dataset:
+    """Make the picture of pings.
+
+    Parameters
+    ----------
+    pings : xarray.Dataset
+        Of the record: coordinates over ``ping``, ``time`` [s] over ``sample``, and its attributes.
+    level : (P, B, S) [dB re 1 µPa]
+        Of the beams.
     angle, direction : (B,) [rad], (B, 3)
         Of `fan_directions`.
     depth_below : (P,) [m]
@@ -87,20 +111,13 @@ def image(signals: xarray.DataArray, pulse: Pulse, angle: np.ndarray, direction:
     xarray.Dataset
         ``level`` (ping, beam, range) [dB re 1 µPa], and ground truth over the same bins.
     """
-    rate = signals.attrs["sampling_rate"]
-    values = signals.values
-    if signals["rx_delay"].values.any():                     # receivers that steer: their beams are formed here
-        values = delayed(values, -signals["rx_delay"].values, rate, signals.attrs["frequency"])
-    compressed = signals.copy(data=matched_filter(values, pulse, rate))
-    beams = delay_and_sum(compressed, direction)
-    speed = signals.attrs["sound_speed"]
-    level = 20 * np.log10(np.maximum(np.abs(beams.values), 10 ** (NOTHING_DB / 20)))
-    coords = {name: (value.dims, value.values, value.attrs) for name, value in beams.coords.items()
+    speed, time = pings.attrs["sound_speed"], pings["time"].values
+    coords = {name: (value.dims, value.values, value.attrs) for name, value in pings.coords.items()
               if value.dims == ("ping",)}
     coords.update({
         "beam": ("beam", angle, {"units": "rad", "long_name": "angle from the middle of the fan"}),
-        "range": ("range", 0.5 * speed * beams["time"].values, {"units": "m", "long_name": "slant range"}),
-        "time": ("range", beams["time"].values, {"units": "s", "long_name": "two-way travel time"}),
+        "range": ("range", 0.5 * speed * time, {"units": "m", "long_name": "slant range"}),
+        "time": ("range", time, {"units": "s", "long_name": "two-way travel time"}),
         "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
         "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
         **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
@@ -116,9 +133,14 @@ def image(signals: xarray.DataArray, pulse: Pulse, angle: np.ndarray, direction:
          **truth.variables(record.truth, label, class_of, dims),
          "shadow": (dims, shadow, {"units": "1", "long_name": "no ray arrives, after the first return"}),
          "rays": (dims, rays, {"units": "1", "long_name": "rays of the ground truth"})},
-        coords, {"sonar": "array_sonar", **{name: signals.attrs[name] for name in kept},
-                 "bin_width": float(0.5 * speed / rate),
+        coords, {"sonar": "array_sonar", **{name: pings.attrs[name] for name in kept},
+                 "bin_width": float(0.5 * speed / pings.attrs["sampling_rate"]),
                  "labels": {str(number): name for number, name in labels.items()}})
+
+
+def levels(beams: np.ndarray) -> np.ndarray:
+    """Give the levels of beams [dB re 1 µPa]; `NOTHING_DB` at least."""
+    return 20 * np.log10(np.maximum(np.abs(beams), 10 ** (NOTHING_DB / 20)))
 
 
 def _runs_of(flags: np.ndarray, shortest: int) -> np.ndarray:

@@ -1,5 +1,5 @@
 """Sonar with arrays: its run over a scene, and the picture that its beams make."""
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..imaging import fan
+from ..imaging.energy_record import EnergyRecord, gathered
 from ..scene import materials, objects
 from ..scene.geometry import Geometry
 from ..scene.labels import classes_of
@@ -17,10 +18,11 @@ from ..sonar.beam_patterns import element_directivity_index_db
 from ..sonar.pulses import Pulse
 from . import energy, limits
 from .array_survey import ArraySurvey
+from .beam_domain.frames import Frames, why_not
 from .beams import Beams
 from .pressure import PressureRecord
 from .sensor import RunSettings, Sensor, slowest_speed
-from .signals import LEAD, received_signals
+from .signals import LEAD, ping_attributes, ping_coordinates, received_signals
 from .sources import RaySources
 from .voyage import Passage
 
@@ -48,6 +50,8 @@ class ArraySensor(Sensor, Protocol):
         and how wide that is.
     self_noise_db : float or None [dB re 1 µPa²/Hz]
         Of each receiver.
+    picture : {"beams", "elements"} or None
+        How the picture is made; None: in the beam domain where that can be done.
     """
 
     source_level_db: float
@@ -59,6 +63,7 @@ class ArraySensor(Sensor, Protocol):
     beams: int
     fan_width: float
     self_noise_db: float | None
+    picture: str | None
 
 
 def plan(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings) -> ArraySurvey:
@@ -122,7 +127,7 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
         source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
         sampling_rate=rate, samples=samples + extra, lead=extra, ensonification=settings.ensonification,
         cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage),
-        sources=_ray_sources(settings, transmit),
+        per_cell=settings.scatterers_per_cell, sources=_ray_sources(settings, transmit),
         noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db),
         absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1]))
 
@@ -130,22 +135,66 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
 def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the array's beams, with its truth; see `mitsonar.render`."""
-    return picture_of(survey, fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width), seed, progress, say)
+    return picture_of(survey, fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width), seed, progress, say,
+                      way=sensor.picture)
 
 
 def picture_of(survey: ArraySurvey, directions: tuple[np.ndarray, np.ndarray], seed: int,
                progress: Callable[[float, float], None] | None = None,
-               say: Callable[[str], None] | None = None) -> xr.Dataset:
-    """Render the picture of beams whose angles and directions are those of `fan.fan_directions`, with its truth."""
+               say: Callable[[str], None] | None = None, *, way: str | None = None) -> xr.Dataset:
+    """Render the picture of beams whose angles and directions are those of `fan.fan_directions`, with its truth.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+        Its record must lead by a pulse.
+    directions : (B,) [rad], (B, 3)
+    seed, progress, say
+        As of `mitsonar.render`.
+    way : {"beams", "elements"} or None
+        In the beam domain, or by the signals of elements; None: the first where it can be done.
+
+    Raises
+    ------
+    ValueError
+        If "beams" is asked for and the array or the run do not allow it.
+    """
     pings = range(survey.track.pings)
-    limits.check_beams(survey, len(directions[0]))
-    beams = Beams(survey, *directions)                   # refuses what is too large before the hours of signals
-    signals = received_signals(PressureRecord(survey, seed=seed), pings, progress=progress, say=say)
-    record = energy.record(survey, beams, seed)
+    if way is None:
+        way = "elements" if why_not(survey, directions[1]) else "beams"
+    if way == "beams":
+        frames = Frames(survey, directions[1], per_cell=survey.per_cell)
+        level, record = _framed(frames, pings, seed, progress)
+    else:
+        limits.check_beams(survey, len(directions[0]))
+        beams = Beams(survey, *directions)               # refuses what is too large before the hours of signals
+        signals = received_signals(PressureRecord(survey, seed=seed), pings, progress=progress, say=say)
+        level = fan.levels(fan.formed(signals, survey.pulse, directions[1]))
+        record = energy.record(survey, beams, seed)
     classes, class_of = classes_of(survey.labels)
-    image = fan.image(signals, survey.pulse, *directions, depth_below=survey.depth_below, labels=survey.labels,
+    about = xr.Dataset(
+        coords={**ping_coordinates(survey, pings), "time": ("sample", survey.time[survey.lead:])},
+        attrs={**ping_attributes(survey, pings), "seed": seed, "source_level_db": survey.source_level_db})
+    image = fan.image(about, level, *directions, depth_below=survey.depth_below, labels=survey.labels,
                       class_of=class_of, record=record)
-    return objects.annotated(image, classes, class_of, survey.geometry)
+    return objects.annotated(image.assign_attrs(picture=way), classes, class_of, survey.geometry)
+
+
+def _framed(frames: Frames, pings: Sequence[int], seed: int,
+            progress: Callable[[float, float], None] | None) -> tuple[np.ndarray, EnergyRecord]:
+    """Levels (ping, beam, sample) of frames made one after the other, and their truth."""
+    level = []
+
+    def records() -> Iterator[EnergyRecord]:
+        for done, ping in enumerate(pings, 1):
+            beams, truth = frames.frame(ping, seed)
+            level.append(fan.levels(beams).astype(np.float32))
+            yield truth
+            if progress is not None:
+                progress(done, len(pings))
+
+    record = gathered(records(), pings=len(pings), rows=frames.beams)
+    return np.stack(level), record
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -34,6 +34,8 @@ class ArraySurvey(Survey):
         How many of the samples come before the record that was asked for.
     cell_size : float [m]
         Longest side of a cell, which holds one scatterer.
+    per_cell : float [-]
+        Scatterers of a resolution cell, of a picture in the beam domain.
     ensonification : str
         How scatterers are found: one of `ensonification.METHODS`.
     sources : RaySources
@@ -57,6 +59,7 @@ class ArraySurvey(Survey):
     samples: int
     lead: int
     cell_size: float
+    per_cell: float
     ensonification: str
     sources: RaySources
     noise: ElementNoise | None = None

@@ -90,6 +90,8 @@ class RunSettings:
         How an array's scatterers are found: one of `ensonification.METHODS`.
     cell_size : float or None [m]
         Longest side of a scatterer's cell; None: as the resolution asks.
+    scatterers_per_cell : float
+        How many a resolution cell of an array's picture in the beam domain has.
     ray_sources : str
         Where an array's rays start: "centre", "elements" or "interpolated".
     ray_source_count : int
@@ -101,6 +103,7 @@ class RunSettings:
     max_depth: int
     ensonification: str
     cell_size: float | None
+    scatterers_per_cell: float
     ray_sources: str
     ray_source_count: int
 

@@ -24,7 +24,7 @@ from .cost import sentence
 from .elements.arrivals import ArrivalCounts
 from .pressure import PressureRecord
 
-__all__ = ["LEAD", "pair_responses", "received_signals"]
+__all__ = ["LEAD", "pair_responses", "ping_attributes", "ping_coordinates", "received_signals"]
 
 LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
 NEAREST = 1.0                      # [m]: nearer echoes do not decide into how many pieces a pulse is cut
@@ -153,23 +153,34 @@ def _warn_of_lost(counts: ArrivalCounts) -> None:
 def _labelled(values: np.ndarray, survey: ArraySurvey, pings: Sequence[int], *, name: str, unit: str,
               lost: int, transmitters: bool) -> xr.DataArray:
     """Put coordinates beside responses or signals (ping, tx, rx, sample)."""
-    samples, track = values.shape[-1], survey.track
-    coords = {"ping": pings, "time": ("sample", survey.time[-samples:], {"units": "s"})}
+    pings_of = ping_coordinates(survey, pings)
+    coords = {**pings_of, "time": ("sample", survey.time[-values.shape[-1]:], {"units": "s"})}
     for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
         for axis, column in zip("xyz", array.position.T):
             coords[f"{prefix}_{axis}"] = (prefix, column, {"units": "m", "frame": "body: forward, starboard, down"})
     if not transmitters:
         coords["rx_weight"] = ("rx", survey.receive.weight, {"units": "1", "long_name": "shading for beamformers"})
         coords["rx_delay"] = ("rx", survey.receive.delay, {"units": "s", "long_name": "delay of the signals"})
+    return xr.DataArray(values, dims=("ping", "tx", "rx", "sample"), coords=coords, name=name,
+                        attrs={"units": unit, "lost_arrivals": lost, **ping_attributes(survey, pings)})
+
+
+def ping_coordinates(survey: ArraySurvey, pings: Sequence[int]) -> dict[str, tuple | Sequence[int]]:
+    """Give the coordinates of pings: where the platform is, how it is held, and when."""
+    track = survey.track
+    coords: dict[str, tuple | Sequence[int]] = {"ping": pings}
     for axis, column in zip("xyz", track.position[pings].T):
         coords[axis] = ("ping", column, {"units": "m"})
     for angle in ("roll", "pitch", "heading"):
         coords[angle] = ("ping", getattr(track, angle)[pings], {"units": "rad"})
     coords["ping_time"] = ("ping", track.time[pings], {"units": "s"})
-    return xr.DataArray(values, dims=("ping", "tx", "rx", "sample"), coords=coords, name=name,
-                        attrs={"units": unit, "frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
-                               "lost_arrivals": lost, "sound_speed": survey.sound_speed(pings[0]),
-                               "pulse": survey.pulse.numbers})
+    return coords
+
+
+def ping_attributes(survey: ArraySurvey, pings: Sequence[int]) -> dict:
+    """Give the attributes of a record of pings."""
+    return {"frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
+            "sound_speed": survey.sound_speed(pings[0]), "pulse": survey.pulse.numbers}
 
 
 def _fastest(survey: ArraySurvey, ping: int) -> tuple[float, float]:

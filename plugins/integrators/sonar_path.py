@@ -42,7 +42,9 @@ ATTRIBUTES = (
            text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
                 "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
     Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",
-           text="longest side of a cell; by default also at most a fiftieth of the altitude"),
+           text="longest side of a cell, for signals of elements; by default also at most a fiftieth of the altitude"),
+    Number("scatterers_per_cell", default=5.0, minimum=1, maximum=100,
+           text="of an array's picture made in the beam domain: scatterers a resolution cell"),
     Choice("fans", default="centre", choices=("centre", "elements", "interpolated"),
            text="from where an array's cells are ensonified: its centre (all transmit elements reach the same points), "
                 "each transmit element, or `fan_count` places along the array, between which elements take both "
@@ -59,7 +61,8 @@ class SonarPath(mi.SamplingIntegrator):
         attributes = Attributes(props, ATTRIBUTES)
         self.settings = RunSettings(
             rays=attributes.rays, first_pass=attributes.first_pass, max_depth=attributes.max_depth,
-            ensonification=attributes.ensonification, cell_size=attributes.cell, ray_sources=attributes.fans,
+            ensonification=attributes.ensonification, cell_size=attributes.cell,
+            scatterers_per_cell=attributes.scatterers_per_cell, ray_sources=attributes.fans,
             ray_source_count=attributes.fan_count)
         super().__init__(props)
 

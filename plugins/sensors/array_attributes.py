@@ -23,7 +23,7 @@ from mitsonar.sonar.element_patterns import BAFFLES, PATTERNS
 
 from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
 
-__all__ = ["ARRAYS"]
+__all__ = ["ARRAYS", "PICTURE"]
 
 MOST_ELEMENTS = 100_000
 ALL_KINDS = ("point", "line", "planar", "cylindrical", "spherical", "file")
@@ -68,3 +68,8 @@ ARRAYS = Group(title="Arrays", module="sensors.array_attributes", prefixes=("tra
     Number("_focus", default=None, above=0, unit="m", text="distance of a focus in that direction; along the normal "
                                                            "where none is written"),
 ))
+
+PICTURE = Choice("picture", default=None, choices=("beams", "elements"), otherwise="beams where that can be done",
+                 text="how the picture is made: `beams`, for a line or rows of receivers, lays echoes on a grid of "
+                      "time and sine, at video rate; `elements` forms beams of the elements' own signals, of any "
+                      "array, and takes a hundred times as long")

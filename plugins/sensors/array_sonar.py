@@ -23,7 +23,7 @@ from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Choice, Integer, Number, Text
-from .array_attributes import ARRAYS
+from .array_attributes import ARRAYS, PICTURE
 from .array_reading import read_array
 from .platform import ROUTE, pings
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
@@ -43,7 +43,7 @@ ATTRIBUTES = (
     Integer("beams", default=121, minimum=1, maximum=100_000, text="of the picture; a point has one"),
     Angle("fan_deg", default=120.0, above=0, maximum=180,
           text="width of the picture's fan about the receivers' normal, in the plane of their longest axis"),
-    *NOISE,
+    PICTURE, *NOISE,
     Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            text="noise of each receiver by itself"),
     pings(1), ROUTE, *NESTED,
@@ -61,6 +61,7 @@ class ArraySonar(SonarSensor):
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
         self.pulse = _pulse(attributes, self.frequency)
         self.beams, self.fan_width = attributes.beams, attributes.fan_deg
+        self.picture = attributes.picture
         # for the default pitch; delays of steering are made anew for the water that the track leads through
         profile, start = self.water.profile, self.route.start
         self.nominal_sound_speed = self.sound_speed or float(

@@ -53,8 +53,10 @@ def test_an_echo_lands_in_its_beam_at_its_range(steered):
                      seabed_place=np.zeros((1, 121, 2000, 3)))
     rays = np.zeros((1, 121, 2000), np.uint32)
     record = EnergyRecord(intensity=rays, depth=rays, rays=rays, rays_in_beam=rays, truth=truth)
-    image = fan.image(signals, pulse, *fan.fan_directions(array, 121, np.pi), depth_below=np.array([10.0]),
-                      record=record, labels={1: "seabed"}, class_of={1: 1})
+    directions = fan.fan_directions(array, 121, np.pi)
+    about = xr.Dataset(coords={"ping": [0], "time": ("sample", time)}, attrs=signals.attrs)
+    image = fan.image(about, fan.levels(fan.formed(signals, pulse, directions[1])), *directions, record=record,
+                      depth_below=np.array([10.0]), labels={1: "seabed"}, class_of={1: 1})
     beam, sample = np.unravel_index(np.argmax(image["level"].values[0]), image["level"].shape[1:])
     assert float(image["beam"][beam]) == pytest.approx(0.5, abs=np.pi / 240)
     assert float(image["range"][sample]) == pytest.approx(distance, abs=750 / rate)

@@ -1,0 +1,114 @@
+"""What a picture makes of energies over beams and bins: the beams' side lobes and the compressed pulse blur them.
+
+    shown[b, t] = Σ_b' M[b, b'] Σ_τ k[τ] E[b', t - τ],     M[b, b'] = mean over beam b' of |W(s' - s_b)|²,
+    k a squared sinc of the pulse's bandwidth, of sum 1
+
+M is kept where it is more than a share `FAINTEST` of a beam's own.
+"""
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ...device.arrays import upload
+
+__all__ = ["Blur"]
+
+PARTS = 4                          # directions in a beam that its pattern is averaged over
+FAINTEST = 3e-5                    # of M's largest, below which it is left out
+WIDEST = 48                        # beams to either side at most
+REACH = 3                          # bins to either side that the compressed pulse is followed
+
+
+class Blur:
+    """Blur planes of energies.
+
+    Parameters
+    ----------
+    sines : (B,) [-]
+        Of the beams, rising.
+    place, weight : (N,) [wavelengths], [-]
+        Of the line.
+    bandwidth_share : float [-]
+        The pulse's bandwidth over the sampling rate.
+
+    Attributes
+    ----------
+    edges : (B + 1,)
+        Sines that part the beams.
+    reach : int
+        Beams to either side that M reaches.
+    """
+
+    def __init__(self, sines: np.ndarray, place: np.ndarray, weight: np.ndarray, bandwidth_share: float):
+        self.beams = len(sines)
+        middle = 0.5 * (sines[1:] + sines[:-1])
+        self.edges = np.concatenate([[2 * sines[0] - middle[0]], middle, [2 * sines[-1] - middle[-1]]])
+        band = _band(sines, self.edges, place, weight)
+        self.reach = band.shape[1] // 2
+        spread = np.sinc(bandwidth_share * np.arange(-REACH, REACH + 1)) ** 2
+        self._spread = spread / spread.sum()
+        self._band = upload(mi.Float, band.astype(np.float32))
+        dr.eval(self._band)
+
+    def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
+        """Give the box (first and last beam, first and last bin, the ends left out) that a box's energies reach."""
+        b0, b1, t0, t1 = box
+        return max(b0 - self.reach, 0), min(b1 + self.reach, self.beams), max(t0 - REACH, 0), min(t1 + REACH, bins)
+
+    def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
+        """Give what the picture makes of energies (b, t) of the beams from `first_beam` on: float32 (b, t)."""
+        beams, bins = energy.shape
+        plane = upload(mi.Float, np.ascontiguousarray(energy, np.float32))
+        numbers = [dr.opaque(mi.UInt32, n) for n in (beams, bins, first_beam)]
+        half = self.reach
+        mixed = _mixed(plane, self._band, dr.opaque(mi.UInt32, half), *numbers, dr.arange(mi.UInt32, beams * bins))
+        dr.eval(mixed)
+        index = dr.arange(mi.UInt32, beams * bins)
+        column = index % numbers[1]
+        total = mi.Float(0)
+        for k, weight in zip(range(-REACH, REACH + 1), self._spread):
+            inside = (mi.Int32(column) + k >= 0) & (mi.Int32(column) + k < mi.Int32(numbers[1]))
+            beside = dr.gather(mi.Float, mixed, mi.UInt32(mi.Int32(index) + k), inside)
+            total += dr.opaque(mi.Float, float(weight)) * beside
+        return total.numpy().reshape(beams, bins)
+
+
+def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """M as rows of a band, (B, 2 h + 1): column h + k of row b is M[b, b + k], 0 outside the fan."""
+    beams = len(sines)
+    half = min(WIDEST, beams - 1)
+    share = (np.arange(PARTS) + 0.5) / PARTS
+    fine = edges[:-1, None] + np.diff(edges)[:, None] * share                                     # (B, parts)
+    w = np.asarray(weight, float) / np.abs(weight).sum()
+    band = np.zeros((beams, 2 * half + 1))
+    for k in range(-half, half + 1):
+        b = np.arange(max(0, -k), beams - max(0, k))
+        gap = fine[b + k] - sines[b, None]
+        # the pattern is a function of the gap alone: a table of it serves all beams
+        band[b, half + k] = _pattern(gap, place, w).mean(1)
+    worth = band.max(0) > FAINTEST * band.max()
+    needed = int(np.abs(np.flatnonzero(worth) - half).max(initial=0))
+    return band[:, half - needed:half + needed + 1]
+
+
+def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """|Σ w e^(i2π x gap)|²."""
+    return np.abs(np.exp(2j * np.pi * gap[..., None] * place) @ weight) ** 2
+
+
+@dr.syntax
+def _mixed(plane, band, half, beams, bins, first, index):
+    """Sums over the beams beside each."""
+    row = index // bins
+    column = index - row * bins
+    low = dr.select(row > half, row - half, 0)
+    high = dr.minimum(row + half + 1, beams)
+    width = 2 * half + 1
+    total, b = mi.Float(0), mi.UInt32(low)
+    while b < high:
+        weight = dr.gather(mi.Float, band, (first + row) * width + (b + half - row))
+        total += weight * dr.gather(mi.Float, plane, b * bins + column)
+        b += 1
+    return total

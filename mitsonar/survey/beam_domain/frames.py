@@ -1,0 +1,150 @@
+"""Frames of an array's picture in the beam domain: beams and their truth from the same echoes.
+
+    echoes     scatterers thinned to the resolution, targets, ghosts, water              `ping_echoes`
+    grid       their sums over sine and time                                             `signal.beam_grid`
+    beams      pulse, matched filter, line, noise                                        `signal.beam_grid`
+    truth      whose energy, and what is hidden                                          `truth`
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mitsuba as mi
+import numpy as np
+
+from ...device.chance import ping_key
+from ...imaging.energy_record import EnergyRecord
+from ...signal.beam_grid import BeamGrid, LineBeams, NoiseDensity
+from ...signal.reception import delayed
+from ...units import amplitude_from_db, power_from_db
+from ..array_survey import ArraySurvey
+from .blur import Blur
+from .line import LineArray, refusal
+from .ping_echoes import PingEchoes
+from .record import GridEchoes
+from .truth import FrameTruth
+
+__all__ = ["Frames", "why_not"]
+
+REFERRED = 0.01                    # wavelengths that an array's centre may lie off the origin, and still be there
+
+
+def why_not(survey: ArraySurvey, direction: np.ndarray) -> str:
+    """Say why a picture of beams (B, 3) cannot be made in the beam domain; empty where it can."""
+    why = refusal(survey.receive, direction, survey.wavelength)
+    if why:
+        return f"the receive array is no line, nor rows of lines: {why}"
+    transmit = survey.transmit
+    if len(transmit.faces()) > 1 and not (transmit.pattern == "omni" and transmit.baffle == "none"):
+        return "the transmit elements look different ways"
+    if survey.ensonification != "scatterers":
+        return "rays are to find the scatterers (ensonification)"
+    if len(survey.sources.position) > 1 or np.any(survey.sources.position):
+        return "rays are to start at other places than the array's centre (fans)"
+    return ""
+
+
+class Frames:
+    """Make the frames of a survey.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+        Its record must lead by a pulse.
+    direction : (B, 3)
+        Of the beams, body frame.
+    per_cell : float [-]
+        Scatterers a resolution cell.
+
+    Raises
+    ------
+    ValueError
+        If `why_not` says why.
+    """
+
+    def __init__(self, survey: ArraySurvey, direction: np.ndarray, *, per_cell: float):
+        why = why_not(survey, direction)
+        if why:
+            raise ValueError(f"the picture cannot be made in the beam domain: {why}; leave out picture, or let it be "
+                             "elements")
+        self.survey = survey
+        self.line = line = LineArray.of(survey.receive, direction, survey.wavelength)
+        self.echoes = PingEchoes(survey, line, per_cell=per_cell)
+        sines = direction @ line.axis
+        self._order = np.argsort(sines, kind="stable")
+        self._direction = direction
+        self._beams = LineBeams(
+            mi.Float, position=line.place, weight=line.weight, pulse=survey.pulse, samples=survey.samples,
+            sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sines=sines,
+            sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
+        self._noise = _density(survey)
+        self._truth = FrameTruth(
+            Blur(sines[self._order], line.place / survey.wavelength, line.weight,
+                 survey.pulse.bandwidth / survey.sampling_rate),
+            lead=survey.lead, bins=survey.samples - survey.lead, named=survey.geometry.named)
+
+    @property
+    def beams(self) -> int:
+        """How many."""
+        return len(self._direction)
+
+    def frame(self, ping: int, seed: int,
+              progress: Callable[[float], None] | None = None) -> tuple[np.ndarray, EnergyRecord]:
+        """Make one frame.
+
+        Returns
+        -------
+        beams : complex64 (B, samples) [µPa]
+        truth : EnergyRecord
+            Arrays (B, ..., bins).
+        """
+        survey, grid = self.survey, self._beams.grid()
+        scatterers = self.echoes.of_scatterers(ping)
+        hidden = np.zeros(0, np.uint32), np.zeros(0, np.uint32)
+        if scatterers is not None:
+            _add(grid, scatterers)
+            hidden = tuple(column.numpy() for column in self.echoes.hiding(ping, scatterers))
+        targets = list(self.echoes.of_targets(ping))
+        for target in targets:
+            _add(grid, target.echoes)
+        for some in self.echoes.by_chance(ping, seed):
+            _add(grid, some)
+        beams = self._beams.form(grid, doppler=self.echoes.doppler(ping), noise=self._noise, key=ping_key(seed, ping))
+        beams = self._referred(beams) * np.float32(amplitude_from_db(survey.source_level_db))
+        truth = self._truth.of(
+            scatterers, hidden, targets, origin=survey.track.position[ping],
+            depth_below=float(survey.depth_below[ping]), farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
+            source_power=float(power_from_db(survey.source_level_db)))
+        return beams, truth
+
+    def _referred(self, beams: np.ndarray) -> np.ndarray:
+        """Refer the beams of an array off the body's origin O to O: every beam by as much as its own points are nearer.
+
+        δ = (|P| - |P - r|) / c, P = R û the beam's point and r the array's centre, as beamformers of elements do.
+        """
+        survey, centre = self.survey, self.line.centre
+        if np.linalg.norm(centre) < REFERRED * survey.wavelength:
+            return beams
+        speed = survey.sound_speed(0)
+        far = self._direction @ centre / speed
+        R = np.maximum(0.5 * speed * survey.time[survey.lead:], np.linalg.norm(centre))
+        point = R[:, None] * self._direction[:, None]                                        # (B, S, 3)
+        near = (R - np.linalg.norm(point - centre, axis=-1)) / speed - far[:, None]
+        turn = np.exp(-2j * np.pi * survey.frequency * near).astype(np.complex64)
+        return delayed(beams, far, survey.sampling_rate, survey.frequency) * turn
+
+
+def _density(survey: ArraySurvey) -> NoiseDensity | None:
+    """The elements' noise, for a source level of 0 dB."""
+    noise, source = survey.noise, power_from_db(survey.source_level_db)
+    if noise is None:
+        return None
+    ambient, own = (0.0 if level is None else float(power_from_db(level) / source)
+                    for level in (noise.ambient_db, noise.self_noise_db))
+    return NoiseDensity(ambient=ambient, own=own)
+
+
+def _add(grid: BeamGrid, echoes: GridEchoes) -> None:
+    grid.add(column=echoes.column, sine=echoes.sine, real=echoes.real, imaginary=echoes.imaginary)
+
+

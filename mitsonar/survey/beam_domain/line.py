@@ -1,0 +1,132 @@
+"""A receive array as a line, or rows of lines, whose beams tell directions apart by one sine.
+
+    W(s, t) = Σ_n w_n e^(i2π x_n (s - s_b) / λ) · Σ_m v_m e^(i2π y_m t / λ),     s = l·a,  t = l·p
+
+l unit vector towards the echo, a -> ``axis``, p across it in the array's face; x_n, w_n -> ``place``, ``weight`` along
+the line, y_m, v_m of its rows. The second sum is the pattern of the rows, steered to the fan's own plane.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...sonar.array import Array
+
+__all__ = ["LineArray", "refusal"]
+
+FLAT = 0.02                        # wavelengths that elements may stand off the line or plane
+SEPARABLE = 1e-6                   # of the largest weight, that a product of rows and columns may be off
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineArray:
+    """An array seen as a line of columns.
+
+    Attributes
+    ----------
+    axis, normal : (3,)
+        Unit vectors of the fan's plane, body frame.
+    centre : (3,) [m]
+        Of the array, body frame; the places are about it.
+    place, weight : (N,) [m], [-]
+        Of the columns along the axis.
+    row_place, row_weight : (M,) [m], [-]
+        Of the rows; one for a line.
+    """
+
+    axis: np.ndarray
+    normal: np.ndarray
+    centre: np.ndarray
+    place: np.ndarray
+    weight: np.ndarray
+    row_place: np.ndarray
+    row_weight: np.ndarray
+
+    @property
+    def length(self) -> float:
+        """D, of the aperture [m]: a column more than from the first to the last."""
+        count = len(self.place)
+        return float(np.ptp(self.place)) * count / max(count - 1, 1)
+
+    @classmethod
+    def of(cls, array: Array, direction: np.ndarray, wavelength: float) -> LineArray:
+        """See an array as a line.
+
+        Parameters
+        ----------
+        array : Array
+            That receives.
+        direction : (B, 3)
+            Of the beams, body frame: their plane holds the line.
+        wavelength : float [m]
+
+        Raises
+        ------
+        ValueError
+            If it is none, saying why; see `refusal`.
+        """
+        why = refusal(array, direction, wavelength)
+        if why:
+            raise ValueError(f"the receive array is no line, nor rows of lines: {why}")
+        axis, normal = _axes(direction)
+        return cls(axis=axis, normal=normal, centre=array.position.mean(0), **_columns(array, axis, normal))
+
+
+def refusal(array: Array, direction: np.ndarray, wavelength: float) -> str:
+    """Say why an array is neither a line nor rows of lines for a fan (B, 3) of beams; empty where it is."""
+    if len(direction) < 2:
+        return "there is a single beam"
+    if len(array.faces()) > 1 and not (array.pattern == "omni" and array.baffle == "none"):
+        return "its elements look different ways"
+    axis, normal = _axes(direction)
+    if np.abs(direction @ np.cross(axis, normal)).max() > 1e-6:
+        return "the beams do not lie in a plane"
+    place = array.position - array.position.mean(0)
+    if np.abs(place @ normal).max() > FLAT * wavelength:
+        return "its elements do not lie in a plane with the fan's axis"
+    across = place @ np.cross(axis, normal)
+    if np.ptp(place @ axis) < 0.5 * wavelength:
+        return "it is shorter than half a wavelength along the fan"
+    if np.ptp(across) > 2 * FLAT * wavelength and _table(array, axis, normal) is None:
+        return "its weights are no product of those of rows and columns"
+    return ""
+
+
+def _axes(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axis and normal of a fan's plane: the axis from the first beam to the last."""
+    axis = direction[-1] - direction[0]
+    axis = axis / np.linalg.norm(axis)
+    normal = direction.mean(0)
+    normal = normal - (normal @ axis) * axis
+    return axis, normal / np.linalg.norm(normal)
+
+
+def _columns(array: Array, axis: np.ndarray, normal: np.ndarray) -> dict[str, np.ndarray]:
+    """Places and weights of columns and rows."""
+    table = _table(array, axis, normal)
+    if table is None or len(table[1]) == 1:
+        place = (array.position - array.position.mean(0)) @ axis
+        return {"place": place, "weight": array.weight.astype(float), "row_place": np.zeros(1),
+                "row_weight": np.ones(1)}
+    columns, rows, weight = table
+    peak = np.unravel_index(np.abs(weight).argmax(), weight.shape)
+    return {"place": columns, "weight": weight[peak[0]], "row_place": rows,
+            "row_weight": weight[:, peak[1]] / weight[peak]}
+
+
+def _table(array: Array, axis: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Places of columns (N,) and rows (M,) and weights (M, N) of rows alike; None where there is no such table."""
+    place = array.position - array.position.mean(0)
+    x, y = place @ axis, place @ np.cross(axis, normal)
+    columns, column = np.unique(x.round(9), return_inverse=True)
+    rows, row = np.unique(y.round(9), return_inverse=True)
+    if len(columns) * len(rows) != array.elements or len(rows) == array.elements:
+        return None
+    weight = np.zeros((len(rows), len(columns)))
+    weight[row, column] = array.weight
+    peak = np.unravel_index(np.abs(weight).argmax(), weight.shape)
+    product = np.outer(weight[:, peak[1]], weight[peak[0]]) / weight[peak]
+    if np.abs(product - weight).max() > SEPARABLE * np.abs(weight).max():
+        return None
+    return columns, rows, weight
