@@ -4,9 +4,10 @@ The fan lies in the plane of the receive array's normal n and of the axis a alon
 
     û(ψ) = n cos ψ + a sin ψ
 
-ahead and level for a line across the bow, athwart and downwards for one under the hull. Signals go through the matched
-filter, then delay-and-sum focused at every range; level = 20 log10 |beam| [dB re 1 µPa], R = c t / 2 at the array's
-sound speed. A single element makes a single beam, which is the element itself.
+ahead and level for a line across the bow, athwart and downwards for one under the hull. From beam to beam ψ grows by
+equal steps, or sin ψ does, so that a line's beams overlap alike from the middle to the rim. Signals go through the
+matched filter, then delay-and-sum focused at every range; level = 20 log10 |beam| [dB re 1 µPa], R = c t / 2 at the
+array's sound speed. A single element makes a single beam, which is the element itself.
 """
 from collections.abc import Mapping
 
@@ -21,13 +22,14 @@ from ..sonar.pulses import Pulse
 from . import truth
 from .energy_record import EnergyRecord
 
-__all__ = ["fan_directions", "formed", "image", "levels"]
+__all__ = ["STEPS", "fan_directions", "formed", "image", "levels"]
 
+STEPS = ("angle", "sine")          # what grows by equal steps from beam to beam
 NOTHING_DB = -200.0                # level of a sample without any echo or noise
 SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 
 
-def fan_directions(array: Array, beams: int, width: float) -> tuple[np.ndarray, np.ndarray]:
+def fan_directions(array: Array, beams: int, width: float, steps: str = "angle") -> tuple[np.ndarray, np.ndarray]:
     """Look directions of a fan.
 
     Parameters
@@ -36,7 +38,9 @@ def fan_directions(array: Array, beams: int, width: float) -> tuple[np.ndarray, 
         That receives.
     beams : int
     width : float [rad]
-        From the first to the last beam.
+        From the first to the last beam; at most π where the steps are of the sine.
+    steps : str
+        One of `STEPS`.
 
     Returns
     -------
@@ -44,7 +48,15 @@ def fan_directions(array: Array, beams: int, width: float) -> tuple[np.ndarray, 
         ψ from the middle; positive to starboard, or else forward, or else down. One 0 for a single element.
     direction : (B, 3)
         Unit vectors, body frame.
+
+    Raises
+    ------
+    ValueError
+        If there are no such steps, or their fan is too wide.
     """
+    if steps not in STEPS or (steps == "sine" and width > np.pi):
+        raise ValueError(f"a fan of {np.degrees(width):g} degrees has no equal steps of {steps!r}; steps are one of "
+                         f"{', '.join(STEPS)}, and of the sine over at most 180 degrees.")
     normal = array.normal.mean(0)
     if np.linalg.norm(normal) < 1e-6:                        # elements all around: look as the first does
         normal = array.normal[0]
@@ -57,7 +69,11 @@ def fan_directions(array: Array, beams: int, width: float) -> tuple[np.ndarray, 
     # to starboard first of all, else forward, else down
     leading = next(axis[k] for k in (1, 0, 2) if abs(axis[k]) > 1e-6)
     axis = axis * np.sign(leading)
-    angle = np.linspace(-0.5 * width, 0.5 * width, beams) if beams > 1 else np.zeros(1)
+    angle = np.zeros(1)
+    if beams > 1 and steps == "sine":
+        angle = np.arcsin(np.linspace(-1, 1, beams) * np.sin(0.5 * width))
+    elif beams > 1:
+        angle = np.linspace(-0.5 * width, 0.5 * width, beams)
     return angle, np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * axis
 
 

@@ -39,7 +39,7 @@ class ArrayBeams:
     ----------
     survey : ArraySurvey
     angle, direction : (B,) [rad], (B, 3)
-        Of the beams, body frame, as `imaging.fan.fan_directions` gives them.
+        Of the beams, body frame, as `imaging.fan.fan_directions` gives them: equal steps of angle or of its sine.
 
     Attributes
     ----------
@@ -50,6 +50,7 @@ class ArrayBeams:
 
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
         self._receive, self._angle, self.count = survey.receive, np.asarray(angle, float), len(angle)
+        self._by_sine = self.count > 2 and not _even(self._angle)
         self._wavelength = survey.sound_speed(0) / survey.frequency
         turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
         elements = ElementBeams(survey.transmit, survey.receive, self._wavelength, turned)
@@ -89,8 +90,9 @@ class ArrayBeams:
         axis, normal = _opaque(self._axis), _opaque(self._normal)
         u = dr.clip(dr.dot(body, axis), -1, 1)
         if self.count > 1:
-            first, last = (dr.opaque(mi.Float, end) for end in (self._angle[0], self._angle[-1]))
-            number = dr.round((dr.asin(u) - first) * (self.count - 1) / (last - first))
+            ends = self._angle[[0, -1]]
+            first, last = (dr.opaque(mi.Float, float(end)) for end in (np.sin(ends) if self._by_sine else ends))
+            number = dr.round(((u if self._by_sine else dr.asin(u)) - first) * (self.count - 1) / (last - first))
             inside = (number >= 0) & (number <= self.count - 1)
             beam = mi.UInt32(held(cast(Float, number), 0, self.count - 1))
             weight = dr.select(inside, weight, 0)
@@ -117,8 +119,10 @@ class ArrayBeams:
         if self.count == 1:
             return np.ones((1, 1))
         angle, receive = self._angle, self._receive
-        half = 0.5 * (angle[-1] - angle[0]) / (self.count - 1)
-        fine = (angle[:, None] + half * ((np.arange(PARTS) + 0.5) / PARTS * 2 - 1)).ravel()
+        place = np.sin(angle) if self._by_sine else angle
+        half = 0.5 * (place[-1] - place[0]) / (self.count - 1)
+        fine = (place[:, None] + half * ((np.arange(PARTS) + 0.5) / PARTS * 2 - 1)).ravel()
+        fine = np.arcsin(np.clip(fine, -1, 1)) if self._by_sine else fine
         k = 2 * np.pi / self._wavelength
         arriving, steered = (np.exp(1j * k * (np.cos(psi)[:, None] * self._normal + np.sin(psi)[:, None] * self._axis)
                                     @ receive.position.T) for psi in (fine, angle))
@@ -142,6 +146,11 @@ class _ArrayFactor:
     def intensity(self, body: mi.Vector3f) -> mi.Float:
         """Give it for body directions."""
         return _factor(self._table, self._weight, self._count, body)
+
+
+def _even(values: np.ndarray) -> bool:
+    """Whether values (N,) have equal steps."""
+    return bool(np.allclose(values, np.linspace(values[0], values[-1], len(values)), rtol=0, atol=1e-7))
 
 
 def _opaque(vector: np.ndarray) -> mi.Vector3f:

@@ -28,6 +28,17 @@ def test_where_it_looks(name):
     assert direction[4] == pytest.approx((np.array(normal) + axis) / 2 ** 0.5, abs=1e-9)
 
 
+def test_beams_have_equal_steps_of_the_angle_or_of_its_sine():
+    line = ARRAYS["bow"][0]
+    angle, direction = fan.fan_directions(line, 5, np.pi / 2, "sine")
+    np.testing.assert_allclose(np.sin(angle), np.array([-1, -0.5, 0, 0.5, 1]) * 0.5 ** 0.5)
+    np.testing.assert_allclose(direction[:, 1], np.sin(angle), atol=1e-12)
+    assert fan.fan_directions(line, 1, np.pi, "sine")[0].tolist() == [0]
+    for steps, width in (("sines", 1.0), ("sine", 4.0)):
+        with pytest.raises(ValueError, match="has no equal steps of"):
+            fan.fan_directions(line, 5, width, steps)
+
+
 def test_a_single_element_makes_a_single_beam():
     angle, direction = fan.fan_directions(element_array([[0.1, 0, 0]], normal="starboard"), 99, 1.0)
     assert angle.tolist() == [0] and direction.tolist() == [[0, 1, 0]]
