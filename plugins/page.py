@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 
 from . import reference
 from .attributes import Attribute, Choice, FromTable, Group, flat
+from .attributes.declaration import shown
 
 __all__ = ["markdown"]
 
@@ -130,6 +131,6 @@ def _presets(own: list[Attribute]) -> Iterator[str]:
     for by, table in tables.items():
         names = [one.name for one in flat(tuple(own)) if isinstance(one.default, FromTable) and one.default.by == by]
         lines = [f"| {by} | {' | '.join(f'`{name}`' for name in names)} |", "|---" * (len(names) + 1) + "|"]
-        lines += [f"| `{preset}` | {' | '.join(f'{values[name]:g}' for name in names)} |"
+        lines += [f"| `{preset}` | {' | '.join(shown(values[name]) for name in names)} |"
                   for preset, values in table.items()]
         yield "\n".join(lines) + "\n"

@@ -42,14 +42,17 @@ def _describe(arguments):
     if arguments.markdown:
         return announce(page.markdown().rstrip("\n"))
     if name in reference.plugins():
-        return _plugin(name)
+        _plugin(name)
+        if name not in scenes.shipped():
+            return
+        announce("")                                   # a scene of that name is described as well
     try:
         path = scenes.find(name)
     except FileNotFoundError:
         known = [*scenes.shipped(), *reference.plugins()]
         raise ValueError(f"there is no scene or plugin {name!r}{meant(name, known)}; give the path of a scene, or one "
                          f"of: {', '.join(known)}") from None
-    return _scene(name, path)
+    _scene(name, path)
 
 
 def _scene(name, path):

@@ -1,4 +1,4 @@
-"""Named settings of typical sonars, read from `presets.toml`."""
+"""Named settings of typical sonars, read from a table for each kind of sonar."""
 import sys
 from functools import cache
 from importlib.resources import files
@@ -9,10 +9,12 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # installed on Python 3.10 alone
 
-__all__ = ["presets"]
+__all__ = ["TABLES", "presets"]
+
+TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml"}      # by kind of sonar
 
 
 @cache
-def presets() -> dict[str, dict[str, Any]]:
-    """Give the settings of every preset: {name: {attribute: value}}, attributes as in XML."""
-    return tomllib.loads((files("mitsonar.sonar") / "presets.toml").read_text(encoding="utf-8"))
+def presets(kind: str = "sidescan") -> dict[str, dict[str, Any]]:
+    """Give the settings of every preset of a kind of `TABLES`: {name: {attribute: value}}, attributes as in XML."""
+    return tomllib.loads((files("mitsonar.sonar") / TABLES[kind]).read_text(encoding="utf-8"))

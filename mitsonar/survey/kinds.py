@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from . import array, sidescan
+from . import array, forward_looking, sidescan
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .survey import Survey
@@ -45,7 +45,7 @@ class Kind(Protocol):
         ...
 
 
-KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array}
+KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking}
 
 
 def kind_of(sensor: Any) -> Kind:

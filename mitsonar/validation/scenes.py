@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from ..water import SoundSpeedProfile
 
-__all__ = ["array_sonar", "bed", "buried_bed", "lambert", "point_target", "sediment", "sidescan", "water_of"]
+__all__ = ["array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "point_target", "sediment", "sidescan",
+           "water_of"]
 
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
@@ -50,6 +51,14 @@ def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attri
     """Load a scene of one omnidirectional element that sends and hears, by default 100 kHz to 30 m; as `sidescan`."""
     return _loaded(shapes, {"type": "array_sonar", "frequency_khz": 100.0}, _still(depth), sensor, water,
                    {"range": 30.0, **(film or {})}, integrator or {})
+
+
+def forward_looking(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+                    water: Attributes | None = None, film: Attributes | None = None,
+                    integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of a forward-looking sonar, by default of 720 kHz to 20 m; as `sidescan`."""
+    return _loaded(shapes, {"type": "forward_looking", "preset": "multibeam_720khz"}, _still(depth), sensor, water,
+                   {"range": 20.0, **(film or {})}, integrator or {})
 
 
 def _still(depth: float) -> dict[str, Any]:

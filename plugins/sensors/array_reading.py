@@ -11,11 +11,13 @@ from mitsonar.io import arrays
 from mitsonar.sonar import (Array, body_direction, cylindrical_array, element_array, line_array, planar_array,
                             spherical_array)
 from mitsonar.sonar.axes import AXES, axis_vector
+from mitsonar.survey.sensor import Water
+from mitsonar.survey.voyage import Route
 from mitsonar.units import radians_from_deg
 
 from ..attributes import Attributes
 
-__all__ = ["KINDS", "read_array"]
+__all__ = ["KINDS", "nominal_sound_speed", "read_array", "with_elements_changed"]
 
 SOUND_SPEED = 1500.0               # [m/s] where the sensor knows no better
 
@@ -49,6 +51,30 @@ def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | No
         for change in changes:
             made = change(made)
         return made if array.offset is None else made.moved(array.offset)
+
+
+def nominal_sound_speed(written: float | None, water: Water, route: Route) -> float:
+    """Give the sound speed [m/s] at arrays before their track is laid: as written, or of the profile at the start."""
+    if written:
+        return written
+    profile = water.profile
+    return float(np.mean(profile.sound_speed) if route.start is None else profile.at(-route.start[2]))
+
+
+def with_elements_changed(attributes: Attributes, prefix: str, made: Array) -> Array:
+    """Give an array with the shading, the failures and the errors of place that attributes with a prefix describe.
+
+    Raises
+    ------
+    ValueError
+        If attributes contradict each other, or the array has no such elements.
+    """
+    array = _Prefixed(attributes, prefix, None)
+    changes = [*_elements(array)]
+    with array.named():
+        for change in changes:
+            made = change(made)
+    return made
 
 
 class _Prefixed:

@@ -18,6 +18,8 @@ NOISE = (
     Number("noise_level_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            otherwise="the water's", text="spectrum level of that noise"),
 )
+SELF_NOISE = Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
+                    text="noise of each receiver by itself")
 NESTED = (
     Nested("medium", default=None, otherwise="needed", text="a `seawater`, the water it works in"),
     Nested("film", default=None, otherwise="needed", text="a `sonar_film`, the record it makes"),

@@ -74,6 +74,11 @@ def test_attributes_of_a_plugin(said):
     assert "receive_steer_deg: 2 numbers [degrees] separated by commas" in array
 
 
+def test_a_name_of_both_a_sensor_and_a_scene_describes_both(said):
+    out = joined(said("describe", "forward_looking"))
+    assert '<sensor type="forward_looking"> Forward-looking sonar' in out and "-D frequency_khz=300 " in out
+
+
 def test_every_plugin_can_be_described(said, variant):
     from mitsonar.plugins import reference
 

@@ -13,7 +13,8 @@ SOURCES = sorted(path for path in FOLDER.rglob("*.py") if path.parent.name != "a
 SONAR = {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}}
 BED = {"type": "seabed", "depth": 10.0, "spacing": 50.0}
 # what a plugin needs to be read to its end, but for a file
-NEEDED = {"sidescan": SONAR, "array_sonar": SONAR, "seabed": BED, "point_target": {"position": [0.0, 0.0, -5.0]},
+NEEDED = {"sidescan": SONAR, "array_sonar": SONAR, "forward_looking": SONAR, "seabed": BED,
+          "point_target": {"position": [0.0, 0.0, -5.0]},
           "capped_cylinder": {"radius": 1.0, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 1.0, -5.0]},
           "impedance": {"density": 1100.0, "sound_speed": 1600.0},
           "targets": {"meshes": str(FOLDER.parent / "scenes" / "targets"), "count": 1, "bed": BED}}
@@ -129,10 +130,11 @@ def test_names_of_files_in_a_value(variant, kind, value, names):
 
 def test_presets_are_those_of_the_sonar(reference):
     from mitsonar.plugins.attributes import FromTable
-    from mitsonar.sonar import presets
+    from mitsonar.sonar.presets import TABLES, presets
 
-    taken = {one.name for one in reference.attributes("sidescan") if isinstance(one.default, FromTable)}
-    assert all(set(values) == taken for values in presets().values())
+    for kind in TABLES:
+        taken = {one.name for one in reference.attributes(kind) if isinstance(one.default, FromTable)}
+        assert all(set(values) == taken for values in presets(kind).values())
 
 
 def test_the_page_is_what_the_declarations_make():

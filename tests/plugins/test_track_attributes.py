@@ -209,7 +209,7 @@ def test_a_track_of_an_xtf_file(sensor, tmp_path):
 
 # ---- motion and lever arm
 
-@pytest.mark.parametrize("kind", ["sidescan", "array_sonar"])
+@pytest.mark.parametrize("kind", ["sidescan", "array_sonar", "forward_looking"])
 def test_random_motion(sensor, kind):
     line = {"start": [0.0, -100.0, -10.0], "pings": 4000, "speed_knots": 0.1}
     track = voyage(sensor(kind, **line, roll_deg=3.0, pitch_deg=1.0, yaw_deg=2.0, heave=0.25)).track

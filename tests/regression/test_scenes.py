@@ -66,7 +66,7 @@ def test_levels_of_the_shipped_scenes(variant, request, name):
     assert np.abs(z).max() < 5.5, f"{name}: levels moved by {np.abs(found - mean).max():.3f} dB"
 
 
-@pytest.mark.parametrize("name", scenes_of("array_sonar"))
+@pytest.mark.parametrize("name", [*scenes_of("array_sonar"), *scenes_of("forward_looking")])
 def test_responses_of_the_shipped_scenes(variant, request, name):
     scene = mitsonar.load_file(SCENES / f"{name}.xml", **known(name, SMALL_ARRAYS))
     energy = (np.abs(mitsonar.impulse_response(scene).values.astype(complex)) ** 2).sum((0, 1, 2))
