@@ -1,1 +1,7 @@
-"""From echoes to images, one kind of sonar a file."""
+"""From echoes to images, one kind of sonar a file; and images of fans as pictures in metres.
+
+    picture = mitsonar.imaging.cartesian(image, cell=0.05)                  (ping, y, x)
+"""
+from .raster import cartesian
+
+__all__ = ["cartesian"]
