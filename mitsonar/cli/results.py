@@ -19,6 +19,7 @@ def add(commands: Commands) -> None:
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="which ping the view `ping` shows (default: the middle one), or a fan (the first)")
     plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    plot.add_argument("--colours", default="copper", choices=("copper", "grey"), help="of a waterfall or a fan")
     plot.set_defaults(run=_plot)
 
     published = commands.add_parser("published", help="compute a table or figure of the published method anew")
@@ -41,7 +42,7 @@ def _plot(arguments):
     dataset = exr.read(arguments.image)
     output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{arguments.what}.png"
     tvg = None if arguments.tvg == "none" else arguments.tvg
-    plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping)
+    plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours)
     announce(output)
 
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from scipy import ndimage
 
@@ -27,6 +28,8 @@ SIDES = {"port": "#b3261e", "starboard": "#1b7a3d", ONLY_SIDE: "#1f4e79"}  # the
 COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
     (0.0, "#050302"), (0.18, "#2b1306"), (0.4, "#7a3c10"), (0.6, "#b86f22"), (0.78, "#e0a548"), (0.92, "#f6dc94"),
     (1.0, "#fffdf0")]).with_extremes(bad=PAPER)
+GREY = LinearSegmentedColormap.from_list("sonar_grey", ["#000000", "#ffffff"]).with_extremes(bad=PAPER)
+COLOURS = {"copper": COPPER, "grey": GREY}
 FORMATS = ("png", "pdf", "svg")
 
 
@@ -36,6 +39,13 @@ def file_format(path: FilePath) -> str:
     if suffix not in FORMATS:
         raise ValueError(f"cannot draw {path}: its name must end in one of .{', .'.join(FORMATS)}.")
     return suffix
+
+
+def colours_of(name: str) -> Colormap:
+    """Give the colours of a name of `COLOURS`, or refuse it."""
+    if name not in COLOURS:
+        raise ValueError(f"there are no colours {name!r}; choose one of {', '.join(COLOURS)}.")
+    return COLOURS[name]
 
 
 def save(figure: Figure, path: FilePath) -> None:
@@ -103,18 +113,19 @@ def shares_of(figure: Figure, left: float, bottom: float, width: float,
     return left / across, bottom / up, width / across, height / up
 
 
-def headings(figure: Figure, left: float, title: str, subtitle: str) -> None:
-    """Write both titles at the top of a sheet, from a place [picture elements] on."""
+def headings(figure: Figure, left: float, title: str, subtitle: str) -> Text:
+    """Write both titles at the top of a sheet, from a place [picture elements] on; give the second."""
     x, top = left / figure.bbox.width, figure.bbox.height
     figure.text(x, 1 - 30 / top, title, color=INK, fontsize=14, fontweight="bold", va="center")
-    figure.text(x, 1 - 54 / top, subtitle, color=INK, fontsize=10.5, va="center")
+    return figure.text(x, 1 - 54 / top, subtitle, color=INK, fontsize=10.5, va="center")
 
 
-def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neither", "both", "min", "max"]) -> Colorbar:
-    """Put a bar of an image's colours beside its axes."""
+def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neither", "both", "min", "max"],
+               gap: float = 18) -> Colorbar:
+    """Put a bar of an image's colours beside its axes, a gap [picture elements] away."""
     figure, box = cast(Figure, axes.figure), axes.get_position(original=True)
     across = figure.bbox.width
-    room = figure.add_axes((box.x1 + 18 / across, box.y0, 16 / across, box.height))
+    room = figure.add_axes((box.x1 + gap / across, box.y0, 16 / across, box.height))
     bar = figure.colorbar(drawn, cax=room, extend=extend, extendfrac=0.02)
     bar.set_label(label, color=INK, fontsize=10.5)
     room.tick_params(colors=INK, labelsize=10)

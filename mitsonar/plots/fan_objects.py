@@ -8,13 +8,14 @@ from matplotlib.patches import Patch
 
 from ..imaging.objects import object_bins
 from ..io.files import FilePath
-from .fans import fan_picture
+from .fans import check_ping, fan_picture
+from .gain import Tvg
 from .truth import LEGEND, SHADOW_COLOUR, SPECK, class_colours
 
 __all__ = ["fan_objects"]
 
 
-def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: bool = True) -> None:
+def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg = "seabed") -> None:
     """Draw one ping of what `mitsonar.render` gives of an array, with outlines of objects and of their shadows.
 
     Parameters
@@ -22,7 +23,7 @@ def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: bool
     dataset : xarray.Dataset
         ``level`` (ping, beam, range) and its labels.
     path, ping, tvg
-        As of `fan`.
+        As of `fan_picture`.
 
     Raises
     ------
@@ -31,8 +32,7 @@ def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: bool
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    if not 0 <= ping < dataset.sizes["ping"]:
-        raise ValueError(f"there is no ping {ping}; there are {dataset.sizes['ping']}, the first is 0.")
+    check_ping(ping, dataset.sizes["ping"])
     one = dataset.isel(ping=[ping]).transpose("ping", "beam", "range", ...)
     colours = class_colours(entry["class"] for entry in dataset.attrs.get("objects", {}).values())
     marks, counts = [], Counter()

@@ -8,23 +8,22 @@ from collections import Counter
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps
-from matplotlib.colors import ListedColormap
-from matplotlib.patches import Patch
 
 from ..io.files import FilePath, check_writable
 from ..spelling import meant
 from ..units import db_from_power, power_from_db
 from . import canvas
+from .fan_labels import fan_labels
 from .fan_objects import fan_objects
 from .fans import fan_picture
 from .gain import Tvg
 from .grid import make_grid, stretches, with_sides
+from .label_key import label_key
 from .levels import NOTHING_DB, shown_levels
 from .titles import subtitle, title
 from .truth import TRUTH
 
-LEGEND = 24  # labels named at most
-FANS = {"waterfall": fan_picture, "objects": fan_objects}  # the plots of an array's beams
+FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}  # the plots of an array's beams
 
 
 def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None:
@@ -49,7 +48,8 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None
     plot(dataset, "waterfall", path, tvg=tvg)
 
 
-def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed", ping: int | None = None) -> None:
+def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed", ping: int | None = None,
+         colours: str = "copper") -> None:
     """Draw one of the plots named in `PLOTS`.
 
     Parameters
@@ -66,6 +66,8 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
         Gain of the waterfall, and under ``objects``.
     ping : int, optional
         For ``ping``, the middle one by default; for a fan, the first.
+    colours : str
+        Of the waterfall, or the fan: ``copper`` or ``grey``.
 
     Raises
     ------
@@ -76,27 +78,31 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
     """
     if what not in PLOTS:
         raise ValueError(f"there is no plot {what!r}{meant(what, PLOTS)}; choose one of {', '.join(PLOTS)}.")
+    if what != "waterfall" and colours != "copper":
+        raise ValueError(f"colours are those of a waterfall or a fan, and the plot is {what!r}; leave them out.")
+    shades = canvas.colours_of(colours)
     canvas.file_format(path)
     check_writable(path)
     if "beam" in dataset.dims:
         if what not in FANS:
             raise ValueError(f"the plot {what!r} is of a sidescan; of an array's beams there are waterfall, their fan, "
-                             "and objects.")
-        FANS[what](dataset, path, ping=ping or 0, tvg=tvg is not None)
+                             "labels, and objects.")
+        options = {"tvg": tvg, "colours": colours} if what == "waterfall" else {"tvg": tvg} if what == "objects" else {}
+        FANS[what](dataset, path, ping=ping or 0, **options)
         return
     draw, needed = PLOTS[what]
     if needed not in dataset.data_vars:
         raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "
                          f"{', '.join(map(str, dataset.data_vars))}.")
     dataset = with_sides(dataset)
-    options = {"waterfall": {"tvg": tvg}, "objects": {"tvg": tvg}, "ping": {"ping": ping}}.get(what, {})
-    canvas.save(draw(dataset, make_grid(dataset), **options), path)
+    options = {"waterfall": {"tvg": tvg, "shades": shades}, "objects": {"tvg": tvg}, "ping": {"ping": ping}}
+    canvas.save(draw(dataset, make_grid(dataset), **options.get(what, {})), path)
 
 
-def _waterfall(dataset, grid, *, tvg):
+def _waterfall(dataset, grid, *, tvg, shades):
     image, limits, words, column_db = shown_levels(dataset, grid, tvg)
     return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid, column_db), limits=limits,
-                          bar=f"level{words}  [dB re 1 µPa]")[0]
+                          colours=shades, bar=f"level{words}  [dB re 1 µPa]")[0]
 
 
 def _labels(dataset, grid):
@@ -104,20 +110,10 @@ def _labels(dataset, grid):
     for _, part in stretches(dataset):
         counts.update(dict(zip(*(found.tolist() for found in np.unique(part["label"], return_counts=True)),
                                strict=True)))
-    # Where several meet in a picture element the rarest is shown, else small targets vanish from large surveys.
-    order = sorted(counts, key=lambda label: (label != 0, -counts[label], label))
-    ids = np.array(sorted(counts))
-    rank = np.array([order.index(label) for label in ids], np.min_scalar_type(ids.size))
-    image = grid.largest(dataset, lambda part: rank[np.searchsorted(ids, part["label"].values)])
-    names = {0: "none", **{int(key): name for key, name in dataset.attrs.get("labels", {}).items()}}
-    palette = ["#000000", "#a9825a", *(colormaps["tab10"](k) for k in (0, 3, 2, 4, 9, 6, 8, 1, 7, 5))]
-    palette = palette[order[0] != 0:]
-    colours = [palette[k] if k < len(palette) else colormaps["hsv"](0.618034 * k % 1) for k in range(len(order))]
-    keys = [Patch(facecolor=colours[order.index(label)], edgecolor=canvas.FAINT,
-                  label=f"{label}  {names.get(label, 'unnamed')}  ({counts[label] / counts.total():.2%})")
-            for label in ids.tolist()[:LEGEND]]
+    key = label_key(counts, dataset.attrs.get("labels", {}))
+    image = grid.largest(dataset, lambda part: key.rank(part["label"].values))
     return canvas.picture(grid, image, f"{title(dataset)}: labels", subtitle=subtitle(dataset, grid),
-                          colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5), keys=keys)[0]
+                          colours=key.colours, limits=key.limits, keys=key.keys)[0]
 
 
 def _depth(dataset, grid):

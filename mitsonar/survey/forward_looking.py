@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+import numpy as np
 import xarray as xr
 
 from ..imaging import fan
@@ -34,10 +35,8 @@ def picture(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the beams, with its truth and the coordinate ``bearing`` [rad]; see `mitsonar.render`."""
     directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width, sensor.beam_steps)
-    return with_bearings(array.picture_of(survey, directions, seed, progress, say, way=sensor.picture))
-
-
-def with_bearings(image: xr.Dataset) -> xr.Dataset:
-    """Give an array's picture the coordinate ``bearing`` (beam,) [rad] and the name of the kind."""
+    image = array.picture_of(survey, directions, seed, progress, say, way=sensor.picture)
+    head_depth = float(np.mean(-survey.track.position[:, 2]))
     words = {"units": "rad", "long_name": "angle from the middle of the fan, positive to starboard"}
-    return image.assign_coords(bearing=("beam", image["beam"].values, words)).assign_attrs(sonar="forward_looking")
+    return image.assign_coords(bearing=("beam", image["beam"].values, words)).assign_attrs(
+        sonar="forward_looking", absorption_db=float(survey.absorption.at(head_depth)))

@@ -6,6 +6,7 @@ import xarray as xr
 from matplotlib.colors import to_rgb
 
 from mitsonar import plots
+from mitsonar.plots import fan_sheet
 from mitsonar.plots import fans as room
 from mitsonar.plots.truth import BRIGHT, SHADOW_COLOUR
 
@@ -23,11 +24,14 @@ def beams(azimuth, sample=300, beam=None, samples=600):
 @pytest.mark.parametrize("beam", [10, 30])
 def test_an_echo_lies_where_its_beam_and_time_say(beam, falling):
     data = beams(np.linspace(-50, 50, 41)[::-1] if falling else np.linspace(-50, 50, 41), beam=beam)
-    azimuth, slant_range, level, *_ = room._levels(data, 0)
-    (left, right, bottom, top), image = room._from_above(azimuth, slant_range, level)
-    row, column = np.argwhere(image == np.nanmax(image)).mean(0)              # the middle of the beam's patch
+    azimuth, slant_range, level, *sides = room._levels(data, 0)
+    view = fan_sheet.view_of(azimuth, slant_range, *sides)
+    image = view.map.levels(level)
+    row, column = np.argwhere(image > np.nanmax(image) - 3).mean(0)           # the middle of the beam's patch
+    left, right, bottom, top = view.extent
     step = (right - left) / image.shape[1]
-    x, y = left + (column + 0.5) * step, bottom + (row + 0.5) * step
+    assert step == pytest.approx((top - bottom) / image.shape[0])             # metres are square
+    x, y = left + (column + 0.5) * step, top - (row + 0.5) * step
     angle, distance = float(data["azimuth"][beam]), 750 * float(data["time"][300])
     assert np.hypot(x, y) == pytest.approx(distance, abs=0.05)
     assert np.degrees(np.arctan2(x, y) - angle) == pytest.approx(0, abs=1.3)     # half a beam
@@ -78,14 +82,67 @@ def test_objects_and_shadows_are_outlined_on_the_fan_of_a_ping(tmp_path, looks):
     for ping, outlined in ((0, False), (1, True)):
         plots.plot(fan, "objects", tmp_path / "a.png", ping=ping, tvg=None)
         image = matplotlib.image.imread(tmp_path / "a.png")
-        fan_only = image[86:-62, 84:84 + room.SIZE]
+        fan_only = image[fan_sheet.OVER:-fan_sheet.UNDER, fan_sheet.BEFORE:fan_sheet.BEFORE + fan_sheet.SIZE]
         highlight, shadow = (near(fan_only, to_rgb(colour)) for colour in (BRIGHT[0], SHADOW_COLOUR))
         assert highlight.any() == shadow.any() == outlined
     rows, columns = np.nonzero(highlight)
-    assert 100 < rows.size < 3000 and np.ptp(rows) > 20 and columns.min() > room.SIZE / 2          # to starboard
+    assert 100 < rows.size < 3000 and np.ptp(rows) > 20 and columns.min() > fan_sheet.SIZE / 2          # to starboard
     # behind the object, which is above it in a fan that looks ahead, below it in one that looks down
     assert (np.nonzero(shadow)[0].mean() < rows.mean()) == (looks[2] == 0)
     assert near(fan_only[rows.min():rows.max(), columns.min():columns.max()], 1.0).any()           # it stays to be seen
+
+
+def speckled(beams, ranges):
+    """A fan of 120 degrees with the speckle of an even bed of level 0 dB, 1 to 31 m away."""
+    angle = np.deg2rad(np.linspace(-60, 60, beams))
+    power = np.random.default_rng(0).exponential(size=(1, beams, ranges))
+    return xr.Dataset(
+        {"level": (("ping", "beam", "range"), 10 * np.log10(power).astype(np.float32))},
+        {"ping": [0], "beam": angle, "range": 1 + 30 * np.arange(ranges) / ranges, "beam_x": ("beam", np.cos(angle)),
+         "beam_y": ("beam", np.sin(angle)), "beam_z": ("beam", 0 * angle)}, {"frequency": 3e5, "sonar": "array_sonar"})
+
+
+def drawn_power(fan):
+    view = room.fan_view(fan)
+    return 10 ** (view.map.levels(room.fan_levels(fan, 0, None)[0]) / 10)
+
+
+def test_fine_ranges_are_averaged_as_powers_and_leave_no_pepper():
+    """Some 17 ranges an element: speckle's coefficient of variation falls to 1/4, its mean power stays."""
+    power = drawn_power(speckled(300, 9000))
+    assert np.nanmean(power) == pytest.approx(1, abs=0.02) and np.nanstd(power) < 0.35
+    assert (power[np.isfinite(power)] < 0.1).mean() < 1e-3                        # one in ten bins is that dark
+
+
+def test_few_beams_have_no_steps_in_the_picture():
+    """Between 9 beams an element's power lies between its neighbours': no jump is larger than a share of theirs."""
+    fan = speckled(9, 60)
+    power = drawn_power(fan)[fan_sheet.SIZE // 4]
+    jumps = np.abs(np.diff(power[np.isfinite(power)]))
+    assert jumps.max() < 0.1 * np.ptp(10 ** (fan["level"].values / 10))
+
+
+@pytest.mark.parametrize("looks", [(1, 0, 0), (0, 0, 1)])
+def test_labels_are_drawn_the_same_way_up(tmp_path, looks):
+    fan = labelled_fan(looks)
+    label = np.where(fan["share"].sel(shape="mine") > 0.5, 1, 2).astype(np.uint32)
+    fan = fan.assign(label=(fan["level"].dims, label)).assign_attrs(labels={"1": "mine", "2": "bed"})
+    plots.plot(fan, "labels", tmp_path / "labels.png", ping=1)
+    plots.plot(fan, "waterfall", tmp_path / "levels.png", ping=1, tvg=None, colours="grey")
+    box = np.s_[fan_sheet.OVER:-fan_sheet.UNDER, fan_sheet.BEFORE:fan_sheet.BEFORE + fan_sheet.SIZE]
+    labels, levels = (matplotlib.image.imread(tmp_path / f"{name}.png")[box] for name in ("labels", "levels"))
+    mine = near(labels, to_rgb("#1f77b4"))
+    assert 300 < mine.sum() < 6000 and labels.shape == levels.shape
+    assert np.all(levels[mine].max(-1) > 0.5) and near(levels, 1.0)[mine].mean() > 0.6  # bright
+    with pytest.raises(ValueError, match="needs the variable 'label'"):
+        plots.plot(labelled_fan(), "labels", tmp_path / "a.png")
+
+
+def test_colours_are_those_of_a_waterfall(tmp_path):
+    with pytest.raises(ValueError, match="no colours 'green'; choose one of copper, grey"):
+        plots.plot(labelled_fan(), "waterfall", tmp_path / "a.png", colours="green")
+    with pytest.raises(ValueError, match="the plot is 'objects'; leave them out"):
+        plots.plot(labelled_fan(), "objects", tmp_path / "a.png", colours="grey")
 
 
 def test_what_cannot_be_outlined_is_refused(tmp_path):
