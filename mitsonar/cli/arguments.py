@@ -7,7 +7,7 @@ from typing import NoReturn, TypeAlias
 from ..spelling import meant
 from .completion import SCENES, complete_with
 
-__all__ = ["Commands", "Parser", "add_scene", "parameters", "set_up", "whole"]
+__all__ = ["Commands", "Parser", "add_scene", "number", "parameters", "set_up", "whole"]
 
 MOST_THREADS = 1024
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # what commands are added to
@@ -77,6 +77,14 @@ def whole(text: str) -> int:
         return int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def number(text: str) -> float:
+    """Read a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
 
 
 def _key_value(text):

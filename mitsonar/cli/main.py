@@ -1,4 +1,4 @@
-"""The command line: render, signals, demo, scenes, describe, sweep, plot, published, validate, labels, doctor.
+"""The command line: render, signals, demo, scenes, describe, sweep, plot, video, published, validate, labels, doctor.
 
 Exit codes: 0 done, 1 where `validate` finds too large an error or renders of a `sweep` failed, 2 for what the user can
 mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.

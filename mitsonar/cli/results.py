@@ -1,8 +1,9 @@
-"""The commands that look at results: plot, published, validate."""
+"""The commands that look at results: plot, video, published, validate."""
 import os
 
-from .arguments import Commands, set_up, whole
+from .arguments import Commands, number, set_up, whole
 from .completion import FILES, complete_with
+from .progress import Progress
 from .words import announce
 
 __all__ = ["add"]
@@ -21,6 +22,16 @@ def add(commands: Commands) -> None:
     plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
     plot.add_argument("--colours", default="copper", choices=("copper", "grey"), help="of a waterfall or a fan")
     plot.set_defaults(run=_plot)
+
+    video = commands.add_parser("video", help="draw the pings of an array's records as a GIF, an MP4 or PNG files")
+    complete_with(video.add_argument("records", metavar="IN.exr", nargs="+", help="in their order; of the same beams"),
+                  FILES)
+    output = video.add_argument("output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
+    complete_with(output, FILES)
+    video.add_argument("--fps", type=number, metavar="N", help="frames a second; default: as the pings came, 1 to 30")
+    video.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    video.add_argument("--colours", default="copper", choices=("copper", "grey"))
+    video.set_defaults(run=_video)
 
     published = commands.add_parser("published", help="compute a table or figure of the published method anew")
     published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
@@ -44,6 +55,15 @@ def _plot(arguments):
     tvg = None if arguments.tvg == "none" else arguments.tvg
     plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours)
     announce(output)
+
+
+def _video(arguments):
+    from .. import plots
+
+    with Progress("records", "drawing") as progress:
+        plots.video(arguments.records, arguments.output, fps=arguments.fps, colours=arguments.colours,
+                    tvg=None if arguments.tvg == "none" else arguments.tvg, progress=progress)
+    announce(arguments.output)
 
 
 def _published(arguments):
