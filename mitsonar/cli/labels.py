@@ -30,9 +30,12 @@ def add(commands: Commands) -> None:
     labels.add_argument("--classes", metavar="NAMES",
                         help="of objects, numbered in this order; default: those of the images; \"cylinder, tyre\"")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
-                        help="cut the pictures, as 512x512; of arrays BINSxBEAMS")
+                        help="cut the pictures, as 512x512; of arrays BINSxBEAMS, Cartesian ROWSxCOLUMNS")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
     labels.add_argument("--drop-empty", action="store_true", help="leave out pictures and tiles without annotations")
+    labels.add_argument("--cartesian", action="store_true",
+                        help="pictures of fans and rotating heads in metres; default: a column per beam")
+    labels.add_argument("--cell", type=float, metavar="M", help="side of their elements; default: what fits 1024")
     labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels with their gain [dB]; default: found for each image; --window=60,90")
@@ -56,6 +59,7 @@ def _labels(arguments):
         above_noise_db=arguments.above_noise, smallest=arguments.smallest, tile=arguments.tile,
         overlap=arguments.overlap, drop_empty=arguments.drop_empty,
         tvg=None if arguments.tvg == "none" else arguments.tvg,
+        form="cartesian" if arguments.cartesian else "polar", cell=arguments.cell,
         window=arguments.window, split=None if arguments.split is None else read_shares(arguments.split),
         split_seed=arguments.split_seed, split_by=arguments.split_by)
     with Progress("images", "labelling") as progress:

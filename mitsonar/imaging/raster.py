@@ -167,8 +167,7 @@ def looks_down(dataset: xr.Dataset) -> bool:
 def _transposed(dataset):
     if "level" not in dataset:
         raise ValueError(f"there is no level to draw; there are {', '.join(map(str, dataset.data_vars))}.")
-    order = [dim for dim in ("ping", "beam", "range") if dim in dataset["level"].dims]
-    return dataset.transpose("shape", *order, ..., missing_dims="ignore")
+    return dataset.transpose("shape", "ping", "side", "beam", "range", ..., missing_dims="ignore")
 
 
 def _layout(record, cell) -> tuple[FanGrid, list[slice]]:

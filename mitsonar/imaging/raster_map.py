@@ -112,7 +112,7 @@ class FanMap:
 
 
 def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Sort bearings along the circle, beginning behind its largest gap.
+    """Sort bearings along the circle, beginning behind its largest gap, or astern where they go all around.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     order : (B',) int
         Positions in ``bearing``; of equal ones one.
     rising : (B',) [rad]
-        ``bearing[order]`` plus whole turns; the middle is nearest to ahead.
+        ``bearing[order]`` plus whole turns; the middle is nearest to ahead, and ahead where they go all around.
     closed : bool
         They go all around.
     """
@@ -137,10 +137,10 @@ def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
         raise ValueError(f"all beams have the bearing {np.rad2deg(turned[0]):.4g} degrees; a picture needs "
                          "two or more.")
     gaps = np.diff(turned, append=turned[0] + TURN)
-    widest = int(gaps.argmax())
-    order, turned = np.roll(order, -widest - 1), np.roll(turned, -widest - 1)
+    closed = turned.size > 2 and bool(gaps.max() <= CLOSED * np.median(gaps))
+    last = np.searchsorted(turned, np.pi) - 1 if closed else gaps.argmax()
+    order, turned = np.roll(order, -last - 1), np.roll(turned, -last - 1)
     rising = np.unwrap(turned)
-    closed = turned.size > 2 and bool(gaps[widest] <= CLOSED * np.median(gaps))
     return order, rising - TURN * np.round(rising.mean() / TURN), closed
 
 

@@ -1,8 +1,9 @@
 """Highlights and shadows of objects as pieces of a picture: what boxes, polygons and masks are made of.
 
-Every object makes at most a highlight and a shadow on each side of a sidescan: one that both sides hear, under the
-track, is two, for a box around both would hold the water column.
+Every object makes at most a highlight and a shadow in a picture, and on each side of a sidescan: one that both sides
+hear, under the track, is two, for a box around both would hold the water column.
 """
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -38,7 +39,7 @@ class Annotation:
     mask : bool array (h, w)
         True somewhere in every border row and column.
     truncated : bool
-        It touches an edge of the picture, beyond which it may go on.
+        It touches an edge of what the sonar sees, beyond which it may go on.
     visible : float
         Share of its bins that this picture has; below 1 in tiles only.
     """
@@ -102,23 +103,22 @@ def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: floa
     found = [[] for _ in frames]
     bins = dataset["range"].values
     near_is_cut = bins.size > 1 and bins[0] > bins[1] - bins[0]
+    edge_of = functools.cache(lambda number: frames[number].edge(near_is_cut))
     for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db, smallest=smallest):
         for kind, shown in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
             if not shown.any():
                 continue
-            for frame, own in zip(frames, found, strict=True):
+            for number, (frame, own) in enumerate(zip(frames, found, strict=True)):
                 laid = frame.lay(shown)
                 for part in frame.parts:
                     piece = _cut_out(laid[:, part.start:part.stop], smallest)
                     if piece is None:
                         continue
                     row, column, mask = piece
-                    touched = {"top": row == 0, "bottom": row + mask.shape[0] == frame.height, "left": column == 0,
-                               "right": column + mask.shape[1] == part.stop - part.start}
                     own.append(Annotation(
                         kind=kind, label=seen.label, name=seen.name, class_name=seen.class_name, side=part.name,
                         row=row, column=part.start + column, mask=mask,
-                        truncated=any(met and (edge != part.near or near_is_cut) for edge, met in touched.items())))
+                        truncated=bool((laid & edge_of(number))[:, part.start:part.stop].any())))
     return found
 
 

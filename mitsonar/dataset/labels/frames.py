@@ -1,19 +1,28 @@
 """The pictures of a record, as programs that learn from images see them: rows, columns, and tiles of them.
 
 They are the way up that previews are. A sidescan is one picture: a row per ping, the newest on top; port mirrored, then
-starboard. Of an array every ping is a picture of its own: a row per range, the farthest on top, or at the bottom where
-the fan looks down; a column per beam, in their order. A picture element is a bin.
+starboard. Of an array every ping is a picture, of a rotating head every turn or sector. Polar ones have a row per
+range, the farthest on top, or at the bottom where the fan looks down; a column per beam, in their order, or per bearing
+from left to right. Cartesian ones are in metres (`mitsonar.imaging.raster`). An element of a Cartesian picture is a
+square, of others a bin.
 """
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, final
 
 import numpy as np
 import xarray as xr
+from scipy import ndimage
 
+from ...imaging.raster import Sweep, bearings, looks_down, sweeps
+from ...imaging.raster_map import in_order
 from ...io.files import FilePath
-from ...plots.fans import looks_down
 
-__all__ = ["Frame", "Part", "Tile", "frames", "tiles"]
+__all__ = ["FORMS", "CartesianFrame", "Form", "Frame", "Part", "PolarFrame", "Tile", "Waterfall", "frames", "tiles"]
+
+Form = Literal["polar", "cartesian"]
+FORMS = ("polar", "cartesian")
+BORDERS = {"left": np.s_[:, :1], "right": np.s_[:, -1:], "top": np.s_[:1], "bottom": np.s_[-1:]}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,32 +46,123 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
-    """One picture of a record.
+class Frame(ABC):
+    """One picture of a record: a `Waterfall`, a `PolarFrame` or a `CartesianFrame`.
 
     Attributes
     ----------
+    name : str
+        What tells it from other pictures of its record, such as ``ping0003``; empty where there is one only.
     ping : int or None
-        Which ping of an array; None for all of a sidescan.
+        Which ping of an array, or the first of a turn; None for all of a sidescan.
     parts : tuple of Part
         From left to right.
     height, width : int
     """
 
+    name: str = ""
     ping: int | None
     parts: tuple[Part, ...]
     height: int
     width: int
 
+    @abstractmethod
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """Lay out an array over the dimensions of ``level`` as (height, width)."""
-        if self.ping is not None:
-            laid = values[self.ping].T
-            return laid if self.parts[0].near == "top" else laid[::-1]
+        """Lay out an array over the dimensions of ``level`` as (height, width); nothing is mixed."""
+
+    def levels(self, level: np.ndarray) -> np.ndarray:
+        """Lay out levels [dB]: means of powers where an element holds several bins, NaN outside a fan."""
+        return self.lay(level)
+
+    def edge(self, near: bool) -> np.ndarray:
+        """Give the elements (height, width) beyond which things may go on; at the near end of the range if asked."""
+        edge = np.zeros((self.height, self.width), bool)
+        for part in self.parts:
+            for border, where in BORDERS.items():
+                if near or border != part.near:
+                    edge[:, part.start:part.stop][where] = True
+        return edge
+
+    def metres(self, row: int, column: int) -> dict[str, float]:
+        """Give, of a Cartesian picture, the steps and the upper left corner of an element [m]; of others nothing."""
+        return {}
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Waterfall(Frame):
+    """All pings of a sidescan, or of a sonar with a row a ping."""
+
+    def lay(self, values: np.ndarray) -> np.ndarray:
+        """See `Frame.lay`."""
         if values.ndim == 2:
             return values[::-1]
         return np.concatenate([values[::-1, side, ::-1] if part.near == "right" else values[::-1, side]
                                for side, part in enumerate(self.parts)], axis=1)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PolarFrame(Frame):
+    """A fan, a column per beam.
+
+    Attributes
+    ----------
+    columns : int array (width,)
+        Beams, or pings of a rotating head, in the order of the columns.
+    """
+
+    columns: np.ndarray
+
+    def lay(self, values: np.ndarray) -> np.ndarray:
+        """See `Frame.lay`."""
+        own = values[self.ping] if values.ndim == 3 else values
+        laid = own[self.columns].T
+        return laid if self.parts[0].near == "top" else laid[::-1]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class CartesianFrame(Frame):
+    """A fan in metres.
+
+    Attributes
+    ----------
+    sweep : Sweep
+        Where its bins lie.
+    """
+
+    sweep: Sweep
+
+    def lay(self, values: np.ndarray) -> np.ndarray:
+        """See `Frame.lay`."""
+        own = self.sweep.own(values)
+        if values.dtype == bool and not own.any():                         # most objects are in few frames
+            return np.zeros((self.height, self.width), bool)
+        return self.sweep.map.labels(own)
+
+    def levels(self, level: np.ndarray) -> np.ndarray:
+        """See `Frame.levels`."""
+        return self.sweep.levels(level)
+
+    def edge(self, near: bool) -> np.ndarray:
+        """See `Frame.edge`."""
+        inside = np.zeros(self.height * self.width, bool)
+        inside[self.sweep.map.inside] = True
+        inside = inside.reshape(self.height, self.width)
+        edge = inside & ~np.asarray(ndimage.binary_erosion(inside), bool)
+        if not near:
+            away = np.hypot(self.sweep.grid.x, self.sweep.grid.y[:, None])
+            edge &= away > away[inside].min() + 2 * self.sweep.grid.cell
+        return edge
+
+    def metres(self, row: int, column: int) -> dict[str, float]:
+        """See `Frame.metres`: x grows by ``cell_x`` a column, y by ``cell_y`` a row."""
+        grid = self.sweep.grid
+        down = grid.cell if self.parts[0].near == "top" else -grid.cell
+        found = {"cell_x": grid.cell, "cell_y": down, "left": grid.x[0] + (column - 0.5) * grid.cell,
+                 "top": grid.y[0] + (row - 0.5) * down}
+        return {name: round(float(value), 9) for name, value in found.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +175,8 @@ class Tile:
     width: int
 
 
-def frames(dataset: xr.Dataset, name: FilePath = "the dataset") -> list[Frame]:
+def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "polar",
+           cell: float | None = None) -> list[Frame]:
     """Give the pictures of a dataset.
 
     Parameters
@@ -84,6 +185,10 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset") -> list[Frame]:
         With ``level`` over (ping, side, range), (ping, range) or (ping, beam, range).
     name : str
         What a person calls it.
+    form : {'polar', 'cartesian'}
+        Of fans and rotating heads; sidescans have the former only.
+    cell : float or None [m]
+        Side of a Cartesian picture's element; see `mitsonar.imaging.cartesian`.
 
     Returns
     -------
@@ -92,15 +197,20 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset") -> list[Frame]:
     Raises
     ------
     ValueError
-        If its levels have other dimensions.
+        If its levels have other dimensions, or make no Cartesian picture.
     """
     dims, shape = dataset["level"].dims, dataset["level"].shape
+    if form == "cartesian":
+        return _in_metres(dataset, name, cell)
     if dims == ("ping", "beam", "range"):
-        part = Part(name="", start=0, stop=shape[1], near="top" if looks_down(dataset) else "bottom")
-        return [Frame(ping=ping, parts=(part,), height=shape[2], width=shape[1]) for ping in range(shape[0])]
+        return _in_beams(dataset, [np.arange(shape[1])] * shape[0], list(range(shape[0])), "ping")
+    if dims == ("ping", "range") and "bearing" in dataset.coords:
+        bearing, pings = bearings(dataset)
+        columns = [where.start + in_order(bearing[where])[0] for where in pings]
+        return _in_beams(dataset, columns, [where.start for where in pings], "turn")
     if dims == ("ping", "range"):
-        return [Frame(ping=None, parts=(Part(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
-                      width=shape[1])]
+        return [Waterfall(ping=None, parts=(Part(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
+                          width=shape[1])]
     if dims != ("ping", "side", "range"):
         raise ValueError(f"{name} has levels over {', '.join(map(str, dims))}; pictures are made of (ping, side, "
                          "range), (ping, range) and (ping, beam, range).")
@@ -108,7 +218,7 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset") -> list[Frame]:
     parts = tuple(Part(name=str(side), start=number * bins, stop=(number + 1) * bins,
                        near="right" if str(side) == "port" else "left")
                   for number, side in enumerate(dataset["side"].values))
-    return [Frame(ping=None, parts=parts, height=shape[0], width=shape[1] * bins)]
+    return [Waterfall(ping=None, parts=parts, height=shape[0], width=shape[1] * bins)]
 
 
 def tiles(frame: Frame, size: tuple[int, int] | None = None, overlap: float = 0.0) -> list[Tile]:
@@ -130,6 +240,25 @@ def tiles(frame: Frame, size: tuple[int, int] | None = None, overlap: float = 0.
                                                                       min(size[1], frame.width))
     return [Tile(row=row, column=column, height=height, width=width)
             for row in _starts(frame.height, height, overlap) for column in _starts(frame.width, width, overlap)]
+
+
+def _in_beams(dataset, columns, pings, kind) -> list[Frame]:
+    near, height = "top" if looks_down(dataset) else "bottom", dataset.sizes["range"]
+    return [PolarFrame(name=f"{kind}{number if kind == 'turn' else ping:04d}", ping=ping, columns=own, height=height,
+                       width=own.size, parts=(Part(name="", start=0, stop=own.size, near=near),))
+            for number, (ping, own) in enumerate(zip(pings, columns, strict=True))]
+
+
+def _in_metres(dataset, name, cell) -> list[Frame]:
+    try:
+        found = sweeps(dataset, cell)
+    except ValueError as error:
+        raise ValueError(f"{name} has no Cartesian pictures: {error}") from None
+    kind, near = "ping" if "beam" in dataset.dims else "turn", "top" if looks_down(dataset) else "bottom"
+    return [CartesianFrame(
+        name=f"{kind}{number:04d}", ping=sweep.pings.start, sweep=sweep, height=sweep.grid.y.size,
+        width=sweep.grid.x.size, parts=(Part(name="", start=0, stop=sweep.grid.x.size, near=near),))
+        for number, sweep in enumerate(found)]
 
 
 def _starts(whole, length, overlap):

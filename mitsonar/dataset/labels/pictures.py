@@ -1,21 +1,52 @@
 """Levels as pictures of 8 bits: a gain over range that makes an even seabed look even, black and white in dB.
 
     grey = 255 (level + gain - low) / (high - low), cut off at 0 and 255
+
+Black and white are found where there is a bed to be shown: where its mean level says so, else from its first return on.
 """
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import xarray as xr
 
 from ...io.files import FilePath
 from ...plots.gain import Tvg, display_gain, display_window
+from .frames import CartesianFrame, Frame
 
-__all__ = ["grey", "write_png"]
+__all__ = ["Greys", "grey", "greys", "write_png"]
 
 NOTHING_DB = -199.0                # at or below: the level of a bin with no echo and no noise
+SILENCE_DB = -1000.0               # stands for it in means of powers
+MOST_LOOKED_AT = 8                 # Cartesian frames in which black and white are looked for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Greys:
+    """The levels of a record, ready to be drawn.
+
+    Attributes
+    ----------
+    level : float array
+        With the gain, over the dimensions of the record's ``level`` [dB]; -1000 where no echo arrives.
+    window : (float, float) [dB]
+        Black and white.
+    words : str
+        What was added to the level, for people.
+    """
+
+    level: np.ndarray
+    window: tuple[float, float]
+    words: str
+
+    def draw(self, frame: Frame) -> np.ndarray:
+        """Draw one picture of the record: uint8 (height, width), 0 also where no echo arrives."""
+        return _scaled(frame.levels(self.level), self.window)
 
 
 def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
          window: tuple[float, float] | None = None) -> tuple[np.ndarray, tuple[float, float], str]:
-    """Turn the levels of a dataset to grey.
+    """Turn the levels of a dataset to grey, bin by bin.
 
     Parameters
     ----------
@@ -39,18 +70,46 @@ def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
     ValueError
         If the window is empty or ``tvg`` unknown.
     """
+    found = greys(dataset, [], tvg=tvg, window=window)
+    return _scaled(found.level, found.window), found.window, found.words
+
+
+def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
+          window: tuple[float, float] | None = None) -> Greys:
+    """Prepare the pictures of a dataset, all with the same black and white.
+
+    Parameters
+    ----------
+    dataset, tvg, window
+        As of `grey`.
+    frames : list of Frame
+        Those to be drawn. Of Cartesian ones, black and white are found in the pictures, whose means of powers vary less
+        than bins do; of others in all bins.
+
+    Returns
+    -------
+    Greys
+
+    Raises
+    ------
+    ValueError
+        As `grey`.
+    """
     level = dataset["level"].values.astype(float)
     gain, words = display_gain(dataset, tvg)
-    gain = gain.reshape(len(gain), *[1] * (level.ndim - 2), -1)
-    shown = np.where(level > NOTHING_DB, level + gain, np.nan)
+    shown = np.where(level > NOTHING_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)
     if window is None:
-        mean = dataset["mean_level"].values > NOTHING_DB if "mean_level" in dataset else np.isfinite(shown)
-        window = display_window(shown[mean] if mean.any() else shown)
+        bed = _bed(dataset, shown)
+        looked_at = [frame for frame in frames if isinstance(frame, CartesianFrame)]
+        looked_at = looked_at[::-(-len(looked_at) // MOST_LOOKED_AT) or 1]
+        if looked_at:
+            window = display_window(np.concatenate([frame.levels(shown)[frame.lay(bed)] for frame in looked_at]))
+        else:
+            window = display_window(shown[bed])
     low, high = window
     if not low < high:
         raise ValueError(f"black is {low:g} dB and white {high:g} dB; white must be above black.")
-    scaled = np.nan_to_num(255 * (shown - low) / (high - low), nan=0.0)
-    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8), (float(low), float(high)), f"level{words}"
+    return Greys(level=shown, window=(float(low), float(high)), words=f"level{words}")
 
 
 def write_png(image: np.ndarray, path: FilePath) -> None:
@@ -64,3 +123,22 @@ def write_png(image: np.ndarray, path: FilePath) -> None:
     from PIL import Image
 
     Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG")
+
+
+def _scaled(level, window):
+    low, high = window
+    scaled = np.where(level > NOTHING_DB, 255 * (level - low) / (high - low), 0)           # NaN is not above
+    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
+
+
+def _bed(dataset, shown):
+    """The bins in which black and white are looked for."""
+    echoes = shown > NOTHING_DB
+    bed = echoes
+    if "mean_level" in dataset:
+        bed = echoes & (dataset["mean_level"].values > NOTHING_DB)
+    if "seabed_depth" in dataset and "side" not in dataset.dims:
+        # beams hear noise and side lobes, not nothing, until the bed's first return
+        seen = np.isfinite(dataset["seabed_depth"].transpose(*dataset["level"].dims).values)
+        bed = bed & np.logical_or.accumulate(seen, -1)
+    return bed if bed.any() else echoes

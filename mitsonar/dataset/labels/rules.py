@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 from ... import __version__
 from ...plots.gain import Tvg
+from .frames import FORMS as PICTURES
+from .frames import Form
 from .yolo import FORMS
 
 __all__ = ["Labels"]
@@ -32,6 +34,10 @@ class Labels:
     drop_empty : bool
         Leave out pictures, or tiles of them, that have no annotation.
     tvg : {'seabed', 'target', None}
+    form : {'polar', 'cartesian'}
+        Of pictures of fans and rotating heads.
+    cell : float or None [m]
+        Side of a Cartesian picture's element; None: as `mitsonar.imaging.cartesian`.
     window : (float, float) or None [dB]
         Levels of black and white; None: found for each image.
     split : dict of str, float or None
@@ -57,6 +63,8 @@ class Labels:
     overlap: float = 0.0
     drop_empty: bool = False
     tvg: Tvg = "seabed"
+    form: Form = "polar"
+    cell: float | None = None
     window: tuple[float, float] | None = None
     split: Mapping[str, float] | None = None
     split_seed: int = 0
@@ -83,6 +91,11 @@ class Labels:
             raise ValueError(f"the overlap of tiles is {self.overlap:g}; give a share from 0 to 0.9.")
         if self.overlap and self.tile is None:
             raise ValueError("an overlap is given, but no tiles; give their size or leave it out.")
+        if self.form not in PICTURES:
+            raise ValueError(f"the pictures are to be {self.form!r}; choose {' or '.join(PICTURES)}.")
+        if self.cell is not None and self.form != "cartesian":
+            raise ValueError("the side of an element is given, but pictures are not Cartesian; ask for these, or leave "
+                             "it out.")
         if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
             raise ValueError(f"black is {self.window[0]:g} dB and white {self.window[1]:g} dB; give two numbers, white "
                              "above black.")
@@ -95,4 +108,4 @@ class Labels:
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
                 "tile": self.tile and list(self.tile), "overlap": self.overlap,
-                "drop_empty": self.drop_empty, "tvg": self.tvg}
+                "drop_empty": self.drop_empty, "tvg": self.tvg, "form": self.form, "cell": self.cell}

@@ -22,7 +22,7 @@ from ..split import deal
 from . import coco, yolo
 from .annotations import HIGHLIGHT, SHADOW, annotations, clipped, is_invisible
 from .frames import frames, tiles
-from .pictures import grey, write_png
+from .pictures import greys, write_png
 from .rules import Labels
 
 __all__ = ["groups_of", "write"]
@@ -150,22 +150,23 @@ class _Writer:
         subset = self.subsets[home]
         dataset = exr.read(source.path)
         check_labelled(dataset, source.path)
-        shown, window, words = grey(dataset, tvg=self.labels.tvg, window=self.labels.window)
-        pictures = frames(dataset, source.path)
+        pictures = frames(dataset, source.path, self.labels.form, self.labels.cell)
+        shown = greys(dataset, pictures, tvg=self.labels.tvg, window=self.labels.window)
         found = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
                             above_noise_db=self.labels.above_noise_db)
         about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
-                 "parameters": source.parameters, "window_db": [round(value, 3) for value in window],
-                 "grey": f"{words} [dB re 1 µPa]"}
+                 "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
+                 "grey": f"{shown.words} [dB re 1 µPa]"}
         for frame, own in zip(pictures, found, strict=True):
-            picture = frame.lay(shown)
+            picture = shown.draw(frame)
             seen = [piece for piece in own if not is_invisible(piece, picture)]
             self.counts["invisible"] += len(own) - len(seen)
             for tile in tiles(frame, self.labels.tile, self.labels.overlap):
-                name = source.name if frame.ping is None else f"{source.name}_ping{frame.ping:04d}"
+                name = f"{source.name}_{frame.name}" if frame.name else source.name
                 name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
                 inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in seen) if piece]
-                where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about}
+                where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
+                         **frame.metres(tile.row, tile.column)}
                 self._tile(name, picture[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width], inside,
                            where, subset)
 
