@@ -4,11 +4,13 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from ..imaging.raster import bearings, cartesian
 from ..io import exr
 from ..io.files import FilePath
 from ..io.records import SonarImage
 from .labels import deal, find_sources, groups_of, read_shares
-from .sources import Source
+from .labels.frames import FORMS, Form, Frame, frames
+from .sources import Source, frames_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,13 +23,18 @@ __all__ = ["Images", "open"]
 RENAMED = {"range": "slant_range"}  # a coordinate that differs from image to image cannot be its dimension's
 
 
-def open(places: FilePath | Iterable[FilePath]) -> "Images":
+def open(places: FilePath | Iterable[FilePath], *, form: Form | None = None, cell: float | None = None) -> "Images":
     """Open the images of sweeps and files.
 
     Parameters
     ----------
     places : str or path, or list of them
         Folders of sweeps, whose finished images are taken, and EXR files.
+    form : {'polar', 'cartesian', None}
+        None: an image is a record as it was rendered. Else it is a frame of a fan or a rotating head: one ping, or one
+        turn, as recorded or in metres (`mitsonar.imaging.cartesian`).
+    cell : float or None [m]
+        Side of a Cartesian picture's element; None: what fits.
 
     Returns
     -------
@@ -36,13 +43,13 @@ def open(places: FilePath | Iterable[FilePath]) -> "Images":
     Raises
     ------
     FileNotFoundError, ValueError
-        If something is not there or no image of mitsonar.
+        If something is not there, no image of mitsonar, or has no frames.
 
     Examples
     --------
-    ``images = open("sweep")`` and then ``images[0]["level"]``.
+    ``images = open("sweep")`` and then ``images[0]["level"]``; ``open("fans", form="cartesian", cell=0.05)``.
     """
-    return Images(find_sources(places))
+    return Images(find_sources(places), form=form, cell=cell)
 
 
 class Images:
@@ -54,10 +61,18 @@ class Images:
         Path, name, parameters, seed and seabed of each.
     classes, object_classes : tuple of str
         Of all shapes, and of objects, in any image, sorted: class numbers of PyTorch targets count along them from 1.
+    form, cell
+        As given to `open`.
     """
 
-    def __init__(self, sources: Iterable[Source]):
-        self.sources = tuple(sources)
+    def __init__(self, sources: Iterable[Source], *, form: Form | None = None, cell: float | None = None):
+        if form not in (None, *FORMS):
+            raise ValueError(f"the images are to be {form!r}; choose {', '.join(FORMS)} or None.")
+        if cell is not None and form != "cartesian":
+            raise ValueError("the side of an element is given, but images are not Cartesian; ask for these, or leave "
+                             "it out.")
+        self.form, self.cell = form, cell
+        self.sources = tuple(sources if form is None else frames_of(sources))
         self.classes = tuple(sorted({name for source in self.sources for name in source.classes}))
         self.object_classes = tuple(sorted({name for source in self.sources for name in source.object_classes}))
 
@@ -72,7 +87,23 @@ class Images:
     def __getitem__(self, number):
         if isinstance(number, slice):
             return self._some(self.sources[number])
-        return exr.read(self.sources[number].path)
+        return _read(self.sources[number], self.form, self.cell)
+
+    def pictures(self, number: int) -> tuple[SonarImage, list[Frame]]:
+        """Give the record of an image, as recorded, and the pictures that are made of it.
+
+        Parameters
+        ----------
+        number : int
+
+        Returns
+        -------
+        SonarImage, list of mitsonar.dataset.labels.frames.Frame
+            One of the latter where images are frames; else one for each ping of an array.
+        """
+        source = self.sources[number]
+        record = _read(source, None if self.form is None else "polar", None)
+        return record, frames(record, source.path, self.form or "polar", self.cell)
 
     def __repr__(self):
         return f"<mitsonar.dataset.Images: {len(self)} images, parameters {', '.join(self.parameters) or 'none'}>"
@@ -183,7 +214,7 @@ class Images:
             names = [str(name) for name, variable in first.data_vars.items() if variable.dims == first["level"].dims]
         inner = [str(name) for name, coordinate in first.coords.items() if coordinate.dtype.kind in "fiub"
                  and set(coordinate.dims) <= set(first["level"].dims) and (name in RENAMED or name not in first.dims)]
-        reads = [delayed(exr.read)(source.path) for source in self.sources]
+        reads = [delayed(_read)(source, self.form, self.cell) for source in self.sources]
 
         def lazily(name):
             like = self._values(first, name, 0)
@@ -206,8 +237,9 @@ class Images:
         Parameters
         ----------
         image : str or callable(xarray.Dataset)
-            A variable: float32 (channels, rows, columns), rows and columns as in the EXR's picture, of a sidescan one
-            channel, of an array its pings; or what gives an array.
+            A variable: float32 (channels, rows, columns), rows and columns as in the pictures of `mitsonar labels`, of
+            a sidescan and of a frame one channel, of a whole record of an array its pings; outside a Cartesian fan
+            -200 of levels, else 0; or what gives an array.
         target : str, callable(xarray.Dataset) or None
             A variable: the same as int64 (of counts; ``class`` by the set's ``classes``) or float32; ``boxes``: boxes,
             labels and masks as torchvision's detectors want them, labels by the set's ``object_classes``; or what gives
@@ -234,7 +266,8 @@ class Images:
 
     def _some(self, sources):
         """Some of the images, with class numbers as here."""
-        some = Images(sources)
+        some = Images([])
+        some.form, some.cell, some.sources = self.form, self.cell, tuple(sources)
         some.classes, some.object_classes = self.classes, self.object_classes
         return some
 
@@ -248,6 +281,15 @@ class Images:
             raise ValueError(f"{name} of {self.sources[number].path} has the shape {values.shape}, not {tuple(shape)} "
                              f"as in {self.sources[0].path}; stack images of one shape, such as a part of them.")
         return values
+
+
+def _read(source, form, cell):
+    """Read an image: a record or one of its frames."""
+    record = exr.read(source.path)
+    if form is None:
+        return record
+    record = record.isel(ping=bearings(record)[1][source.frame])
+    return record if form == "polar" else cartesian(record, cell)
 
 
 def _column(values):

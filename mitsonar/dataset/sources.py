@@ -5,28 +5,29 @@ What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines
 import os
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..imaging.raster import bearings
 from ..io import exr
 from ..io.files import FilePath
 from ..sweep import manifest
 from ..sweep.manifest import MANIFEST
 
-__all__ = ["Source", "find_sources"]
+__all__ = ["Source", "find_sources", "frames_of"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An image that is there.
+    """An image that is there: a record, or a frame of one.
 
     Attributes
     ----------
     path : pathlib.Path
         Of its EXR.
     name : str
-        Unlike that of every other: of the file, without folders and suffix.
+        Unlike that of every other: of the file, without folders and suffix, and of the frame.
     parameters : dict
         Of the scene, that it was rendered with.
     seed : int or None
@@ -36,6 +37,8 @@ class Source:
         Of all its shapes, sorted.
     object_classes : tuple of str
         Of its objects, sorted.
+    frame : int or None
+        Which of the record's frames, from 0; None: the whole record.
     """
 
     path: Path
@@ -45,6 +48,7 @@ class Source:
     seabed: str | None
     classes: tuple[str, ...]
     object_classes: tuple[str, ...]
+    frame: int | None = None
 
 
 def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
@@ -81,6 +85,35 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
         raise ValueError(f"the image {twice[0]} is given twice; leave one out.")
     names = _apart([name for _, name, _ in found], [folder for *_, folder in found])
     return [_source(path, name) for (path, *_), name in zip(found, names, strict=True)]
+
+
+def frames_of(sources: Iterable[Source]) -> list[Source]:
+    """Give every frame of records as an image of its own: a ping of an array, a turn of a rotating head.
+
+    Parameters
+    ----------
+    sources : list of Source
+        Records of fans or rotating heads.
+
+    Returns
+    -------
+    list of Source
+        Names end in ``_frame0003``, but where a record has only one.
+
+    Raises
+    ------
+    ValueError
+        If a record is of another kind, or a file is damaged.
+    """
+    found = []
+    for source in sources:
+        try:
+            count = len(bearings(exr.outline(source.path))[1])
+        except ValueError as error:
+            raise ValueError(f"{source.path} has no frames: {error}") from None
+        found += [replace(source, frame=frame, name=source.name if count == 1 else f"{source.name}_frame{frame:04d}")
+                  for frame in range(count)]
+    return found
 
 
 def _source(path, name):

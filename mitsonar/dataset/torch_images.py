@@ -1,4 +1,5 @@
 """Images as a dataset of PyTorch. Imported only where it is asked for, so that mitsonar works without PyTorch."""
+import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -6,8 +7,9 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]  mitsonar does not ask for it
 import torch.utils.data  # pyright: ignore[reportMissingImports]  nor for its parts
 
+from ..imaging.raster import LEVELS
 from .labels.annotations import HIGHLIGHT, annotations
-from .labels.frames import frames
+from .labels.frames import Frame
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
 
 __all__ = ["LabelledImages", "TorchImages"]
+
+NOTHING_DB = -200.0                # of levels: outside a fan
 
 
 class LabelledImages(Protocol):
@@ -29,6 +33,8 @@ class LabelledImages(Protocol):
 
     def __getitem__(self, number: int, /) -> "xr.Dataset": ...
 
+    def pictures(self, number: int, /) -> "tuple[xr.Dataset, list[Frame]]": ...
+
 
 class TorchImages(torch.utils.data.Dataset):
     """Pairs of image and target; see `mitsonar.dataset.Images.torch`."""
@@ -41,30 +47,33 @@ class TorchImages(torch.utils.data.Dataset):
         return len(self.images)
 
     def __getitem__(self, number):
-        dataset = self.images[number]
+        # what is drawn by name, and what functions are given, are each made once and only where they are asked for
+        drawn, given = (functools.cache(lambda make=make: make(number))
+                        for make in (self.images.pictures, self.images.__getitem__))
         if callable(self.image):
-            image = self.image(dataset)
+            image = self.image(given())
         else:
-            image = torch.as_tensor(self._laid(dataset, self.image, number).astype(np.float32))
+            image = torch.as_tensor(self._laid(*drawn(), self.image, number).astype(np.float32))
         if self.target is None:
             return image if self.transform is None else self.transform(image)
-        target = self._target(dataset, number)
+        target = self.target(given()) if callable(self.target) else self._target(*drawn(), number)
         return (image, target) if self.transform is None else self.transform(image, target)
 
-    def _laid(self, dataset, name, number):
+    def _laid(self, dataset, frames, name, number):
         """A variable as (channels, rows, columns)."""
         path = self.images.sources[number].path
         if name not in dataset.data_vars or set(dataset[name].dims) != set(dataset["level"].dims):
             raise ValueError(f"{path} has no variable {name} over {', '.join(map(str, dataset['level'].dims))}.")
         values = dataset[name].transpose(*dataset["level"].dims).values
-        return np.stack([frame.lay(values) for frame in frames(dataset, path)])
+        if name in LEVELS:
+            return np.stack([np.nan_to_num(frame.levels(values), nan=NOTHING_DB) for frame in frames])
+        zero = np.zeros((), values.dtype)
+        return np.stack([np.where(frame.seen(), frame.lay(values), zero) for frame in frames])
 
-    def _target(self, dataset, number):
-        if callable(self.target):
-            return self.target(dataset)
+    def _target(self, dataset, frames, number):
         if self.target == "boxes":
-            return self._boxes(dataset, number)
-        values = self._laid(dataset, self.target, number)
+            return self._boxes(dataset, frames, number)
+        values = self._laid(dataset, frames, self.target, number)
         if self.target == "class":
             numbers = np.zeros(1 + max(map(int, dataset.attrs["classes"]), default=0), np.int64)
             for own, name in dataset.attrs["classes"].items():
@@ -72,14 +81,14 @@ class TorchImages(torch.utils.data.Dataset):
             return torch.as_tensor(numbers[values])
         return torch.as_tensor(values.astype(np.int64 if values.dtype.kind in "iub" else np.float32))
 
-    def _boxes(self, dataset, number):
+    def _boxes(self, dataset, frames, number):
         path = self.images.sources[number].path
-        pictures = frames(dataset, path)
-        if len(pictures) != 1:
-            raise ValueError(f"{path} holds {len(pictures)} pictures, one for each ping, and boxes are of one; give a "
-                             "function as target.")
-        found = [each for each in annotations(dataset, pictures)[0] if each.kind == HIGHLIGHT]
-        masks = np.zeros((len(found), pictures[0].height, pictures[0].width), np.uint8)
+        if len(frames) != 1:
+            raise ValueError(f"{path} holds {len(frames)} pictures, one for each ping, and boxes are of one; open it "
+                             "with form=\"polar\" or \"cartesian\".")
+        frame, = frames
+        found = [each for each in annotations(dataset, frames)[0] if each.kind == HIGHLIGHT]
+        masks = np.zeros((len(found), frame.height, frame.width), np.uint8)
         boxes = np.zeros((len(found), 4), np.float32)
         for mask, box, each in zip(masks, boxes, found, strict=True):
             left, upper, width, height = each.box

@@ -167,6 +167,33 @@ def attributes(path: FilePath) -> dict[str, Any]:
     return found
 
 
+def outline(path: FilePath) -> SonarImage:
+    """Read the coordinates and attributes of a dataset written by `write`, and leave its pixels alone.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    SonarImage
+        Its picture (``level``) is there with its dimensions, all zeros that take no memory; other variables are not.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `read`.
+    """
+    config = _config_of(path)
+    try:
+        sizes, entry = config["sizes"], config["variables"][config["picture"]]
+        picture = np.broadcast_to(np.zeros((), _kind(entry, 1)), [sizes[dim] for dim in entry["dims"]])
+        coords = {name: _variable(coord, sizes) for name, coord in config["coords"].items()}
+        return SonarImage({config["picture"]: (entry["dims"], picture)}, coords, config["attrs"])
+    except DAMAGE as error:
+        raise ValueError(f"cannot read {path}: its attribute {CONFIG} is damaged; write it again.") from error
+
+
 def _layout(dataset):
     """Find the picture and give its dimensions their places: rows, layers, column."""
     ranked = [name for name, variable in dataset.data_vars.items() if variable.ndim >= 2 and variable.dtype.kind == "f"]

@@ -1,8 +1,6 @@
 """A sweep as data: by number, stacked, lazily as one dataset, split, and for a PyTorch that is here a few lines."""
-import importlib
 import pickle
 import sys
-import types
 
 import numpy as np
 import pytest
@@ -24,22 +22,6 @@ def files(tmp_path_factory):
         image["level"][:] += number
         exr.write(image, folder / f"i{number}.exr")
     return sorted(folder.glob("*.exr"))
-
-
-@pytest.fixture
-def torch(monkeypatch):
-    """As much of PyTorch as a data set of pictures touches, arrays for tensors."""
-    fake = types.ModuleType("torch")
-    fake.as_tensor, fake.utils = np.asarray, types.ModuleType("torch.utils")
-    fake.utils.data = types.ModuleType("torch.utils.data")
-    fake.utils.data.Dataset = type("Dataset", (), {})
-    for name, module in (("torch", fake), ("torch.utils", fake.utils), ("torch.utils.data", fake.utils.data)):
-        monkeypatch.setitem(sys.modules, name, module)
-    # whether the real one is here or not, the class is made of the fake one, and forgotten after the test
-    monkeypatch.delitem(sys.modules, "mitsonar.dataset.torch_images", raising=False)
-    yield fake
-    sys.modules.pop("mitsonar.dataset.torch_images", None)
-    vars(importlib.import_module("mitsonar.dataset")).pop("torch_images", None)
 
 
 def test_images_by_number_with_what_is_known_of_them(files):

@@ -74,6 +74,10 @@ class Frame(ABC):
         """Lay out levels [dB]: means of powers where an element holds several bins, NaN outside a fan."""
         return self.lay(level)
 
+    def seen(self) -> np.ndarray:
+        """Give the elements (height, width) that the sonar sees: all but those outside a fan."""
+        return np.ones((self.height, self.width), bool)
+
     def edge(self, near: bool) -> np.ndarray:
         """Give the elements (height, width) beyond which things may go on; at the near end of the range if asked."""
         edge = np.zeros((self.height, self.width), bool)
@@ -145,11 +149,15 @@ class CartesianFrame(Frame):
         """See `Frame.levels`."""
         return self.sweep.levels(level)
 
-    def edge(self, near: bool) -> np.ndarray:
-        """See `Frame.edge`."""
+    def seen(self) -> np.ndarray:
+        """See `Frame.seen`."""
         inside = np.zeros(self.height * self.width, bool)
         inside[self.sweep.map.inside] = True
-        inside = inside.reshape(self.height, self.width)
+        return inside.reshape(self.height, self.width)
+
+    def edge(self, near: bool) -> np.ndarray:
+        """See `Frame.edge`."""
+        inside = self.seen()
         edge = inside & ~np.asarray(ndimage.binary_erosion(inside), bool)
         if not near:
             away = np.hypot(self.sweep.grid.x, self.sweep.grid.y[:, None])
