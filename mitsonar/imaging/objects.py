@@ -1,7 +1,7 @@
 """Which bins of a record show an object, and which its shadow: one rule for pictures, masks and boxes.
 
     highlight   share of the object > threshold, and the bin's mean echo is no weaker than the noise, nor, in a shadow,
-                much weaker than the bed is at that range
+                much weaker than the bed is at that range; of beams, nor a side lobe's (`highlights`)
     shadow      the object hides most of the seabed's echo (``object_shadow``), or no ray arrives (``shadow``) between
                 such bins of a ping; and the bin is no object's highlight
 
@@ -11,16 +11,16 @@ ripple has no echo that an object could hide. Neither is what a picture shows.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from .highlights import Highlights, largest_beside, pieces_of
+
 __all__ = ["ObjectBins", "check_labelled", "object_bins"]
 
 NEEDED = ("level", "share", "object_shadow")
-FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
 SPECK_SHARE = 0.05                 # of the largest piece
 
 
@@ -72,9 +72,9 @@ def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: 
     above_noise_db : float [dB]
         How far the mean echo of a highlight's bins must be above the noise, where the record has noise.
     smallest : int
-        Bins that every piece of a highlight or shadow must have, and a twentieth of those of its largest; smaller ones
-        are dropped, for they would stretch boxes. Pieces hang together along rows and columns of the picture. 1: all
-        are kept.
+        Bins that every piece of a highlight or shadow must have, and a twentieth of those of its largest in the same
+        picture; smaller ones are dropped, for they would stretch boxes. Pieces hang together along rows and columns of
+        the picture. 1: all are kept.
 
     Yields
     ------
@@ -90,52 +90,29 @@ def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: 
     if not 0 <= threshold < 1:
         raise ValueError(f"the threshold is {threshold:g}; give a share of at least 0 and below 1, such as 0.5.")
     dims = dataset["level"].dims
-    share = dataset["share"].transpose("shape", *dims).values
     objects = sorted((int(number), entry["class"]) for number, entry in dataset.attrs["objects"].items())
-    strong = _strong_enough(dataset, dims, share, [label for label, _ in objects], above_noise_db)
+    highlights = Highlights.of(dataset, [label for label, _ in objects], threshold, above_noise_db)
     hidden_by = dataset["object_shadow"].transpose(*dims).values
     if "shadow" in dataset:
         hidden_by = _without_gaps(hidden_by, dataset["shadow"].transpose(*dims).values > 0)
-    taken = np.zeros_like(strong)
+    taken = np.zeros(hidden_by.shape, bool)
     for label, _ in objects:
-        taken |= share[label - 1] > threshold
-    taken &= strong
+        taken |= highlights.mask(label)
     for label, class_name in objects:
         yield ObjectBins(label=label, name=str(dataset["shape"].values[label - 1]), class_name=class_name,
-                         highlight=_without_specks(strong & (share[label - 1] > threshold), dims, smallest),
+                         highlight=_without_specks(highlights.mask(label), dims, smallest),
                          shadow=_without_specks((hidden_by == label) & ~taken, dims, smallest))
-
-
-def _strong_enough(dataset, dims, share, labels, above_noise_db):
-    """Where an object's echo is strong enough for a highlight."""
-    strong = np.ones(share.shape[1:], bool)
-    if "mean_level" not in dataset:
-        return strong
-    level = dataset["mean_level"].transpose(*dims).values
-    if dataset.attrs.get("noise_db") is not None:
-        strong = level >= dataset.attrs["noise_db"] + above_noise_db
-    if "hidden" in dataset:
-        bed = share.sum(0) - sum(share[label - 1] for label in labels) > 0.5
-        faintest = np.full(share.shape[-1], -np.inf)
-        for bin in np.flatnonzero(bed.any(tuple(range(bed.ndim - 1)))):
-            faintest[bin] = np.median(level[..., bin][bed[..., bin]]) - FAINT_DB
-        strong &= (level >= faintest) | (dataset["hidden"].transpose(*dims).values <= 0.5)
-    return strong
 
 
 def _without_specks(mask, dims, smallest):
     if smallest < 2 or not mask.any():
         return mask
-    rows = "beam" if "beam" in dims else "ping"
-    neighbours = ndimage.generate_binary_structure(mask.ndim, 1)
-    for axis, dim in enumerate(dims):
-        if dim not in (rows, dims[-1]):
-            neighbours &= np.arange(3).reshape(-1, *[1] * (mask.ndim - axis - 1)) == 1
     kept = np.zeros_like(mask)
     where, = ndimage.find_objects(mask.view(np.uint8))
-    pieces, count = cast("tuple[np.ndarray, int]", ndimage.label(mask[where], neighbours))
-    sizes = np.bincount(pieces.ravel(), minlength=count + 1)
-    kept[where] = mask[where] & (sizes >= max(smallest, SPECK_SHARE * sizes[1:].max()))[pieces]
+    pieces, count = pieces_of(mask[where], dims)
+    sizes = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
+    least = np.maximum(smallest, SPECK_SHARE * largest_beside(sizes, pieces, dims))
+    kept[where] = np.r_[False, sizes >= least][pieces]
     return kept
 
 

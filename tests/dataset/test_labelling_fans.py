@@ -128,6 +128,38 @@ def test_noise_before_the_bed_does_not_brighten_the_picture(form):
     assert 60 < np.median(bed) < 170
 
 
+@pytest.mark.parametrize("mean_level", [False, True])
+def test_side_lobes_of_an_object_are_no_highlights(mean_level):
+    record = fan({"box.1": (0.0, 10.0, 1.0), "box.2": (5.0, 12.0, 1.0)}, pings=2, mean_level=mean_level)
+    clean = [[each.box for each in own] for own in annotations(record, frames(record), smallest=8)]
+    weak = record["level"].values[:, :, 100:600].mean() - 15                   # of a bin elsewhere, at any range
+    for variable in ("level", "mean_level")[:1 + mean_level]:
+        record[variable].values[:, 20:40, 250:270] = weak                      # in a shadow: bins of box.1 all the same
+    record["share"].values[:, :, 20:40, 250:270] = np.array([0, 1, 0])[:, None, None, None]
+    assert [[each.box for each in own] for own in annotations(record, frames(record), smallest=8)] == clean
+    for variable in ("level", "mean_level")[:1 + mean_level]:                  # as strong as the box
+        record[variable].values[:, 20:40, 250:270] = np.nanmax(record[variable].values)
+    assert [[each.box for each in own] for own in annotations(record, frames(record), smallest=8)] != clean
+
+
+@pytest.mark.parametrize("form", ["polar", "cartesian"])
+def test_what_is_dark_in_a_shadow_is_no_highlight_where_only_levels_tell(form):
+    record = fan({"box.1": (0.0, 10.0, 1.0), "box.2": (5.0, 12.0, 1.0)})
+    inside = record["object_shadow"].values[0] == 2
+    record["share"].values[:, 0, inside] = np.array([0, 0, 1])[:, None]       # box.2 is all that is heard, 40 dB down
+    seen = {(each.name, each.kind): each for each in annotations(record, frames(record, form=form))[0]}
+    clean = fan({"box.1": (0.0, 10.0, 1.0), "box.2": (5.0, 12.0, 1.0)})
+    assert all(each.box == seen[each.name, each.kind].box for each in annotations(clean, frames(clean, form=form))[0])
+
+
+def test_a_small_piece_is_kept_where_the_object_is_larger_in_another_ping():
+    record = fan({"box.1": (0.0, 10.0, 3.0)}, pings=2)
+    record["share"].values[:, 1] = np.array([1, 0])[:, None, None]             # gone, but for 20 bins
+    record["share"].values[:, 1, 100:104, 300:305] = np.array([0, 1])[:, None, None]
+    found = annotations(record, frames(record), smallest=8)
+    assert [each.bins for each in found[1] if each.kind == "highlight"] == [20] and found[0][0].bins > 1000
+
+
 def test_tiles_of_a_picture_in_metres_know_where_they_are(tmp_path):
     told = written(fan(), tmp_path, form="cartesian", cell=0.1, tile=(64, 64), drop_empty=True)
     assert told["info"]["form"] == "cartesian" and told["info"]["cell"] == 0.1

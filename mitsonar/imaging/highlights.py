@@ -1,0 +1,147 @@
+"""Which bins of a record an object lights up: its share in them, and the strength of what is heard.
+
+A bin's mean echo must be no weaker than the noise and, in a shadow, no more than 10 dB weaker than the bed is at that
+range. Beams hear by their side lobes too: a piece of a highlight that is 20 dB fainter than the object's strongest is
+such an echo, elsewhere than the object is. Where a fan has no ``mean_level``, an object's mean echo is that of the
+powers of its own bins, over 3 beams by 5 ranges.
+"""
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import xarray as xr
+from scipy import ndimage
+
+__all__ = ["Highlights", "largest_beside", "pieces_of"]
+
+FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
+LOBE_DB = 20.0                     # below an object's strongest bin: a side lobe's
+AROUND = {"beam": 3, "range": 5}   # bins that a mean is taken over
+NOTHING = 1e-20                    # power of what cannot be heard
+
+
+@dataclass(frozen=True, kw_only=True)
+class Highlights:
+    """What tells the highlights of a record's objects.
+
+    Attributes
+    ----------
+    dims : tuple of str
+        Of ``level``, and of all that follows.
+    bright : bool array (shape, ...)
+        Where each shape's share exceeds the threshold.
+    level : float array or None [dB]
+        Mean echo of the bins; or with ``speckled`` one that varies. None: unknown.
+    speckled : bool
+    floor : float array [dB]
+        What a highlight's level must reach.
+    of_beams : bool
+        Side lobes are to be left out.
+    """
+
+    dims: tuple[str, ...]
+    bright: np.ndarray
+    level: np.ndarray | None
+    speckled: bool
+    floor: np.ndarray
+    of_beams: bool
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset, labels: Sequence[int], threshold: float, above_noise_db: float) -> "Highlights":
+        """Take what is needed from a record; arguments as of `mitsonar.imaging.objects.object_bins`."""
+        dims = tuple(map(str, dataset["level"].dims))
+        share = dataset["share"].transpose("shape", *dims).values
+        name = "mean_level" if "mean_level" in dataset else "level" if "beam" in dims else None
+        level = None if name is None else dataset[name].transpose(*dims).values
+        hidden = dataset["hidden"].transpose(*dims).values if "hidden" in dataset else None
+        noise_db = dataset.attrs.get("noise_db")
+        return cls(dims=dims, bright=share > threshold, level=level, speckled=name == "level",
+                   floor=_floor(share, labels, level, hidden,
+                                -np.inf if noise_db is None else noise_db + above_noise_db),
+                   of_beams="beam" in dims or "bearing" in dataset.coords)
+
+    def mask(self, label: int) -> np.ndarray:
+        """Give the bins that the object of a number lights up."""
+        bright = self.bright[label - 1]
+        if self.level is None or not bright.any():
+            return bright
+        where, = ndimage.find_objects(bright.view(np.uint8))
+        level, own = self.level[where], bright[where]
+        if self.speckled:
+            level = _mean_among(level, own, [AROUND.get(dim, 1) for dim in self.dims])
+        lit = np.zeros_like(bright)
+        lit[where] = own & (level >= self.floor[where])
+        if self.of_beams and lit.any():
+            lit[where] = _without_lobes(lit[where], self.dims, level)
+        return lit
+
+
+def pieces_of(mask: np.ndarray, dims: Sequence[str]) -> tuple[np.ndarray, int]:
+    """Number the pieces of a mask that hang together along rows and columns of a picture.
+
+    Parameters
+    ----------
+    mask : bool array
+    dims : sequence of str
+        Of the mask; the last is that of ranges.
+
+    Returns
+    -------
+    numbers : int array
+        From 1; 0 elsewhere.
+    count : int
+    """
+    rows = "beam" if "beam" in dims else "ping"
+    neighbours = ndimage.generate_binary_structure(mask.ndim, 1)
+    for axis, dim in enumerate(dims):
+        if dim not in (rows, dims[-1]):
+            neighbours &= np.arange(3).reshape(-1, *[1] * (mask.ndim - axis - 1)) == 1
+    return cast("tuple[np.ndarray, int]", ndimage.label(mask, neighbours))
+
+
+def largest_beside(values: np.ndarray, pieces: np.ndarray, dims: Sequence[str]) -> np.ndarray:
+    """Give for every piece the largest value of those in the same picture: in the same ping of a fan, else in all.
+
+    Parameters
+    ----------
+    values : (count,) array
+        Of the pieces.
+    pieces : int array
+        As `pieces_of` numbers them.
+    dims : sequence of str
+
+    Returns
+    -------
+    (count,) array
+    """
+    ping = np.array([found[0].start if "beam" in dims else 0 for found in ndimage.find_objects(pieces)])
+    largest = np.full(ping.max(initial=0) + 1, values.min())
+    np.maximum.at(largest, ping, values)
+    return largest[ping]
+
+
+def _floor(share, labels, level, hidden, faintest_db):
+    """The weakest level of a highlight in every bin."""
+    floor = np.full(share.shape[1:], faintest_db, np.float32)
+    if hidden is None or level is None:
+        return floor
+    bed = share.sum(0) - sum(share[label - 1] for label in labels) > 0.5
+    of_bed = np.full(share.shape[-1], -np.inf, np.float32)
+    for bin in np.flatnonzero(bed.any(tuple(range(bed.ndim - 1)))):
+        of_bed[bin] = np.median(level[..., bin][bed[..., bin]]) - FAINT_DB
+    return np.where(hidden > 0.5, np.maximum(floor, of_bed), floor)
+
+
+def _mean_among(level, mask, sizes):
+    """Levels of the mean powers of a mask's bins around each [dB]."""
+    power = np.where(mask, 10 ** (0.1 * level.astype(float)), 0)
+    mean, share = (ndimage.uniform_filter(values, sizes, mode="constant") for values in (power, mask.astype(float)))
+    return 10 * np.log10(np.maximum(np.where(mask, mean / np.maximum(share, 1e-6), 0), NOTHING))
+
+
+def _without_lobes(mask, dims, level):
+    """Drop pieces that are much fainter than the strongest in the same picture."""
+    pieces, count = pieces_of(mask, dims)
+    strongest = np.asarray(ndimage.maximum(level, pieces, np.arange(1, count + 1)))
+    return np.r_[False, strongest >= largest_beside(strongest, pieces, dims) - LOBE_DB][pieces]
