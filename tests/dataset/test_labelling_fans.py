@@ -160,6 +160,18 @@ def test_a_small_piece_is_kept_where_the_object_is_larger_in_another_ping():
     assert [each.bins for each in found[1] if each.kind == "highlight"] == [20] and found[0][0].bins > 1000
 
 
+def test_what_the_bed_hides_is_told_from_what_objects_hide(tmp_path):
+    record = fan()
+    record["shadow"].values[0, 200:210, 400:450] = 1                           # the lee of a ripple
+    written(record, tmp_path)
+    bed, shadow = (np.array(Image.open(tmp_path / f"out/masks/{kind}/fan_ping0000.png"))
+                   for kind in ("bed_shadow", "shadow"))
+    lee = np.zeros((256, 600), bool)
+    lee[200:210, 400:450] = True
+    assert ((bed > 0) == lee.T[::-1]).all()
+    assert ((shadow > 0) == (record["object_shadow"].values[0] > 0).T[::-1]).all()
+
+
 def test_tiles_of_a_picture_in_metres_know_where_they_are(tmp_path):
     told = written(fan(), tmp_path, form="cartesian", cell=0.1, tile=(64, 64), drop_empty=True)
     assert told["info"]["form"] == "cartesian" and told["info"]["cell"] == 0.1

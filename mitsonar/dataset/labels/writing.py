@@ -28,6 +28,7 @@ from .rules import Labels
 __all__ = ["groups_of", "write"]
 
 MOST_INSTANCES = 65535             # that masks of 16 bits tell apart
+MASKS = ("instance", "class", "shadow", "bed_shadow")
 
 
 @dataclass(kw_only=True)
@@ -142,7 +143,7 @@ class _Writer:
         self.names, self.annotated, self.note = {}, 0, ""
         self.counts = {"highlights": 0, "shadows": 0, "invisible": 0, "empty": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
-                     *[f"masks/{kind}" for kind in ("instance", "class", "shadow")] * self.labels.masks):
+                     *[f"masks/{kind}" for kind in MASKS] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
 
     def image(self, source, home):
@@ -154,11 +155,15 @@ class _Writer:
         shown = greys(dataset, pictures, tvg=self.labels.tvg, window=self.labels.window)
         found = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
                             above_noise_db=self.labels.above_noise_db)
+        dark = None
+        if self.labels.masks and "shadow" in dataset:
+            dark = (dataset["shadow"].values > 0) & (dataset["object_shadow"].values == 0)
         about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
                  "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
                  "grey": f"{shown.words} [dB re 1 µPa]"}
         for frame, own in zip(pictures, found, strict=True):
             picture = shown.draw(frame)
+            unheard = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
             seen = [piece for piece in own if not is_invisible(piece, picture)]
             self.counts["invisible"] += len(own) - len(seen)
             for tile in tiles(frame, self.labels.tile, self.labels.overlap):
@@ -167,10 +172,10 @@ class _Writer:
                 inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in seen) if piece]
                 where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
                          **frame.metres(tile.row, tile.column)}
-                self._tile(name, picture[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width], inside,
-                           where, subset)
+                own = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
+                self._tile(name, picture[own], unheard[own], inside, where, subset)
 
-    def _tile(self, name, picture, found, about, subset):
+    def _tile(self, name, picture, unheard, found, about, subset):
         if name in self.names:
             raise ValueError(f"two pictures would both be called {name}; rename an EXR, or do them one after "
                              "the other.")
@@ -184,7 +189,7 @@ class _Writer:
         height, width = picture.shape
         subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width, **about})
         if self.labels.masks:
-            self._masks(name, picture.shape, found)
+            self._masks(name, unheard, found)
         if self.labels.yolo:
             lines = [yolo.line(each, self.labels.yolo, self.numbers, height, width) + "\n" for each in found]
             (self.folder / "labels" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
@@ -193,8 +198,9 @@ class _Writer:
                 self.annotated += 1
                 subset.entries.append(coco.entry(each, self.annotated, number, self.numbers))
 
-    def _masks(self, name, shape, found):
-        masks = {kind: np.zeros(shape, np.uint16) for kind in ("instance", "class", "shadow")}
+    def _masks(self, name, unheard, found):
+        masks = {kind: np.zeros(unheard.shape, np.uint16) for kind in MASKS}
+        masks["bed_shadow"][unheard] = 1
         for each in found:
             if max(each.label, self.numbers[each.category]) > MOST_INSTANCES:
                 raise ValueError(f"{name} has objects numbered up to {each.label}, and masks tell {MOST_INSTANCES} "
@@ -202,6 +208,7 @@ class _Writer:
             height, width = each.mask.shape
             where = (slice(each.row, each.row + height), slice(each.column, each.column + width))
             masks["instance" if each.kind == HIGHLIGHT else "shadow"][where][each.mask] = each.label
+            masks["bed_shadow"][where][each.mask] = 0
             if each.kind == HIGHLIGHT:
                 masks["class"][where][each.mask] = self.numbers[each.category]
         for kind, mask in masks.items():
