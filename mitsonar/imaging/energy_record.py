@@ -13,7 +13,7 @@ from .truth import BinTruth
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered", "joined"]
+__all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered", "joined", "only_row"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +120,11 @@ def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> Energy
     if whole is None or start != pings:
         raise ValueError(f"blocks of {start} pings were given for a record of {pings}")
     return whole
+
+
+def only_row(record: EnergyRecord) -> EnergyRecord:
+    """Give the record of a sonar with one row a ping without the axis of rows: arrays (pings, ...)."""
+    return _changed(record, lambda array: array[:, 0])
 
 
 def _kept(kind: np.dtype) -> np.dtype:

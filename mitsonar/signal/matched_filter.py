@@ -15,7 +15,7 @@ from scipy import fft
 from ..sonar.pulse import Pulse, Window
 from .reception import band_filter, check_record, padded_length
 
-__all__ = ["matched_filter"]
+__all__ = ["compression", "matched_filter"]
 
 
 def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
@@ -53,3 +53,27 @@ def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, windo
     gain = np.mean(sent * replica * keep).real        # of an echo that came through the receiver's filter
     spectrum = fft.fft(signals, length)
     return fft.ifft(spectrum * (replica / gain).astype(spectrum.dtype), overwrite_x=True)[..., :samples]
+
+
+def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:
+    """Give how long a compressed pulse lasts, and how much noise it comes with, at a sampling rate.
+
+    Parameters
+    ----------
+    pulse : Pulse
+    sampling_rate : float [Hz]
+
+    Returns
+    -------
+    length : float [s]
+        ∫|χ|² dt, χ the compressed pulse with peak 1, of echoes that came through the receiver's filter: longer than
+        `Pulse.compressed_length` by what that filter takes from the pulse's peak.
+    bandwidth : float [Hz]
+        Power of what white noise of unit spectral level leaves behind the filter.
+    """
+    length = padded_length(1, pulse.duration, sampling_rate)
+    spectrum = np.abs(pulse.spectrum(sampling_rate, length)) ** 2
+    through = spectrum * band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
+    gain = np.mean(through)
+    return (float(np.mean(through ** 2) / gain ** 2 / sampling_rate),
+            float(np.mean(spectrum) / gain ** 2 * sampling_rate))

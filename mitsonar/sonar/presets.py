@@ -11,7 +11,8 @@ else:
 
 __all__ = ["TABLES", "presets"]
 
-TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml"}      # by kind of sonar
+TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
+          "sector_scan": "sector_scan.toml"}      # by kind of sonar
 
 
 @cache

@@ -99,7 +99,7 @@ def plan_elements(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings,
 
 def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage: Passage, *, lead: float,
               sound_speed: float, transmit: Array, receive: Array, pulse: Pulse, source_level_db: float,
-              bins_are_samples: bool, self_noise_db: float | None) -> ArraySurvey:
+              bins_are_samples: bool, self_noise_db: float | None, whole_bins: bool = False) -> ArraySurvey:
     """Make the survey of arrays whose route is laid.
 
     Parameters
@@ -112,6 +112,8 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
         The film's bins, or its rate, are those of the signals; else they are a picture's and the pulse sets the rate.
     self_noise_db : float or None [dB re 1 µPa²/Hz]
         Of each receiver.
+    whole_bins : bool
+        As many samples, all about its middle, fall into each of the film's bins.
     """
     water = sensor.water
     materials.check(geometry, water.profile, pulse.frequency)
@@ -119,6 +121,11 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
     doppler = 2 * float(np.linalg.norm(passage.voyage.velocity, axis=1).max()) * pulse.frequency / sound_speed
     start, rate, samples = sensor.film().sampling(sound_speed, pulse.suggested_sampling_rate + 3 * doppler,
                                                   written=bins_are_samples)
+    if whole_bins:
+        window, bins = sensor.film().window(sound_speed)
+        samples = bins * int(np.ceil(rate * (window[1] - window[0]) / bins - 1e-9))
+        rate = samples / (window[1] - window[0])
+        start = window[0] + 0.5 / rate
     extra = int(np.ceil(lead * pulse.duration * rate))
     mean_depth = -float(passage.voyage.track.position[:, 2].mean())
     return ArraySurvey(

@@ -1,4 +1,4 @@
-"""Echoes that have a phase, as the beams of an array receive them: point targets and smooth surfaces.
+"""Echoes that have a phase, as the beams of an array or of a rotating head receive them: targets and smooth surfaces.
 
 Pressures of an instance in a bin add, and are then squared. The pulse and the beams' side lobes blur what is squared as
 they do all energies (`array_beams`): the picture itself takes its pressures from the elements' signals.
@@ -6,16 +6,17 @@ they do all energies (`array_beams`): the picture itself takes its pressures fro
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..device.types import Vector
 from ..echoes.point_targets import PointTargets
 from ..echoes.record import Echoes
 from ..echoes.smooth.targets import SmoothTargets
 from ..imaging.energy_record import CoherentRecord, CoherentSums
-from .array_beams import ArrayBeams
 from .energy_bins import EnergyBins
 from .places import Place
 from .array_survey import ArraySurvey
@@ -27,6 +28,27 @@ __all__ = ["CoherentBeams"]
 FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band that are used, over c / 2 a sample
 
 
+class BeamsOfPings(Protocol):
+    """Beams that receive echoes.
+
+    Attributes
+    ----------
+    count : int
+        Of a ping.
+    """
+
+    count: int
+
+    def receive(self, place: Place, ping: mi.UInt32, sent: Vector,
+                towards: Vector) -> tuple[mi.UInt32, mi.Float]:
+        """Give the beam that receives echoes, and its two-way intensity; see `array_beams.ArrayBeams`."""
+        ...
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give what the picture makes of intensities (rows, ..., bins)."""
+        ...
+
+
 class CoherentBeams:
     """The coherent echoes that beams of an array receive.
 
@@ -34,13 +56,13 @@ class CoherentBeams:
     ----------
     survey : ArraySurvey
     sound : SoundPaths
-    beams : ArrayBeams
+    beams : BeamsOfPings
     bins : EnergyBins
     drift : float [-]
         How far the array moves while sound goes a metre out and back, at most.
     """
 
-    def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: ArrayBeams, bins: EnergyBins, *, drift: float):
+    def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
         self._labels, self._targets = len(survey.labels), PointTargets(survey.geometry.targets())
         self._smooth = SmoothTargets(
@@ -55,22 +77,23 @@ class CoherentBeams:
         return not (self._smooth or self._targets)
 
     def sum(self, place: Place) -> CoherentSums:
-        """Sum the echoes of a ping; arrays (beams, ..., bins)."""
+        """Sum the echoes of a block of pings; arrays (pings x beams, ..., bins)."""
         power = self._power(place)
         return CoherentSums(label_power=power, record=CoherentRecord(
             intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))
 
     def _power(self, place: Place) -> np.ndarray:
-        """Squared pressures, (beams, labels, bins) [µPa²]."""
-        shape = self._beams.count, self._labels, self._bins.count
+        """Squared pressures, (pings x beams, labels, bins) [µPa²]."""
+        shape = len(place.ping) * self._beams.count, self._labels, self._bins.count
         real_sum, imaginary_sum = np.zeros(shape), np.zeros(shape)
-        for label, echoes in self._echoes(place):
-            ping, delay = mi.UInt32(0), echoes.out.travel_time + echoes.between + echoes.back.travel_time
+        for ping, label, echoes in self._echoes(place):
+            delay = echoes.out.travel_time + echoes.between + echoes.back.travel_time
             received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, delay)
             row, pattern = self._beams.receive(place, ping, echoes.out.sent_towards, received.towards)
             bin, inside = self._bins.of(received.delay, pattern > 0)
             cycles = received.delay * self._frequency
             phase = mi.Float(cycles - dr.floor(cycles)) * (2 * np.pi)
+            row = ping * self._beams.count + row
             columns = row, label, bin, inside, dr.sqrt(pattern), phase, *echoes.amplitude
             dr.eval(columns)
             row, label, bin, inside, root, phase, real, imaginary = (
@@ -82,10 +105,8 @@ class CoherentBeams:
             imaginary_sum += np.bincount(where, z.imag, real_sum.size).reshape(shape)
         return self._source_power * (real_sum ** 2 + imaginary_sum ** 2)
 
-    def _echoes(self, place: Place) -> Iterator[tuple[mi.UInt32, Echoes]]:
-        """Yield the labels and the echoes of all targets and smooth surfaces."""
+    def _echoes(self, place: Place) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
+        """Yield the numbers of pings in the block, the labels and the echoes of all targets and smooth surfaces."""
         if self._targets:
-            for _, label, echoes in target_echoes(self._sights, self._targets, place, 1, 0, mirrored=False):
-                yield label, echoes
-        for _, label, echoes in self._smooth.echoes(place.sources, place.position, place.source_of):
-            yield label, echoes
+            yield from target_echoes(self._sights, self._targets, place, len(place.ping), 0, mirrored=False)
+        yield from self._smooth.echoes(place.sources, place.position, place.source_of)

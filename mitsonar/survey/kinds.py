@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from . import array, forward_looking, sidescan
+from . import array, forward_looking, sector_scan, sidescan
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .survey import Survey
@@ -45,7 +45,8 @@ class Kind(Protocol):
         ...
 
 
-KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking}
+KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking,
+                          "sector_scan": sector_scan}
 
 
 def kind_of(sensor: Any) -> Kind:

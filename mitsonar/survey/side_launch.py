@@ -6,6 +6,7 @@ wherever it turns while echoes are under way (`underway`); those of φ follow th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 
 import drjit as dr
 import mitsuba as mi
@@ -20,7 +21,7 @@ from .rows import Rays
 from .sidescan_survey import SidescanSurvey
 from .underway import Underway
 
-__all__ = ["SideLaunch", "SideRays"]
+__all__ = ["SideLaunch", "SideRays", "drawn_across", "ray_grid"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +76,7 @@ class SideLaunch:
         """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
         survey = self._survey
         first = int(round(survey.rays * survey.first_pass / 2))
-        return _grid(first) if first else None, _grid(max(1, survey.rays // 2 - first))
+        return ray_grid(first) if first else None, ray_grid(max(1, survey.rays // 2 - first))
 
     def first_quantiles(self, place: Place) -> np.ndarray:
         """Give the tables of φ, (rows, CELLS + 1) [rad], that suit a level bed."""
@@ -94,19 +95,8 @@ class SideLaunch:
 
     def drawn(self, place: Place, quantiles: np.ndarray, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
         """Draw the rays of a pass: `grid` strata in φ and u for each row, through tables of φ."""
-        lib, strata = self._lib, Strata(self._lib, place.rows, *grid)
-        row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
-        key = seeded(place.key(row), seed, salt)
-        a, b = pair(within, key)
-        # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
-        # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
-        scramble, _ = other_pair(i_phi, key)
-        slice_phi = i_u ^ (scramble & (strata.second - 1))
-        within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
-        xi_phi = stratified(lib, i_phi, within_phi, strata.first)
-        phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
-        xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
-        return self._rays(place, row, phi, phi_width, cell, xi_u, strata)
+        strata = Strata(self._lib, place.rows, *grid)
+        return self._rays(place, *drawn_across(self._lib, place, strata, quantiles, seed, salt), strata)
 
     def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
         """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
@@ -138,7 +128,35 @@ class SideLaunch:
         return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
 
 
-def _grid(rays: int) -> tuple[int, int]:
-    """Strata (φ, u) for about this many rays, multiples of 4: u needs few, the beam is narrow."""
+def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.ndarray, seed: int,
+                 salt: int) -> tuple[mi.UInt32, mi.Float, mi.Float, mi.UInt32, mi.Float]:
+    """Draw φ of the rays of a pass through tables of it, (rows, CELLS + 1).
+
+    Returns
+    -------
+    row : UInt32 (R,)
+        Of the block.
+    phi, width : Float (R,) [rad]
+        The angle, and the reciprocal of its density.
+    cell : UInt32 (R,)
+        Of the tables, (rows, CELLS).
+    along : Float (R,)
+        A stratified number of [0, 1) to draw u with.
+    """
+    row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
+    key = seeded(place.key(row), seed, salt)
+    a, b = pair(within, key)
+    # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
+    # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
+    scramble, _ = other_pair(i_phi, key)
+    slice_phi = i_u ^ (scramble & (strata.second - 1))
+    within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
+    xi_phi = stratified(lib, i_phi, within_phi, strata.first)
+    phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
+    return row, phi, phi_width, cell, stratified(lib, i_u, uniform(lib, b), strata.second)
+
+
+def ray_grid(rays: int) -> tuple[int, int]:
+    """Give the strata (φ, u) for about this many rays, multiples of 4: u needs few, the beam is narrow."""
     steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
     return max(4, 4 * round(rays / (4 * steps_u))), steps_u

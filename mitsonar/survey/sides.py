@@ -9,20 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import final
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.chance import Salt
 from ..device.types import Vector
-from ..echoes.energy_sums import sum_size
 from ..echoes.origin_sums import WORDS
 from ..imaging.sidescan import mean_intensity, pulse_shares
-from ..tracing.launch import CELLS, refine_quantiles
+from ..tracing.launch import refine_quantiles
 from .coherent_sidescan import CoherentSidescan
 from .energy_bins import EnergyBins
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
+from .ray_need import ray_need
 from .rows import EchoSource, RowResponse
 from .side_echoes import SideMultipath, SideWater
 from .side_launch import SideLaunch, SideRays
@@ -89,19 +88,9 @@ class Sides:
         quantiles = self._launch.first_quantiles(place)
         if self._first_grid is not None:
             rays = self._launch.drawn(place, quantiles, self._first_grid, seed, Salt.FIRST_PASS)
-            quantiles = refine_quantiles(quantiles, self._need(place, rays, *bins_of(place, rays)))
+            need = ray_need(rays.row, rays.cell, *bins_of(place, rays), rows=place.rows, bins=self.bins)
+            quantiles = refine_quantiles(quantiles, need)
         yield self._launch.drawn(place, quantiles, self._second_grid, seed, Salt.SECOND_PASS)
-
-    def _need(self, place: Place, rays: SideRays, bin: mi.UInt32, inside: mi.Bool) -> np.ndarray:
-        """How far each cell of φ leads into bins that few rays reach, (rows, CELLS)."""
-        index, cell = rays.row * self.bins.opaque_count + bin, rays.cell
-        count = dr.zeros(mi.UInt32, sum_size(place.rows * self.bins.count))
-        dr.scatter_add(count, mi.UInt32(1), index, inside)
-        dr.eval(count, index, inside, cell)
-        share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, inside), 1)))
-        need = dr.zeros(mi.UInt64, sum_size(place.rows * CELLS))
-        dr.scatter_add(need, share, cell, inside)
-        return need.numpy()[:place.rows * CELLS].reshape(place.rows, CELLS) / 2.0 ** 32
 
     def response(self, place: Place, rays: SideRays, towards: Vector) -> RowResponse:
         """Give how the side that sent a ray receives its echo: nothing comes from the other side of the body."""

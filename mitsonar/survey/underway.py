@@ -15,6 +15,7 @@ water. Strength and shadow of the return leg are taken to be those of the leg to
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -122,6 +123,31 @@ class Underway:
             some = np.quantile(np.moveaxis(shift, 2, 1)[group == number], np.linspace(0, 1, SHIFTS))
             found.append(some[np.r_[True, np.diff(np.round(some / (APART * width))) > 0]])
         return group, found
+
+
+    def aside_shifts(self, rotation: np.ndarray, sound_speed: float, depressions: Sequence[float]) -> np.ndarray:
+        """By how much the cosine u of directions ahead to the side changes between transmission and reception.
+
+        Parameters
+        ----------
+        rotation : (P, 3, 3)
+            From body to scene, at transmission.
+        sound_speed : float [m/s]
+        depressions : sequence of float [rad]
+            Of directions in the plane of forward and down.
+
+        Returns
+        -------
+        (...)
+            What occurs at some times; 0 alone where the sonar stands still.
+        """
+        if not self.moves:
+            return np.zeros(1)
+        time = self._duration * np.array(TIMES)
+        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
+        ahead, down = np.cos(depressions), np.sin(depressions)
+        return (turned[..., 0, None] * down - turned[..., 2, None] * ahead
+                - (moved[..., 1] / (0.5 * sound_speed * time))[..., None])
 
 
 class Motion:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from ..water import SoundSpeedProfile
 
-__all__ = ["array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "point_target", "sediment", "sidescan",
-           "water_of"]
+__all__ = ["array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "point_target", "sector_scan", "sediment",
+           "sidescan", "water_of"]
 
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
@@ -59,6 +59,14 @@ def forward_looking(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: A
     """Load a scene of a forward-looking sonar, by default of 720 kHz to 20 m; as `sidescan`."""
     return _loaded(shapes, {"type": "forward_looking", "preset": "multibeam_720khz"}, _still(depth), sensor, water,
                    {"range": 20.0, **(film or {})}, integrator or {})
+
+
+def sector_scan(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+                water: Attributes | None = None, film: Attributes | None = None,
+                integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of a rotating head, by default of 750 kHz and 400 bins to 20 m; as `sidescan`."""
+    return _loaded(shapes, {"type": "sector_scan", "preset": "head_750khz"}, _still(depth), sensor, water,
+                   {"range": 20.0, "bins": 400, **(film or {})}, integrator or {})
 
 
 def _still(depth: float) -> dict[str, Any]:

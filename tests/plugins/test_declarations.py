@@ -13,7 +13,7 @@ SOURCES = sorted(path for path in FOLDER.rglob("*.py") if path.parent.name != "a
 SONAR = {"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}}
 BED = {"type": "seabed", "depth": 10.0, "spacing": 50.0}
 # what a plugin needs to be read to its end, but for a file
-NEEDED = {"sidescan": SONAR, "array_sonar": SONAR, "forward_looking": SONAR, "seabed": BED,
+NEEDED = {"sidescan": SONAR, "array_sonar": SONAR, "forward_looking": SONAR, "sector_scan": SONAR, "seabed": BED,
           "point_target": {"position": [0.0, 0.0, -5.0]},
           "capped_cylinder": {"radius": 1.0, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 1.0, -5.0]},
           "impedance": {"density": 1100.0, "sound_speed": 1600.0},

@@ -23,6 +23,7 @@ GIVEN = {
     "sidescan": ({"pings": 12, **SONAR}, "400 kHz, 12 pings"),
     "array_sonar": ({"receive": "line", "receive_elements": 5, **SONAR}, "1 x 5 elements"),
     "forward_looking": ({"preset": "lens_1800khz", **SONAR}, "1800 kHz, 128 beams of 288 elements"),
+    "sector_scan": ({"preset": "head_700khz", **SONAR}, "700 kHz, 400 pings"),
     "sonar_path": ({"rays": 777}, "777 rays"),
     "seabed": (BED, "depth 10.0 m"),
     "bathymetry": ({"filename": str(SCENES / "bathymetry" / "sandwaves.tif"), "resolution": 50.0}, "sandwaves.tif"),

@@ -1,0 +1,147 @@
+"""From a head's signals to its picture: a row for every ping, which is a step of the head, over range.
+
+    level = 10 log10 of the mean of |m|² over the samples of a bin,   m -> the compressed signal [µPa]
+
+The mean level and the truth of every bin are those of an energy record of the same beam (`survey.steps`).
+"""
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from ..signal.matched_filter import matched_filter
+from ..sonar.pulses import Pulse
+from ..sonar.track import Track
+from ..units import db_from_power
+from . import truth
+from .energy_record import EnergyRecord
+
+__all__ = ["NOTHING_DB", "Turns", "binned_power", "image"]
+
+NOTHING_DB = -200.0                # level of a bin without any echo or noise
+DIMS = ("ping", "range")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turns:
+    """Where a head looks at its pings.
+
+    Attributes
+    ----------
+    bearing : (P,) [rad]
+        Relative to the platform, within ±π.
+    turn : (P,) int
+        Number of the turn, or of the way across the sector.
+    platform : Track
+        Its attitude, and the place of the head.
+    mount : str
+    tilt, sector : float [rad]
+    """
+
+    bearing: np.ndarray
+    turn: np.ndarray
+    platform: Track
+    mount: str
+    tilt: float
+    sector: float
+
+
+def binned_power(signals: np.ndarray, pulse: Pulse, sampling_rate: float, bins: int) -> np.ndarray:
+    """Compress signals, and average their power over bins of equally many samples.
+
+    Parameters
+    ----------
+    signals : complex (..., S) [µPa]
+    pulse : Pulse
+    sampling_rate : float [Hz]
+    bins : int
+        S is a multiple of it.
+
+    Returns
+    -------
+    (..., bins) [µPa²]
+    """
+    compressed = matched_filter(signals, pulse, sampling_rate)
+    power = compressed.real.astype(float) ** 2 + compressed.imag.astype(float) ** 2
+    return power.reshape(*power.shape[:-1], bins, -1).mean(-1)
+
+
+def image(power: np.ndarray, record: EnergyRecord, mean_power: np.ndarray, *, turns: Turns, time: np.ndarray,
+          sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
+          attrs: Mapping[str, object]) -> xr.Dataset:
+    """Make the dataset of a run.
+
+    Parameters
+    ----------
+    power : (P, bins) [µPa²]
+        Of the signals.
+    record : EnergyRecord
+        Of the head's pings, arrays (ping, ..., bin).
+    mean_power : (P, bins) [µPa²]
+        What the pulse makes of the record's energies.
+    turns : Turns
+    time : (bins,) [s]
+        Of the bins' centres.
+    sound_speed : float [m/s]
+        That turns time into slant range.
+    depth_below : (P,) [m]
+        Seabed below the head.
+    labels : dict[int, str]
+        Names of the instances.
+    class_of : dict[int, int]
+        Number of an instance → number of its class.
+    attrs : dict
+        What else is known of the run.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``level`` (ping, range) [dB re 1 µPa], its mean, and ground truth over the same bins.
+    """
+    in_beam = record.echoes_in_beam
+    # in a shadow side lobes bring what little there is: it has no label
+    label = np.where(in_beam > 0, record.truth.label, np.uint32(0))
+    slant_range = 0.5 * sound_speed * time
+    below = slant_range >= depth_below[:, None] - 2 * (slant_range[-1] / len(slant_range))
+    arrived = np.logical_or.accumulate((in_beam > 0) & below, -1)
+    shadow = (arrived & (in_beam == 0)).astype(np.uint8)
+    track = turns.platform
+
+    def entry(values, units, long_name, dims=DIMS):
+        return dims, values, {"units": units, "long_name": long_name}
+
+    along = ("ping",)
+    return xr.Dataset(
+        {"level": entry(_level(power), "dB re 1 µPa", "echo level"),
+         "mean_level": entry(_level(mean_power), "dB re 1 µPa", "echo level without speckle and noise"),
+         **truth.variables(record.truth, label, class_of, DIMS),
+         "depth": entry(record.depth, "m", "depth of the hits, weighted by echo energy"),
+         "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
+         "rays": entry(record.rays, "1", "rays that arrive")},
+        coords={
+            "ping": entry(np.arange(len(power)), "1", "ping number", along),
+            "bearing": entry(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"], along),
+            "turn": entry(turns.turn, "1", "turn of the head, or way across its sector", along),
+            "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
+            "range": entry(slant_range, "m", "slant range at the head's sound speed", ("range",)),
+            "time": entry(time, "s", "two-way travel time", ("range",)),
+            "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
+            **{axis: entry(np.array(column), "m", words, along)
+               for axis, column, words in zip("xyz", track.position.T, ("east", "north", "up, the sea surface is 0"))},
+            "roll": entry(np.array(track.roll), "rad", "roll of the platform, starboard down", along),
+            "pitch": entry(np.array(track.pitch), "rad", "pitch of the platform, nose up", along),
+            "heading": entry(np.array(track.heading), "rad", "heading of the platform, clockwise from north", along),
+            "altitude": entry(np.array(depth_below, float), "m", "height above the seabed", along)},
+        attrs={"sonar": "sector_scan", **attrs, "sound_speed": float(sound_speed), "mount": turns.mount,
+               "tilt": float(turns.tilt), "sector": float(turns.sector),
+               "bin_width": float(slant_range[-1] - slant_range[0]) / max(len(slant_range) - 1, 1),
+               "labels": {str(number): name for number, name in labels.items()}})
+
+
+_CLOCKWISE = ("bearing of the beam from the bow, clockwise seen from above",
+              "bearing of the beam from straight up, clockwise looking ahead")
+
+
+def _level(power: np.ndarray) -> np.ndarray:
+    return np.maximum(db_from_power(power), NOTHING_DB).astype(np.float32)

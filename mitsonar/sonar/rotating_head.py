@@ -1,0 +1,191 @@
+"""A head that turns a single beam about an axis: where the beam looks at any time, seen from the platform.
+
+    R_head(t) = R(t) M Rz(± β(t)) Ry(-δ),      β(t) = β_p + ω_p (t - t_p)             while ping p's echoes come in
+
+R -> the platform's attitude (`trajectory`), M -> the ``mount``: its third column is the axis that the head turns about,
+its first the bearing 0; β -> the bearing, δ -> the ``tilt`` out of the plane that the beam turns in, towards where the
+head points. Forward of the head's own frame is along the beam, starboard is the way it turns, and down is across.
+
+A bearing counts clockwise: seen from above, from the bow, for a head that points down or up; seen looking ahead, from
+straight up, for one that points forward. A head that points up turns against its axis (the minus sign), so that its
+bearings count clockwise from above as well.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .track import Track, rotation_matrix
+from .trajectory import Trajectory, Voyage
+
+__all__ = ["MOUNTS", "Head", "HeadTrajectory", "Sweep", "attitude_of", "turned_voyage"]
+
+# name -> columns forward (bearing 0), aside and axis, body frame; and the sign of a turn about that axis
+MOUNTS = {"down": (np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]).T, 1.0),
+          "up": (np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]).T, -1.0),
+          "forward": (np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]).T, 1.0)}
+NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])        # of scene vectors; its own inverse
+WHOLE = 1e-6                       # of a step: a sector that lacks less of it has it
+ALONE = 1.0                        # [s] until the next ping where there is none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """The bearings of a head's pings.
+
+    Attributes
+    ----------
+    first : float [rad]
+        Bearing of the first ping.
+    step : float [rad]
+        From ping to ping, above 0.
+    sector : float [rad]
+        From the first bearing to the last one.
+    back_and_forth : bool
+        Whether the head goes back as it came. At either end it then stands for a ping. Otherwise a full circle goes on
+        and on, and a narrower sector begins anew at its first bearing; the way back takes no ping.
+    """
+
+    first: float
+    step: float
+    sector: float
+    back_and_forth: bool
+
+    @property
+    def endless(self) -> bool:
+        """Whether the head turns on and on."""
+        return self.sector >= 2 * np.pi * (1 - 1e-12) and not self.back_and_forth
+
+    @property
+    def pings_per_turn(self) -> int:
+        """How many pings a turn, or one way across the sector, has."""
+        steps = self.sector / self.step
+        return int(np.ceil(steps - WHOLE)) if self.endless else int(np.floor(steps + WHOLE)) + 1
+
+    def turn(self, ping: np.ndarray) -> np.ndarray:
+        """Give the number of the turn, or of the way across the sector, that pings (P,) belong to."""
+        if self.endless:
+            return np.floor((np.asarray(ping) + WHOLE) * self.step / (2 * np.pi)).astype(int)
+        return np.asarray(ping) // self.pings_per_turn
+
+    def bearing(self, ping: np.ndarray) -> np.ndarray:
+        """Give the bearings of pings (P,) [rad], which run on past a full circle."""
+        return self.first + self.step * self._place(ping)
+
+    def onward(self, ping: np.ndarray) -> np.ndarray:
+        """Give how far the head turns from pings (P,) to the ones after them [rad]; not the way back to its start."""
+        change = self._place(np.asarray(ping) + 1) - self._place(ping)
+        return self.step * (change if self.back_and_forth else np.ones_like(change))
+
+    def _place(self, ping: np.ndarray) -> np.ndarray:
+        """Steps from the first bearing, (P,)."""
+        if self.endless:
+            return np.asarray(ping, float)
+        turn, place = np.divmod(np.asarray(ping), self.pings_per_turn)
+        backwards = self.back_and_forth & (turn % 2 == 1)
+        return np.where(backwards, self.pings_per_turn - 1 - place, place).astype(float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """A head and how it turns.
+
+    Attributes
+    ----------
+    mount : str
+        Where it points: one of `MOUNTS`.
+    tilt : float [rad]
+        Of the beam, out of the plane it turns in, towards where the head points.
+    sweep : Sweep
+    turns_on : bool
+        Whether it turns on while echoes come in. Otherwise it stands, and turns between pings.
+    """
+
+    mount: str
+    tilt: float
+    sweep: Sweep
+    turns_on: bool
+
+    def rotation(self, bearing: np.ndarray) -> np.ndarray:
+        """Give the rotation from the head's frame to the platform's at bearings (...) [rad]: (..., 3, 3)."""
+        frame, sign = MOUNTS[self.mount]
+        beta = sign * np.asarray(bearing, float)
+        sine, cosine, zero = np.sin(beta), np.cos(beta), np.zeros(np.shape(beta))
+        turned = np.stack([np.stack([cosine, -sine, zero], -1), np.stack([sine, cosine, zero], -1),
+                           np.stack([zero, zero, zero + 1], -1)], -2)
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        return frame @ turned @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeadTrajectory(Trajectory):
+    """Follow a head on its platform; its attitude is that of the beam.
+
+    Attributes
+    ----------
+    head : Head
+    times : (P,) [s]
+        Of the pings' transmissions.
+    reach : (3,) [m]
+        Of a point of the head, from where its axes meet, in the head's own frame; `offset` is in the platform's.
+    """
+
+    head: Head
+    times: np.ndarray
+    reach: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def platform(self) -> Trajectory:
+        """Of the place where the head is mounted, with the attitude of the platform."""
+        return Trajectory(lead=self.lead, motion=self.motion, offset=self.offset)
+
+    def carried(self, offset: np.ndarray) -> HeadTrajectory:
+        """Follow another point of the head, `offset` (3,) [m] further along the beam, aside, and across."""
+        return HeadTrajectory(lead=self.lead, motion=self.motion, offset=self.offset, head=self.head,
+                              times=self.times, reach=self.reach + np.asarray(offset, float))
+
+    def bearing(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
+        """Give the bearings [rad] at times (...) [s] after the transmissions `since` (...) [s]."""
+        ping, sweep = np.arange(len(self.times)), self.head.sweep
+        middle = 0.5 * (self.times[1:] + self.times[:-1])
+        number = np.searchsorted(middle, since)
+        rate = np.zeros(len(ping))
+        if self.head.turns_on:
+            pause = np.diff(self.times) if len(ping) > 1 else np.array([ALONE])
+            rate = sweep.onward(ping) / np.append(pause, pause[-1])[:len(ping)]
+        return sweep.bearing(ping)[number] + rate[number] * (times - self.times[number])
+
+    def pose(self, times: np.ndarray, since: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Give position (..., 3) [m] and attitude (..., 3) [rad] of the beam; as `Trajectory.pose`."""
+        times = np.asarray(times, float)
+        since = times if since is None else np.broadcast_to(since, times.shape)
+        position, attitude = super().pose(times, since)
+        rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ self.head.rotation(self.bearing(times, since))
+        return position + rotation @ self.reach, attitude_of(rotation)
+
+
+def attitude_of(rotation: np.ndarray) -> np.ndarray:
+    """Give roll, pitch and heading (..., 3) [rad] of rotations (..., 3, 3) from body to scene.
+
+    Those of `track.rotation_matrix`, exact at any pitch: the roll is taken about the heading that was found.
+    """
+    m = NORTH_EAST_DOWN @ rotation
+    heading = np.arctan2(m[..., 1, 0], m[..., 0, 0])
+    pitch = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
+    sine, cosine = np.sin(heading), np.cos(heading)
+    roll = np.arctan2(sine * m[..., 0, 2] - cosine * m[..., 1, 2], cosine * m[..., 1, 1] - sine * m[..., 0, 1])
+    return np.stack([roll, pitch, heading], -1)
+
+
+def turned_voyage(voyage: Voyage, head: Head) -> Voyage:
+    """Give the voyage of a head on a platform, whose pings are the platform's.
+
+    Its track has the attitude of the beam at each transmission.
+    """
+    platform, times = voyage.trajectory, voyage.track.time
+    trajectory = HeadTrajectory(lead=platform.lead, motion=platform.motion, offset=platform.offset, head=head,
+                                times=times)
+    roll, pitch, heading = np.moveaxis(trajectory.pose(times)[1], -1, 0)
+    return Voyage(trajectory=trajectory, track=Track(time=times, position=voyage.track.position, roll=roll, pitch=pitch,
+                                                     heading=heading))

@@ -1,0 +1,159 @@
+"""Sector scan: a head with a single beam that turns from ping to ping; its run over a scene, and its picture.
+
+The head is a sonar with one element (`survey.array`) whose body is the head itself: forward is along the beam, and the
+track has the beam's attitude (`sonar.rotating_head`). So every echo is sent with the pattern of the transmission and
+received with that of its own reception, from where head and platform are then.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from ..imaging import sector_scan as imaging
+from ..imaging.energy_record import EnergyRecord, only_row
+from ..scene import objects
+from ..scene.geometry import Geometry
+from ..scene.labels import classes_of
+from ..signal.matched_filter import compression
+from ..sonar.array import Array
+from ..sonar.array_makers import element_array
+from ..sonar.beam_patterns import element_directivity_index_db
+from ..sonar.directivity import length_for_beam_width
+from ..sonar.pulses import Pulse
+from ..sonar.rotating_head import Head, HeadTrajectory, turned_voyage
+from ..units import db_from_power, power_from_db
+from . import array, energy, limits
+from .array_survey import ArraySurvey
+from .pressure import PressureRecord
+from .sensor import RunSettings, Sensor, slowest_speed
+from .signals import LEAD, received_signals
+from .steps import Steps
+from .voyage import Passage
+
+__all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows"]
+
+
+class SectorScanSensor(Sensor, Protocol):
+    """What the sensor of a rotating head says, beside what all do.
+
+    Attributes
+    ----------
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        On the axis of the beam.
+    pulse : Pulse
+    beam_widths : (float, float) [rad]
+        Full one-way -3 dB widths, in the plane that the beam turns in and across.
+    head : Head
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of the receiver.
+    """
+
+    source_level_db: float
+    pulse: Pulse
+    beam_widths: tuple[float, float]
+    head: Head
+    self_noise_db: float | None
+
+
+def plan(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings) -> ArraySurvey:
+    """Plan a run whose record is to become a picture: it begins a pulse early; see `plan_elements`."""
+    return plan_elements(scene, sensor, settings, LEAD)
+
+
+def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+    """Plan a run over a scene.
+
+    Parameters
+    ----------
+    lead : float [-]
+        How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together.
+    """
+    geometry = Geometry(scene)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+    passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head))
+    speed = _speed(sensor, passage)
+    face = _face(sensor, speed)
+    return array.survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face,
+                           receive=face, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
+                           bins_are_samples=False, whole_bins=True, self_noise_db=sensor.self_noise_db)
+
+
+def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
+    speed = _speed(sensor, survey.passage)
+    window, bins = sensor.film().window(speed)
+    limits.check_beams(survey, 1)
+    steps = Steps(survey, window, bins)
+    signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
+    power = imaging.binned_power(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate, bins)
+    record = only_row(energy.record(survey, steps, seed))
+    classes, class_of = classes_of(survey.labels)
+    image = imaging.image(
+        power, record, _mean_power(record, steps), turns=_turns(survey, sensor), sound_speed=speed,
+        time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins, depth_below=survey.depth_below,
+        labels=survey.labels, class_of=class_of,
+        attrs={"seed": int(seed), "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
+               "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
+               "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+    return objects.annotated(image, classes, class_of, survey.geometry)
+
+
+def rows(level: np.ndarray) -> np.ndarray:
+    """Levels (ping, range) as rows of one picture: as they are."""
+    return level
+
+
+def _speed(sensor: Sensor, passage: Passage) -> float:
+    """Sound speed at the head [m/s], which makes range of time."""
+    depth = -passage.voyage.track.position[:, 2]
+    return sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+
+
+def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
+    """The element of the head, which sends and receives."""
+    length, height = (length_for_beam_width(width, sound_speed / sensor.pulse.frequency)
+                      for width in sensor.beam_widths)
+    return element_array([0.0, 0.0, 0.0], normal="forward", along="starboard", length=length, height=height,
+                         pattern="rectangular", baffle="hard")
+
+
+def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
+    """Where the head looks at its pings."""
+    head, trajectory, time = sensor.head, survey.voyage.trajectory, survey.track.time
+    if not isinstance(trajectory, HeadTrajectory):
+        raise ValueError("the survey of a sector scan has the voyage of a head; make it by the sensor's own plan")
+    ping = np.arange(len(time))
+    bearing = np.angle(np.exp(1j * head.sweep.bearing(ping)))
+    return imaging.Turns(bearing=np.where(bearing > np.pi - 1e-9, bearing - 2 * np.pi, bearing),
+                         turn=head.sweep.turn(ping), platform=trajectory.platform.track(time), mount=head.mount,
+                         tilt=head.tilt, sector=head.sweep.sector)
+
+
+def _mean_power(record: EnergyRecord, steps: Steps) -> np.ndarray:
+    """What the pulse makes of a record's energies, (P, bins) [µPa²]."""
+    mean = steps.shown(record.intensity.astype(float))
+    return mean if record.coherent is None else mean + record.coherent.intensity
+
+
+def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:
+    """Noise behind the matched filter [dB re 1 µPa]; None where there is none."""
+    if survey.noise is None:
+        return None
+    spectra = [] if sensor.self_noise_db is None else [sensor.self_noise_db]
+    if sensor.noise:
+        wavelength = sound_speed / survey.frequency
+        spectra.append(sensor.noise_level_db() - element_directivity_index_db(survey.receive, wavelength))
+    bandwidth = compression(survey.pulse, survey.sampling_rate)[1]
+    return float(db_from_power(bandwidth * sum(power_from_db(one) for one in spectra)))

@@ -1,0 +1,103 @@
+"""The pings of a rotating head as rows of an energy record: mean levels, and the truth of every bin.
+
+A row is what the one beam of the head receives of a ping. As of a sidescan's sides, a first, sparse pass of rays finds
+out which directions lead into time bins that few rays reach, and a second one makes the record.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import final
+
+import mitsuba as mi
+import numpy as np
+
+from ..device.chance import Salt
+from ..device.types import Vector
+from ..echoes.origin_sums import WORDS
+from ..echoes.paths import Paths
+from ..tracing.launch import refine_quantiles
+from .array_survey import ArraySurvey
+from .coherent_beams import CoherentBeams
+from .energy_bins import EnergyBins
+from .places import Place
+from .ray_need import ray_need
+from .rows import EchoSource, RowResponse
+from .side_launch import ray_grid
+from .sound_paths import SoundPaths
+from .step_beam import StepBeam, face_of
+from .step_launch import StepLaunch, StepRays
+from .underway import Underway
+
+__all__ = ["Steps"]
+
+FIRST_PASS = 0.15                  # of the rays
+RAYS_PER_BLOCK = 1 << 21
+SUMS_PER_BLOCK = 1 << 23           # integers
+TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
+COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed together
+
+
+@final
+class Steps:
+    """The pings of a head; see `rows.Rows`.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+        Of one transmit and one receive element at the head.
+    window : (float, float) [s]
+    count : int
+        Of the bins that the window has.
+    """
+
+    per_ping = 1
+
+    def __init__(self, survey: ArraySurvey, window: tuple[float, float], count: int):
+        self._survey, self.labels, self.paths = survey, len(survey.labels), Paths(1)
+        self.frequency, self.source_level_db = survey.frequency, survey.source_level_db
+        face, length = face_of(survey), (window[1] - window[0]) / count
+        self.bins = EnergyBins(start=window[0], length=length, count=count, sound_speed=face.sound_speed,
+                               beam=face.solid_angle(), absorption_db=float(np.min(survey.absorption.absorption_db)))
+        self.underway = Underway(survey.voyage.trajectory.during(survey.track.time, survey.time[-1]))
+        self._beam = StepBeam(face, length)
+        self._launch = StepLaunch(survey, face, self.underway, window)
+        first = round(FIRST_PASS * survey.rays)
+        self._grids = ray_grid(max(first, 1)), ray_grid(max(survey.rays - first, 1))
+        self.pings_per_block = self._pings_per_block()
+
+    def _pings_per_block(self) -> int:
+        """How many pings a block holds: bounded by rays and by the memory of sums and of tables of rays."""
+        survey, pings = self._survey, self._survey.track.pings
+        sums = self.bins.count * (self.labels * (2 if survey.geometry.named.hides else 1) + WORDS)
+        rays = sum(grid[0] * grid[1] for grid in self._grids)
+        level = len(np.unique(survey.track.position[:, 2])) == 1
+        return max(1, min(RAYS_PER_BLOCK // rays, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings,
+                          COHERENT_PER_BLOCK))
+
+    def passes(self, place: Place, seed: int,
+               bins_of: Callable[[Place, StepRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[StepRays]:
+        """Yield the rays that make the record, in one pass."""
+        quantiles = self._launch.first_quantiles(place)
+        rays = self._launch.drawn(place, quantiles, self._grids[0], seed, Salt.FIRST_PASS)
+        need = ray_need(rays.ping, rays.cell, *bins_of(place, rays), rows=place.rows, bins=self.bins)
+        yield self._launch.drawn(place, refine_quantiles(quantiles, need), self._grids[1], seed, Salt.SECOND_PASS)
+
+    def response(self, place: Place, rays: StepRays, towards: Vector) -> RowResponse:
+        """Give how the beam receives echoes, as the head looks when they are back."""
+        back = rays.head if place.still else place.body(rays.ping, towards)
+        pattern, in_beam = self._beam.two_way(rays.head, back)
+        return RowResponse(row=rays.ping, pattern=pattern, in_beam=in_beam, active=pattern > 0)
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        return self._beam.shown(intensity)
+
+    def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[StepRays]]:
+        """Give none: mean levels and truth tell first hits and coherent echoes alone."""
+        return ()
+
+    def coherent(self, sound: SoundPaths) -> CoherentBeams | None:
+        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        source = CoherentBeams(self._survey, sound, self._beam, self.bins,
+                               drift=self.underway.drift(self.bins.sound_speed))
+        return None if source.silent else source

@@ -1,0 +1,110 @@
+"""Sector scan (`sector_scan`): a mechanically rotating head with one beam, on a vehicle, a pole or a tripod.
+
+The head turns from ping to ping, and on while echoes come in: they are sent with the beam of the transmission and
+received with that of their own reception. It also moves with what carries it; one on a tripod has a ``start`` and a
+``speed_knots`` of 0. The picture has a row for each ping, with its ``bearing`` and ``turn``.
+
+Bearings count clockwise, of a head that points ``down`` or ``up`` from the bow as seen from above, of one that points
+``forward`` from straight up as seen looking ahead.
+
+.. code-block:: xml
+
+    <sensor type="sector_scan">
+        <string name="preset" value="head_750khz"/>
+        <float name="tilt_deg" value="5"/>
+        <point name="start" x="0" y="0" z="-10"/>
+        <float name="speed_knots" value="0"/>
+        <medium type="seawater"/>
+        <film type="sonar_film"><float name="range" value="30"/><integer name="bins" value="1200"/></film>
+    </sensor>
+"""
+from dataclasses import replace
+
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.sonar.presets import presets
+from mitsonar.sonar.pulses import cw, lfm
+from mitsonar.sonar.rotating_head import MOUNTS, Head, Sweep
+from mitsonar.units import hertz_from_khz
+
+from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number
+from .platform import MOST_PINGS, ROUTE
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
+
+PRESETS = presets("sector_scan")
+PRESET = FromTable(table=PRESETS, by="preset")
+WINDOW = ("tukey", 0.2)            # over sweeps: without it their ends ring
+
+ATTRIBUTES = (
+    Choice("preset", default="head_750khz", choices=tuple(PRESETS), text="where the defaults marked *preset* come "
+                                                                         "from"),
+    Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
+    Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
+           text="on the axis of the beam, rms over the pulse"),
+    Number("pulse_ms", default=PRESET, above=0, maximum=10_000, unit="ms", text="length of the pulse"),
+    Number("bandwidth_khz", default=PRESET, minimum=0, unit="kHz",
+           text="of a linear sweep, compressed on reception; 0: a pulse of one frequency"),
+    Angle("beam_width_deg", default=PRESET, minimum=0.01, maximum=180,
+          text="in the plane that the beam turns in, full width at -3 dB one way"),
+    Angle("vertical_beam_width_deg", default=PRESET, minimum=0.1, maximum=180, text="the same across that plane"),
+    Choice("mount", default="down", choices=tuple(MOUNTS),
+           text="where the head points: its beam turns about the vertical, or about the way ahead, as of a profiler in "
+                "a pipe"),
+    Angle("tilt_deg", default=0.0, minimum=-90, maximum=90,
+          text="of the beam out of the plane it turns in, towards where the head points"),
+    Angle("step_deg", default=PRESET, minimum=0.01, maximum=90, text="from ping to ping"),
+    Angle("sector_deg", default=360.0, above=0, maximum=360, text="that the head scans; 360: a full circle"),
+    Angle("first_bearing_deg", default=None, minimum=-360, maximum=360, otherwise="half the sector to port",
+          text="of the first ping; the sector lies clockwise from it"),
+    Boolean("back_and_forth", default=None, otherwise="true but in a full circle",
+            text="whether the head goes back as it came, and stands for a ping at either end; otherwise a circle goes "
+                 "on and on, and a sector begins anew"),
+    Boolean("turns_while_listening", default=True,
+            text="whether it turns on evenly while echoes come in; otherwise it stands, and turns between pings"),
+    SOUND_SPEED, *NOISE,
+    Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
+           text="noise of the receiver by itself"),
+    Integer("pings", default=400, minimum=1, maximum=MOST_PINGS, otherwise="one turn, or way across the sector",
+            text="number of pings; of a recorded track or way points, all if not written"),
+    ROUTE, *NESTED,
+)
+
+
+class SectorScan(SonarSensor):
+    """See the module's text; `mitsonar.survey.sector_scan` plans its run and makes its picture."""
+
+    kind, declared = "sector_scan", ATTRIBUTES
+
+    def read(self, attributes: Attributes) -> None:
+        """Take the pulse, the beam and how the head turns."""
+        self.preset = attributes.preset
+        self.frequency = float(hertz_from_khz(attributes.frequency_khz))
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
+        self.pulse = _pulse(attributes, self.frequency)
+        self.head = Head(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),
+                         turns_on=attributes.turns_while_listening)
+        if not attributes.given("pings"):
+            self.route = replace(self.route, pings=self.head.sweep.pings_per_turn)
+
+
+def _pulse(attributes, frequency):
+    duration, bandwidth = attributes.pulse_ms / 1000, float(hertz_from_khz(attributes.bandwidth_khz))
+    try:
+        return lfm(frequency, bandwidth, duration, WINDOW) if bandwidth else cw(frequency, duration)
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+def _sweep(attributes):
+    step, sector, first = attributes.step_deg, attributes.sector_deg, attributes.first_bearing_deg
+    if step > sector:
+        raise attributes.error(f"step_deg is {np.rad2deg(step):g} and sector_deg {np.rad2deg(sector):g}; a step cannot "
+                               "be wider than the sector, take a smaller one.")
+    whole = sector >= 2 * np.pi * (1 - 1e-12)
+    return Sweep(first=-0.5 * sector if first is None else first, step=step, sector=sector,
+                 back_and_forth=not whole if attributes.back_and_forth is None else attributes.back_and_forth)
+
+
+mi.register_sensor("sector_scan", SectorScan)
