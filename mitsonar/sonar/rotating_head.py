@@ -27,7 +27,6 @@ MOUNTS = {"down": (np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]).T, 1.0),
           "forward": (np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]).T, 1.0)}
 NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])        # of scene vectors; its own inverse
 WHOLE = 1e-6                       # of a step: a sector that lacks less of it has it
-ALONE = 1.0                        # [s] until the next ping where there is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,12 +126,15 @@ class HeadTrajectory(Trajectory):
     head : Head
     times : (P,) [s]
         Of the pings' transmissions.
+    interval : float [s]
+        From the last ping to the one that would follow.
     reach : (3,) [m]
         Of a point of the head, from where its axes meet, in the head's own frame; `offset` is in the platform's.
     """
 
     head: Head
     times: np.ndarray
+    interval: float
     reach: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
@@ -143,7 +145,7 @@ class HeadTrajectory(Trajectory):
     def carried(self, offset: np.ndarray) -> HeadTrajectory:
         """Follow another point of the head, `offset` (3,) [m] further along the beam, aside, and across."""
         return HeadTrajectory(lead=self.lead, motion=self.motion, offset=self.offset, head=self.head,
-                              times=self.times, reach=self.reach + np.asarray(offset, float))
+                              times=self.times, interval=self.interval, reach=self.reach + np.asarray(offset, float))
 
     def bearing(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
         """Give the bearings [rad] at times (...) [s] after the transmissions `since` (...) [s]."""
@@ -152,8 +154,7 @@ class HeadTrajectory(Trajectory):
         number = np.searchsorted(middle, since)
         rate = np.zeros(len(ping))
         if self.head.turns_on:
-            pause = np.diff(self.times) if len(ping) > 1 else np.array([ALONE])
-            rate = sweep.onward(ping) / np.append(pause, pause[-1])[:len(ping)]
+            rate = sweep.onward(ping) / np.append(np.diff(self.times), self.interval)
         return sweep.bearing(ping)[number] + rate[number] * (times - self.times[number])
 
     def pose(self, times: np.ndarray, since: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -178,14 +179,14 @@ def attitude_of(rotation: np.ndarray) -> np.ndarray:
     return np.stack([roll, pitch, heading], -1)
 
 
-def turned_voyage(voyage: Voyage, head: Head) -> Voyage:
-    """Give the voyage of a head on a platform, whose pings are the platform's.
+def turned_voyage(voyage: Voyage, head: Head, interval: float) -> Voyage:
+    """Give the voyage of a head on a platform, whose pings are the platform's, by rule an interval [s] apart.
 
     Its track has the attitude of the beam at each transmission.
     """
     platform, times = voyage.trajectory, voyage.track.time
     trajectory = HeadTrajectory(lead=platform.lead, motion=platform.motion, offset=platform.offset, head=head,
-                                times=times)
+                                times=times, interval=interval)
     roll, pitch, heading = np.moveaxis(trajectory.pose(times)[1], -1, 0)
     return Voyage(trajectory=trajectory, track=Track(time=times, position=voyage.track.position, roll=roll, pitch=pitch,
                                                      heading=heading))

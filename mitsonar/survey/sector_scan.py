@@ -79,8 +79,10 @@ def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettin
         If sensor and scene do not fit together.
     """
     geometry = Geometry(scene)
-    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
-    passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head))
+    shortest = sensor.film().window(slowest_speed(sensor))[0][1]
+    passage = sensor.route.lay(geometry, shortest)
+    interval = 1 / sensor.route.ping_rate if sensor.route.ping_rate else shortest
+    passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head, interval))
     speed = _speed(sensor, passage)
     face = _face(sensor, speed)
     return array.survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face,
