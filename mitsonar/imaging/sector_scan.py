@@ -63,7 +63,7 @@ def binned_power(signals: np.ndarray, pulse: Pulse, sampling_rate: float, bins: 
     (..., bins) [µPa²]
     """
     compressed = matched_filter(signals, pulse, sampling_rate)
-    power = compressed.real.astype(float) ** 2 + compressed.imag.astype(float) ** 2
+    power = np.abs(compressed).astype(float) ** 2
     return power.reshape(*power.shape[:-1], bins, -1).mean(-1)
 
 

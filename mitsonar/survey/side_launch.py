@@ -153,7 +153,8 @@ def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.nd
     within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
     xi_phi = stratified(lib, i_phi, within_phi, strata.first)
     phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
-    return row, phi, phi_width, cell, stratified(lib, i_u, uniform(lib, b), strata.second)
+    xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
+    return mi.UInt32(row), mi.Float(phi), mi.Float(phi_width), mi.UInt32(cell), xi_u
 
 
 def ray_grid(rays: int) -> tuple[int, int]:

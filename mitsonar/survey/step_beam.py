@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.types import DrJitArray, Vector
+from ..device.types import Vector
 from ..imaging.sidescan import mean_intensity, pulse_shares
 from ..signal.matched_filter import compression
 from ..sonar.directivity import Aperture
@@ -52,11 +52,11 @@ class StepBeam:
     def __init__(self, face: Sidescan, bin_length: float):
         self._faces, self._shares = FaceBeams(face), pulse_shares(bin_length, face.pulse_length)
 
-    def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[DrJitArray, DrJitArray]:
+    def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[mi.Float, mi.Bool]:
         """Give the two-way intensity, and whether it is the main lobe's, of directions of the head's frame."""
         along, across = self._faces.two_way(sent.y, sent.z, back.y, back.z)
         pattern = dr.select((sent.x >= 0) & (back.x >= 0), along * across, 0)
-        return pattern, self._faces.lobe(sent.y, back.y) > BEAM_EDGE
+        return mi.Float(pattern), mi.Bool(self._faces.lobe(sent.y, back.y) > BEAM_EDGE)
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
         """Give the beam that receives echoes, which is the only one, and its two-way intensity.
