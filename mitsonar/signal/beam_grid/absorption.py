@@ -10,7 +10,6 @@ small. No transform is added: a product with ν is a derivative with respect to 
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,7 +19,6 @@ from numpy.polynomial import Polynomial
 
 from ...device.types import ArrayTypes, Float
 from ..bells import Bell
-from ..reception import excess_loss_rate
 
 __all__ = ["AbsorptionTerms", "absorption_terms"]
 
@@ -58,25 +56,21 @@ class AbsorptionTerms:
         return weights
 
 
-def absorption_terms(absorption_db: Callable[[np.ndarray], np.ndarray], *, frequency: float, sampling_rate: float,
-                     sound_speed: float, offset: np.ndarray, weight: np.ndarray, middle: float) -> AbsorptionTerms:
+def absorption_terms(rate: np.ndarray, frequency: np.ndarray, weight: np.ndarray, middle: float) -> AbsorptionTerms:
     """Fit (1) where a pulse has its energy.
 
     Parameters
     ----------
-    absorption_db : callable
-        Frequency (N,) [Hz] to absorption (N,) [dB/m].
-    frequency, sampling_rate : float [Hz]
-    sound_speed : float [m/s]
-    offset : (F,) [Hz]
-        From the carrier.
+    rate : (F,) [Np a sample]
+        κ.
+    frequency : (F,) [cycles a sample]
     weight : (F,) [-]
-        Of the compressed pulse's spectrum there.
+        Of the compressed pulse's spectrum.
     middle : float [samples]
+        Column of the record's middle.
     """
-    rate = excess_loss_rate(offset, sampling_rate, frequency, absorption_db, sound_speed) / sampling_rate
-    fit = Polynomial.fit(offset / sampling_rate, rate, 2, domain=[-1, 1], w=np.sqrt(weight))
-    return AbsorptionTerms(rate=np.resize(np.append(fit.coef, [0, 0]), 3), middle=middle)
+    fit = Polynomial.fit(frequency, rate, 2, domain=[-1, 1], w=np.sqrt(weight))
+    return AbsorptionTerms(rate=np.append(fit.coef, [0, 0])[:3], middle=middle)
 
 
 @lru_cache

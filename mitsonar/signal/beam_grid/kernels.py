@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import drjit as dr
 
 from ...device.arrays import arrays_of, upload
-from ...device.types import Bool, DrJitArray, Float, UInt32
+from ...device.types import Bool, Float, UInt32
 from .noise import gaussians
 from .pulse_response import RowTransfers
 from .transforms import divided, tiles
 
-__all__ = ["Noise", "Sizes", "along_rows", "by_beam", "by_frequency", "through_the_line", "turned_in"]
+__all__ = ["Noise", "Sizes", "along_rows", "by_beam", "by_frequency", "through_the_line"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,9 +29,7 @@ class Sizes:
     Attributes
     ----------
     rows, length : int
-        Of the grid's rows that count, and columns.
-    first : int
-        The first of these rows.
+        Rows and columns of the grid.
     period : int
         Rows of a period.
     used : UInt32 (F,)
@@ -40,7 +38,6 @@ class Sizes:
 
     rows: int
     length: int
-    first: int
     period: int
     used: UInt32
 
@@ -71,19 +68,6 @@ class Noise:
     taps: tuple[float, float] = (1.0, 0.0)
 
 
-def turned_in(sums: Float, sizes: Sizes, edge: int) -> Float:
-    """Add `edge` rows on either side of a grid to those a period away; `sums` is used up."""
-    lib = arrays_of(sums)
-    U = lib.UInt32
-    length, rows = (dr.opaque(U, value) for value in (sizes.length, sizes.rows))
-    row, column = divided(lib, dr.arange(U, 2 * edge * sizes.length), sizes.length)
-    before = row < edge
-    source, into = dr.select(before, row, row + rows), dr.select(before, row + rows, row)
-    dr.scatter_add(sums, dr.gather(lib.Array2f, sums, source * length + column), into * length + column,
-                   mode=_unshared(lib))
-    return sums
-
-
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
     """Multiply spectra (rows, length) by the rows' transfer functions: (F, period), rows that are none 0."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
@@ -91,11 +75,11 @@ def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: N
     number, row = tiles(lib, count, sizes.rows)
     exists = number < dr.opaque(U, count)
     column = dr.gather(U, sizes.used, number, exists)
-    place = (row + dr.opaque(U, sizes.first)) * dr.opaque(U, sizes.length) + column
+    place = row * dr.opaque(U, sizes.length) + column
     z = _complex(lib, spectra, place, exists) * _transfer(lib, transfers, number, row, exists)
     if noise is not None:
         z += _row_noise(lib, noise, sizes, number, row, exists)
-    into = (dr.empty if sizes.period == sizes.rows else dr.zeros)(lib.Float, 2 * count * sizes.period)
+    into = dr.zeros(lib.Float, 2 * count * sizes.period)
     dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row, exists)
     return into
 
@@ -179,8 +163,3 @@ def _row_noise(lib, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32, exi
 
 def _complex(lib, values: Float, place: UInt32, exists: Bool | bool = True):
     return lib.Complex2f(*dr.gather(lib.Array2f, values, place, exists))
-
-
-def _unshared(like: DrJitArray) -> dr.ReduceMode:
-    """No two lanes add to the same place."""
-    return dr.ReduceMode.NoConflicts if dr.backend_v(like.Float) == dr.JitBackend.LLVM else dr.ReduceMode.Auto

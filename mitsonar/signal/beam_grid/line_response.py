@@ -15,10 +15,11 @@ from scipy import fft
 
 from ..bells import Bell
 
-__all__ = ["LineResponse", "pattern_spectrum"]
+__all__ = ["FADE", "LineResponse", "pattern_spectrum"]
 
 BELOW = 32                         # b of (2) counts to it
 BLOCK = 1 << 21                    # numbers worked on at once
+FADE = 64                          # rows, at both ends together
 ROLL_OFF = 0.03, 0.15              # [cycles a row], of the band: width of the roll-off
 WIDE = 0.12, 0.4                   # the same for lines so short that a fading pattern is wider than they
 
@@ -35,9 +36,7 @@ class LineResponse:
     step : float [-]
         ds.
     rows : int
-        Of a period.
-    fade : int
-        Rows over which W goes to 0 towards half a period; 0 where it turns round.
+        Of a period; over the last FADE of them W goes to 0.
 
     Attributes
     ----------
@@ -51,8 +50,7 @@ class LineResponse:
         Of the bell, at the ν that are used.
     """
 
-    def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, step: float, rows: int,
-                 *, fade: int = 0):
+    def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, step: float, rows: int):
         nu = fft.fftfreq(rows)
         band = float(np.abs(position).max() * wavenumber.max() * step)
         skirt = max(ROLL_OFF[0], ROLL_OFF[1] * band, WIDE[0] - WIDE[1] * band)
@@ -60,9 +58,9 @@ class LineResponse:
         self.bell = Bell(min(max(band, 0.2), 0.4))
         self.spectrum = self.bell.spectrum(nu[self.used])
         roll = np.cos(0.5 * np.pi * np.clip((np.abs(nu[self.used]) - band) / skirt, 0, 1)) ** 2
-        self._line = position, step, rows, fade
+        self._line = position, step, rows
         self._scale, self._weight, self._wavenumber = np.abs(weight).sum(), weight, wavenumber
-        values = pattern_spectrum(position, weight / self._scale, wavenumber, step, rows, fade)
+        values = pattern_spectrum(position, weight / self._scale, wavenumber, step, rows)
         self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum ** 2).astype(np.float32))
 
     def own_noise(self) -> np.ndarray:
@@ -76,7 +74,7 @@ class LineResponse:
 
 
 def pattern_spectrum(position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, step: float,
-                     rows: int, fade: int = 0) -> np.ndarray:
+                     rows: int) -> np.ndarray:
     """Give Ŵ of (1), complex64 (F, rows), for weights (E,) as they are.
 
     Parameters
@@ -85,8 +83,7 @@ def pattern_spectrum(position: np.ndarray, weight: np.ndarray, wavenumber: np.nd
     weight : complex (E,)
     wavenumber : (F,) [1/m]
     step : float [-]
-    rows, fade : int
-        As of `LineResponse`.
+    rows : int
     """
     alive = weight != 0
     position, weight = position[alive], weight[alive].astype(np.complex64)
@@ -94,10 +91,8 @@ def pattern_spectrum(position: np.ndarray, weight: np.ndarray, wavenumber: np.nd
     first = -(above * BELOW // 2) // BELOW * BELOW                       # m of a = 0, b = 0
     place = np.arange(first, first + above * BELOW + BELOW)
     chosen = (place >= -(rows // 2)) & (place < rows - rows // 2)
-    taper = np.ones(rows, np.float32)
-    if fade:
-        apart = np.abs(place[chosen]) - (0.5 * rows - 0.5 * fade)
-        taper = (0.5 * (1 - np.sin(np.pi * np.clip(2 * apart / fade - 0.5, -0.5, 0.5)))).astype(np.float32)
+    fading = np.clip(2 * (np.abs(place[chosen]) - 0.5 * (rows - FADE)) / FADE, 0, 1)
+    taper = np.cos(0.5 * np.pi * fading).astype(np.float32) ** 2
     spectrum = np.empty((len(wavenumber), rows), np.complex64)
     for begin in range(0, len(wavenumber), block := max(1, BLOCK // (len(position) * (above + BELOW + 1)))):
         part = slice(begin, begin + block)

@@ -2,13 +2,13 @@
 
 Noise from all directions alike is plane waves whose sines are evenly distributed over -1..1: white on (frequency, row).
 A receiver's own noise is white on (frequency, element), which over rows is a stationary process with the spectrum
-Σ_n |w_n|² δ(ν - ν_n). Where the rows' period is that of the sines, 2, white over rows is white over ν:
+V = Σ_n |w_n|² δ(ν - ν_n) / (Σ|w_n|)².
 
-    N(f, ν) = |S_r(f)| g(f, ν) √(f_s L (A |Ŵ|² M ds/2 + O V))                                                (1)
+    N(f, r) = |S_r(f)| √(f_s L A ds/2) Σ_k k(k) g(f, r - k),       k = -1, 0, 1                     before the line
+    N(f, ν) = |S_r(f)| √(f_s L O M V) g(f, ν)                                                       after it
 
-A, O -> ``ambient``, ``own``; V as of `LineResponse.own_noise`, g circular Gaussian of variance 1, M rows of a period,
-L samples of an FFT. Over a longer period rows beyond ±1 are silent, and A is drawn on rows; since all rows will be
-divided by the bell's spectrum, it goes through the bell before: k(0) g_r + k(1) (g_{r-1} + g_{r+1}).
+A, O -> ``ambient``, ``own``; g circular Gaussian of variance 1, S_r the replica, L samples of an FFT, M rows of a
+period. Rows go through the bell, since all will be divided by its spectrum.
 """
 from __future__ import annotations
 

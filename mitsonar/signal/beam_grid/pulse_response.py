@@ -12,6 +12,7 @@ next ping.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,13 +21,16 @@ from scipy import fft
 
 from ...sonar.pulse import Pulse, Window
 from ..impulses import BandLimited
-from ..reception import band_filter, check_record
+from ..reception import band_filter, check_record, excess_loss_rate, padded_length
+from .absorption import AbsorptionTerms, absorption_terms
+from .spreading import PACKET
 
 __all__ = ["PulseResponse", "RowTransfers"]
 
 TURN = 0.045                       # [rad] halfway between two nodes at the pulse's ends: interpolated within 1e-3
 DROPPED = 3e-4                     # of the sum of |P|: frequencies that are left out
 MOST_NODES = 4096                  # kept from ping to ping
+STRETCH = 1.05                     # of a pulse by Doppler
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,12 +64,27 @@ class PulseResponse:
     window : Window or None
         Of the replica.
     sampling_rate : float [Hz]
-    samples, length : int
-        Of the record; of its FFT.
+    samples : int
+        Of the record.
+    padding : int
+        Samples that are kept before and after it, together.
+
+    Attributes
+    ----------
+    length : int
+        Of the FFT, a multiple of PACKET.
+    used : (F,) int
+        Numbers of its frequencies that are not left out.
+    offset : (F,) [Hz]
+        These frequencies, from the carrier.
+    replica : complex (F,)
+        S_r*/g.
     """
 
-    def __init__(self, pulse: Pulse, window: Window | None, sampling_rate: float, samples: int, length: int):
+    def __init__(self, pulse: Pulse, window: Window | None, sampling_rate: float, samples: int, padding: int):
         check_record(pulse, sampling_rate, samples)
+        length = padded_length(samples + padding, STRETCH * pulse.duration, sampling_rate)
+        length = PACKET * fft.next_fast_len(-(-length // PACKET))
         self.pulse, self.sampling_rate, self.samples, self.length = pulse, sampling_rate, samples, length
         every = fft.fftfreq(length, 1 / sampling_rate)
         sent = pulse.spectrum(sampling_rate, length)
@@ -82,10 +101,25 @@ class PulseResponse:
         self._loss: np.ndarray | float = 1.0
         self._nodes: dict[int, np.ndarray] = {}
 
-    def weaken(self, loss: np.ndarray) -> None:
-        """Let echoes lose by a factor (F,) as well, that of absorption in the middle of the record."""
-        self._loss = loss
+    def weaken(self, absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float,
+               margin: int) -> AbsorptionTerms:
+        """Let echoes lose what absorption takes in the middle of the record, and give what is left of it.
+
+        Parameters
+        ----------
+        absorption_db : callable
+            Frequency (N,) [Hz] to absorption (N,) [dB/m].
+        sound_speed : float [m/s]
+        start : float [s]
+            Time of sample 0.
+        margin : int
+            Column of sample 0.
+        """
+        loss = excess_loss_rate(self.offset, self.sampling_rate, self.pulse.frequency, absorption_db, sound_speed)
+        self._loss = np.exp(-loss * (start + 0.5 * self.samples / self.sampling_rate))
         self._nodes.clear()
+        return absorption_terms(loss / self.sampling_rate, self.offset / self.sampling_rate, self.weight,
+                                0.5 * self.samples + margin)
 
     @cached_property
     def weight(self) -> np.ndarray:

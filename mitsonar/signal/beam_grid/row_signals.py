@@ -1,0 +1,109 @@
+"""Compressed signals of one receiver, ping by ping, from echoes as points of (ping, time).
+
+    y_r(f) = P_r(f) Σ_j a_j e^{-2πi f τ_j} + noise                                          j of the echoes of row r
+
+What `line_beams` makes of a line, without a line: the beam's pattern is in the amplitudes a_j, a row is a ping (a step
+of a rotating head, say), and many rows are formed together.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...device.arrays import arrays_of, upload
+from ...device.chance import Salt
+from ...device.types import DrJitArray
+from ...sonar.pulse import Pulse, Window
+from ..bells import Bell
+from ..impulses import BandLimited
+from .grids import MARGIN, GridShape, RowGrid
+from .kernels import Noise, Sizes, along_rows
+from .noise import NoiseDensity
+from .pulse_response import PulseResponse
+from .transforms import transformed
+
+__all__ = ["RowSignals"]
+
+
+class RowSignals:
+    """Signals of rows; made once for a survey.
+
+    Parameters
+    ----------
+    like : Dr.Jit array or type
+        Of the backend to use.
+    pulse : Pulse
+    sampling_rate : float [Hz]
+    samples, lead : int
+        Of the record, and how many of them are dropped from the result.
+    start : float [s]
+        Time of sample 0; it matters for absorption alone, as does the next.
+    sound_speed : float [m/s]
+    absorption_db : callable or None
+        Frequency (N,) [Hz] to absorption (N,) [dB/m], as in `reception.absorbed`.
+    window : Window or None
+        Of the matched filter's replica.
+
+    Raises
+    ------
+    ValueError
+        If the pulse does not fit the record.
+    """
+
+    def __init__(self, like: DrJitArray | type, *, pulse: Pulse, sampling_rate: float, samples: int, lead: int,
+                 start: float = 0.0, sound_speed: float = 1500.0,
+                 absorption_db: Callable[[np.ndarray], np.ndarray] | None = None, window: Window | None = None):
+        if not 0 <= lead < samples:
+            raise ValueError(f"signals of rows: {lead} of {samples} samples are to be dropped; give fewer.")
+        self.lib, self.samples, self.lead = arrays_of(like), samples, lead
+        self.pulse = PulseResponse(pulse, window, sampling_rate, samples, padding=2 * MARGIN)
+        self._terms = None if absorption_db is None else self.pulse.weaken(absorption_db, sound_speed, start, MARGIN)
+        self._used = upload(self.lib.UInt32, self.pulse.used.astype(np.uint32))
+        self._replica = upload(self.lib.Float, np.abs(self.pulse.replica).astype(np.float32))
+
+    def grid(self, rows: int) -> RowGrid:
+        """Make empty sums of so many rows on the device."""
+        return RowGrid(self.lib.Float, GridShape(rows=rows, samples=self.samples, length=self.pulse.length,
+                                                 along=Bell(BandLimited().band), absorption=self._terms))
+
+    def form(self, grid: RowGrid, *, doppler: np.ndarray | None = None, noise: NoiseDensity | None = None,
+             keys: np.ndarray | None = None) -> np.ndarray:
+        """Form the signals of the echoes on a grid, which is empty afterwards.
+
+        Parameters
+        ----------
+        grid : RowGrid
+        doppler : (rows,) or None [-]
+            Two-way factors; None for 1.
+        noise : NoiseDensity or None
+            At the receiver, its own beam counted.
+        keys : (rows,) uint32
+            Of the rows' noise, as of `device.chance.ping_key`; needed where there is noise.
+
+        Returns
+        -------
+        complex64 (rows, samples - lead)
+            An echo peaks at its time with its amplitude.
+
+        Raises
+        ------
+        ValueError
+            If factors or keys are not one a row.
+        """
+        rows, lib = grid.shape.rows, self.lib
+        factors = np.ones(rows) if doppler is None else np.asarray(doppler, float)
+        power = 0.0 if noise is None else (noise.ambient + noise.own) * self.pulse.sampling_rate * self.pulse.length
+        if factors.shape != (rows,) or (power and np.shape(keys) != (rows,)):
+            raise ValueError(f"signals of {rows} rows: there are {factors.shape} Doppler factors and {np.shape(keys)} "
+                             "keys of noise; give one of each for every row.")
+        drawn = row_keys = None
+        if power:
+            level = np.full(rows, np.sqrt(power), np.float32)
+            drawn = Noise(key=Salt.ROW_NOISE, row=upload(lib.Float, level), frequency=self._replica)
+            row_keys = upload(lib.UInt32, np.asarray(keys, np.uint32))
+        sizes = Sizes(rows=rows, length=self.pulse.length, period=rows, used=self._used)
+        spectra = transformed(grid.taken(), sizes.length)
+        spectra = along_rows(spectra, sizes, self.pulse.transfers(factors), drawn, row_keys)
+        whole = transformed(spectra, sizes.length, inverse=True).numpy().view(np.complex64).reshape(rows, -1)
+        return whole[:, MARGIN + self.lead:MARGIN + self.samples]
