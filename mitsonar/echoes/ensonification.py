@@ -195,7 +195,7 @@ class Ensonification:
             dr.eval(facet, s, brought)
         cells = self.scatterers.at(facet, s)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
-                                     occlusion=brought is None)
+                                     occlusion=brought is None, coarse=True)
         reached = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
         if brought is not None:
             energy, area = brought

@@ -114,8 +114,7 @@ class Echoes:
 
     def where(self, active: Bool) -> Iterator[Echoes]:
         """Yield the echoes that are `active`, in one block, computed; nothing where there are none."""
-        self.evaluated()
-        dr.eval(active)
+        dr.eval(self, active)                  # in one kernel: what hides echoes is not looked for twice
         index = compressed(active)
         if dr.width(index):
             yield self.chosen(index).evaluated()

@@ -10,7 +10,7 @@ more than float32: with f₀ = 500 kHz at 100 m the phase is right to 0.02 degre
 Taps lie in packets of four complex numbers. A packet is added in one go but must start at a multiple of four, so every
 response is kept as four planes, shifted against each other by one sample, which `ImpulseResponses.read` folds.
 
-A group of 16384 lanes owns up to four rows of the sums and streams all hits past them. A work block of Dr.Jit's LLVM
+A group of 16384 lanes owns up to eight rows of the sums and streams all hits past them. A work block of Dr.Jit's LLVM
 backend is 16384 lanes whenever a launch has more than two blocks per thread; idle groups make sure that it has. So no
 two threads add to the same row, no atomic operation is needed, and the order of additions, hence every bit of the
 result, depends on the hits alone. Where elements are too few to make 32 groups, rows are kept several times over, each
@@ -34,9 +34,11 @@ LANES = 1 << 14                    # of a group: Dr.Jit's largest work block
 GROUPS = 32                        # aimed at, for machines of many cores
 COPIES_BYTES = 1 << 28             # rows are not kept several times over beyond this
 LARGEST = 1 << 32                  # numbers in an array of Dr.Jit
-ROWS = 4                           # of a group, where elements suffice
+ROWS = 8                           # of a group, where elements suffice: what a hit brings is read once for all of them
+FEW_ROWS = 4                       # of a group of fewer elements than
+MANY = 32
 ROUNDS = 16                        # hits of a lane at least: fewer do not pay for its start
-NEIGHBOURS = 64                    # lanes that read neighbouring hits, a multiple of every vector's width
+NEIGHBOURS = 16                    # lanes that read neighbouring hits: one vector's, whose stretch is in order
 NOWHERE = -(1 << 30)               # sample of a hit that brings nothing
 
 
@@ -92,7 +94,7 @@ class ImpulseResponses:
 
     Notes
     -----
-    32 bytes a sample and element (8 for ``nearest``), more where fewer than 128 elements are kept in several copies, at
+    32 bytes a sample and element (8 for ``nearest``), more where fewer than 256 elements are kept in several copies, at
     most 256 MiB for these. Neither the numbers nor the count of hits, elements or samples make a new kernel.
     """
 
@@ -185,7 +187,9 @@ class ImpulseResponses:
 
     def _rows(self, elements: int) -> int:
         """Give the number of rows of a group."""
-        return 1 if isinstance(self.kernel, Peterson) or elements < 3 else ROWS
+        if isinstance(self.kernel, Peterson) or elements < 3:
+            return 1
+        return ROWS if elements >= MANY else FEW_ROWS
 
     def _copies(self, elements: int) -> int:
         """Give the number of private copies of the rows that make about GROUPS groups."""
@@ -205,21 +209,21 @@ class ImpulseResponses:
         lib, elements = self.lib, dr.width(rows)
         U = lib.UInt32
         together = self._rows(elements)
-        quads = -(-elements // together)
+        teams = -(-elements // together)
         copies = min(self.copies, self._copies(elements)) if self.on_cpu else 1
         share = -(-count // copies)
         rounds = max(-(-share // LANES), ROUNDS)
-        used = quads * copies
+        used = teams * copies
         groups = max(used, 2 * dr.thread_count() + 1) if self.on_cpu else used
         number = {name: dr.opaque(U, value) for name, value in dict(
-            quads=quads, share=share, stretch=rounds * NEIGHBOURS, count=count, used=used, last=elements - 1,
+            teams=teams, share=share, stretch=rounds * NEIGHBOURS, count=count, used=used, last=elements - 1,
             spare=self.spare, step=NEIGHBOURS).items()}
 
         lane = dr.arange(U, groups * LANES)
         group = lane // LANES
         lane -= group * LANES
-        copy = group // number["quads"]
-        first = (group - copy * number["quads"]) * together
+        copy = group // number["teams"]
+        first = (group - copy * number["teams"]) * together
         # a bundle of lanes takes a stretch of hits, lane by lane
         bundle = lane // NEIGHBOURS
         begin = copy * number["share"] + bundle * number["stretch"]

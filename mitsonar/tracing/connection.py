@@ -74,7 +74,7 @@ class Connector:
 
     def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
                 normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
-                short: float = 0.0) -> Connection:
+                short: float = 0.0, coarse: bool = False) -> Connection:
         """Connect points to sources, one pair an entry.
 
         Parameters
@@ -92,6 +92,8 @@ class Connector:
             Look for what lies in the way; else every way is free.
         short : float [m]
             The last of the way that is not looked at, for a target that stands in front of itself.
+        coarse : bool
+            Look along few chords, `Sources.shadow_fans`: worth their making for many points.
 
         Returns
         -------
@@ -102,7 +104,8 @@ class Connector:
         if not occlusion:
             return way
         end, nearer = _end(way, point, normal, heading, short)
-        blocked = along_fan(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source,
+        fans = sources.shadow_fans if coarse else sources.ray_fans
+        blocked = along_fan(self.geometry.scene, fans, mi.Point3f(origin), source,
                             dr.atan2(-way.launch_direction.z, cosine), heading, end, mi.Float(x) + nearer, way.exists)
         return replace(way, free=way.exists & ~blocked)
 

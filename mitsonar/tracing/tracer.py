@@ -7,6 +7,8 @@ and the exact eigenray to that point gives time, spreading and angles (`propagat
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import cast
 
 import drjit as dr
@@ -27,14 +29,30 @@ __all__ = ["Sources", "Tracer", "registry_index"]
 # [m] chord against arc: where neighbouring rows of a ray fan have other chords the hits of random rays leap by as much,
 # over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
 FAN_TOLERANCE = 0.0002
+SHADOW_TOLERANCE = 0.002         # [m] the same where only what lies in the way is looked for: a third of the chords
 BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on, over what float32 knows of places
 
 
 class Sources(Record):
-    """Ray fans and medium of the depths that a block's pings are sent from."""
+    """Ray fans and medium of the depths that a block's pings are sent from.
+
+    Attributes
+    ----------
+    ray_fans : RayFans
+        For hits.
+    state : SourceState
+    coarser : callable
+        Makes `shadow_fans`.
+    """
 
     ray_fans: RayFans
     state: SourceState
+    coarser: Callable[[], RayFans]
+
+    @cached_property
+    def shadow_fans(self) -> RayFans:
+        """Ray fans of fewer chords, for occlusion alone: made when first asked for."""
+        return self.coarser()
 
 
 class Tracer:
@@ -67,10 +85,12 @@ class Tracer:
         key = source_depth.tobytes()
         known, sources = self._known
         if sources is None or known != key:
-            fans = build_ray_fans(self._layers, self.water.profile, source_depth, slab=self.geometry.depth_range,
-                                  max_range=self.max_range, tolerance=self.tolerance, max_vertices=self._room)
+            build = partial(build_ray_fans, self._layers, self.water.profile, source_depth,
+                            slab=self.geometry.depth_range, max_range=self.max_range)
+            fans = build(tolerance=self.tolerance, max_vertices=self._room)
             self._room = int(fans.stride[0])        # found by trials; the next depths will need as much
-            sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth))
+            sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth),
+                              coarser=partial(build, tolerance=max(self.tolerance, SHADOW_TOLERANCE)))
             self._known = key, sources
         return sources
 

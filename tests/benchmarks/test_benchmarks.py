@@ -8,6 +8,7 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 SMALL = "--nodes", "60"
+FRAME = [f"-D{one}" for one in ("cell=0.3", "elements=4", "range=10")]
 RUNS = {
     "tracing": (["tracing.py", *SMALL, "--rays", "4096", "--rounds", "2"], "cast: hits alone"),
     "eigenrays": (["eigenrays.py", *SMALL, "--rays", "200"], "gradient -1 1/s"),
@@ -21,6 +22,7 @@ RUNS = {
                        "2,000 rays"),
     "scattering": (["scattering.py", *SMALL, "--rays", "4000", "--hits", "4096", "--pings", "1", "--rounds", "1"],
                    "law alone, two directions"),
+    "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),
 }
