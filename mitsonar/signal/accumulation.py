@@ -86,6 +86,8 @@ class ImpulseResponses:
     kernel : {"band_limited", "peterson", "nearest"}
     taps : int, optional
         Length of the ``peterson`` kernel [samples], a multiple of 4.
+    sheets : int
+        Responses that are kept of every element: each hit is added to one of them.
 
     Raises
     ------
@@ -99,19 +101,19 @@ class ImpulseResponses:
     """
 
     def __init__(self, like: DrJitArray | type, *, elements: int, samples: int, sampling_rate: float, frequency: float,
-                 kernel: str = "band_limited", taps: int | None = None):
+                 kernel: str = "band_limited", taps: int | None = None, sheets: int = 1):
         if elements < 1 or samples < 1:
             raise ValueError(f"impulse responses of {elements} elements and {samples} samples were asked for; both "
                              f"must be 1 or more")
         self.lib = lib = arrays_of(like)
         self.kernel = make_kernel(kernel, taps=taps)
-        self.elements, self.samples = int(elements), int(samples)
+        self.elements, self.samples, self.sheets = int(elements), int(samples), int(sheets)
         self.planes, self.packet = (1, 2) if isinstance(self.kernel, Nearest) else (4, 8)
         self.span = self.samples + 2 * self.kernel.margin  # samples kept
         self.plane = -(-self.span // self.planes)          # packets of a plane
         self.row = self.planes * self.plane
         self.on_cpu = dr.backend_v(lib.Float) == dr.JitBackend.LLVM
-        one = self.row * self.elements
+        one = self.row * self.elements * self.sheets
         if one * self.packet >= LARGEST:
             raise ValueError(f"responses of {elements} elements and {samples} samples take "
                              f"{4 * one * self.packet / 2**30:.0f} GiB, and {4 * LARGEST >> 30} is the limit; "
@@ -120,19 +122,21 @@ class ImpulseResponses:
         self.copies = max(1, min(self.copies, COPIES_BYTES // (4 * self.packet * one)))
         self.frequency, self.sampling_rate = (dr.opaque(lib.Float, value) for value in (frequency, sampling_rate))
         self.numbers = {name: dr.opaque(lib.UInt32, value) for name, value in dict(
-            row=self.row, plane=self.plane, span=self.span, elements=self.elements).items()}
+            row=self.row, plane=self.plane, span=self.span, elements=self.elements,
+            sheet=self.row * self.elements, copy=one).items()}
         # one packet for each group takes what falls outside the record
         self.spare = max(2 * GROUPS, self.elements)
         self.clear()
 
     def clear(self) -> None:
         """Set all sums to zero."""
-        packets = self.spare + self.copies * self.elements * self.row
+        packets = self.spare + self.copies * self.sheets * self.elements * self.row
         self.sums = dr.zeros(self.lib.Float, packets * self.packet)
 
     def add(self, *, amplitude: tuple[Float, Float], phase: Float, sample: Int32, fraction: Float,
             hit_fields: Sequence[Float], element_fields: Sequence[Float | np.ndarray], difference: OfPair,
-            gain: OfPair | None = None, rows: Sequence[int] | np.ndarray | None = None) -> None:
+            gain: OfPair | None = None, rows: Sequence[int] | np.ndarray | None = None,
+            sheet: UInt32 | None = None) -> None:
         """Add the echoes of hits at elements.
 
         Parameters
@@ -153,6 +157,8 @@ class ImpulseResponses:
             ``gain(hit_fields, element_fields)`` gives a real factor: the element's directivity, say.
         rows : sequence of int (E,), optional
             Elements of the result that `element_fields` belong to, each once; without it, all in order.
+        sheet : UInt32 (H,), optional
+            Number of the sheet that each hit is added to, below `sheets`; without it, the first.
 
         Notes
         -----
@@ -166,20 +172,21 @@ class ImpulseResponses:
                   for field in element_fields]
         self._check(rows, fields)
         hits = [dr.detach(lib.Float(field)) for field in (*amplitude, phase, fraction, *hit_fields)]
-        sample = dr.detach(lib.Int32(sample))
-        count = max(dr.width(field) for field in (*hits, sample))
-        wrong = sorted({dr.width(field) for field in (*hits, sample)} - {1, count})
+        sample, sheet = dr.detach(lib.Int32(sample)), lib.UInt32(0 if sheet is None else sheet)
+        count = max(dr.width(field) for field in (*hits, sample, sheet))
+        wrong = sorted({dr.width(field) for field in (*hits, sample, sheet)} - {1, count})
         if wrong:
             raise ValueError(f"fields of {count} hits have {wrong[0]} values; give each as many values as hits, or one")
         if not len(rows) or not count:
             return
-        dr.make_opaque(hits, sample, fields)
+        dr.make_opaque(hits, sample, sheet, fields)
         with dr.suspend_grad():
-            self._launch(count, hits, sample, fields, upload(lib.UInt32, rows.astype(np.uint32)), difference, gain)
+            rows = upload(lib.UInt32, rows.astype(np.uint32))
+            self._launch(count, hits, sample, sheet, fields, rows, difference, gain)
 
-    def read(self) -> np.ndarray:
-        """Give the responses (elements, samples) as complex64, their spectrum corrected; the sums stay."""
-        folded = self._fold().numpy().view(np.complex64).reshape(self.elements, self.span)
+    def read(self, sheet: int = 0) -> np.ndarray:
+        """Give the responses (elements, samples) of a sheet as complex64, their spectrum corrected; the sums stay."""
+        folded = self._fold(sheet).numpy().view(np.complex64).reshape(self.elements, self.span)
         margin = self.kernel.margin
         return np.ascontiguousarray(self.kernel.finish(folded)[:, margin:margin + self.samples])
 
@@ -204,7 +211,7 @@ class ImpulseResponses:
                 raise ValueError(f"element fields have {dr.width(field)} values for {len(rows)} elements; give one "
                                  f"value an element")
 
-    def _launch(self, count: int, hits: list[Float], sample: Int32, fields: list[Float], rows: UInt32,
+    def _launch(self, count: int, hits: list[Float], sample: Int32, sheet: UInt32, fields: list[Float], rows: UInt32,
                 difference: OfPair, gain: OfPair | None) -> None:
         lib, elements = self.lib, dr.width(rows)
         U = lib.UInt32
@@ -234,11 +241,12 @@ class ImpulseResponses:
         def packets(hit, active, owned):
             read = [_gather(lib.Float, field, hit, active) for field in hits]
             place = _gather(lib.Int32, sample, hit, active)
+            on_sheet = _gather(lib.UInt32, sheet, hit, active) * self.numbers["sheet"] if self.sheets > 1 else U(0)
             late = [(difference(read[4:], here), gain and gain(read[4:], here)) for _, _, here in owned]
             # Compiled in this order, delays of all rows first: their long chains of divisions overlap one another.
             dr.detail.new_scope(dr.backend_v(lib.Float))
             return [packet for (row, exists, _), delays in zip(owned, late)
-                    for packet in self._packets(read[:4], place, *delays, row, group, active & exists)]
+                    for packet in self._packets(read[:4], place, *delays, row + on_sheet, group, active & exists)]
 
         def scatter(packets):
             mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
@@ -253,8 +261,8 @@ class ImpulseResponses:
                 element = first + k
                 exists = element <= number["last"]
                 element = dr.minimum(element, number["last"])
-                row = copy * self.numbers["elements"] + dr.gather(U, rows, element)
-                owned.append((number["spare"] + row * self.numbers["row"], exists,
+                row = number["spare"] + copy * self.numbers["copy"] + dr.gather(U, rows, element) * self.numbers["row"]
+                owned.append((row, exists,
                               [dr.gather(lib.Float, field, element) for field in fields]))
             # What was computed in one turn is added in the next, so that arithmetic and additions overlap.
             ready = packets(hit, lib.Bool(True), owned)
@@ -295,20 +303,21 @@ class ImpulseResponses:
             values = [part * weight for weight in weights[k:k + step] for part in (real, imaginary)]
             yield dr.select(active, packet + k // step, group) if k else packet, *values
 
-    def _fold(self) -> Float:
-        """Add up planes and copies: interleaved complex rows, (elements x span)."""
+    def _fold(self, sheet: int) -> Float:
+        """Add up planes and copies of a sheet: interleaved complex rows, (elements x span)."""
         lib = self.lib
         U, n = lib.UInt32, self.numbers
-        copies, spare = dr.opaque(U, self.copies), dr.opaque(U, self.spare * self.packet // 2)
+        begin = self.spare + sheet * self.row * self.elements
+        copies, begin = dr.opaque(U, self.copies), dr.opaque(U, begin * self.packet // 2)
         index = dr.arange(U, self.elements * self.span)
         element = index // n["span"]
         column = index - element * n["span"]
         values_in_row = n["row"] * (self.packet // 2)
         plane = n["plane"] * (self.packet // 2)
-        begin = spare + element * values_in_row
+        begin += element * values_in_row
 
         def add(copy, total):
-            row = begin + copy * (n["elements"] * values_in_row)
+            row = begin + copy * (n["copy"] * (self.packet // 2))
             for shift in range(self.planes):
                 there = column >= shift
                 total = total + dr.gather(lib.Array2f, self.sums, row + shift * plane + (column - shift), there)

@@ -9,12 +9,21 @@ that takes part in class k is shifted so that the middles of both pulses coincid
 
     Δτ = (T/2) (1/η - 1/η_k)
 
-which leaves the error at the ends alone (two-way factor: e.g. Urick 1983, ch. 9; the rest is kinematics). As a platform
+which leaves the error at the ends alone (two-way factor: e.g. Urick 1983, ch. 9; the rest is kinematics). To a sweep
+that passes the frequency f at the rate k in its middle, what is left of the factor is a delay and a phase besides,
+
+    τ = (f / k) (1/η - 1/η_k),     θ = f η_k τ - k η_k² τ² / 2 [cycles]
+
+for p_k(t - τ) e^{i2πθ} then has the frequency of the echo, and its phase, in the middle (range and Doppler of a sweep:
+e.g. Rihaczek 1969, ch. 7). What remains is that the ends are off by τ, a share τ / T of the band without its echo, and
+that an lfm echo's rate is η² k, wrong by π k T² |η - η_k| / 2 at its ends. As a platform
 passes at a speed v and a range r, 1/η grows by κ = 2 v² / (r c) a second, and by up to 2 a / c with its own
 acceleration a: a pulse arrives f κ T² / 8 cycles off at its ends, and is cut into pieces, each with a factor of its
 own, where that is more.
 """
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +31,11 @@ from numpy.typing import ArrayLike
 from ..device.types import Numbers
 from ..sonar.pulse import Pulse
 
-__all__ = ["doppler_class", "doppler_classes", "factor_tolerance", "pieces_of", "two_way_doppler"]
+__all__ = ["Glide", "doppler_class", "doppler_classes", "factor_tolerance", "glide_of", "pieces_of", "two_way_doppler"]
 
 PHASE_ERROR = 0.02                 # [cycles] at the ends of an echo
+ENDS_OFF = 0.004                   # of its duration by which a sweep may be off at its ends: -48 dB of its peak,
+RATE_ERROR = 0.1                   # of `PHASE_ERROR`, that a wrong rate may make there: -50 dB
 
 
 def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_back: Numbers | None = None) -> Numbers:
@@ -48,9 +59,44 @@ def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_
     return (sound_speed + back) / (sound_speed - closing_speed)
 
 
-def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR) -> float:
-    """Give how wrong a factor near 1 may be for an error of phase [cycles] at the ends of a pulse."""
-    return 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
+class Glide(NamedTuple):
+    """A sweep in its middle: what shifts its echoes by as much as their frequency."""
+
+    frequency: float               # f [Hz], of the carrier and the sweep together
+    rate: float                    # k [Hz/s]
+
+    def shift(self, doppler: Numbers, factor: Numbers) -> tuple[Numbers, Numbers]:
+        """Give τ [s] and θ [cycles] of echoes of factors η in the class of the factor η_k."""
+        late = (self.frequency / self.rate) * (1 / doppler - 1 / factor)
+        cycles = factor * late
+        return late, cycles * (self.frequency - 0.5 * self.rate * cycles)
+
+
+def glide_of(pulse: Pulse) -> Glide | None:
+    """Give the glide of a whole pulse; None of one that does not sweep."""
+    if pulse.sweep is None:
+        return None
+    first, last = (pulse.frequency + end for end in pulse.sweep)
+    rate = (last - first) / pulse.duration
+    if pulse.kind == "hfm":
+        # its period, not its frequency, changes at a constant rate
+        middle = 2 * first * last / (first + last)
+        return Glide(frequency=middle, rate=rate * middle ** 2 / (first * last))
+    return Glide(frequency=0.5 * (first + last), rate=rate)
+
+
+def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR, glide: Glide | None = None) -> float:
+    """Give how wrong a factor near 1 may be.
+
+    For an error of phase [cycles] at the ends of a pulse, or, if its glide makes up for the first order, for what then
+    is left.
+    """
+    tolerance = 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
+    if glide is None:
+        return tolerance
+    swept = abs(glide.rate) * pulse.duration
+    return max(tolerance, min(ENDS_OFF * swept / glide.frequency,
+                              4 * RATE_ERROR * phase_error / (swept * pulse.duration)))
 
 
 def pieces_of(pulse: Pulse, speed: float, sound_speed: float, nearest: float, acceleration: float = 0.0,
@@ -64,7 +110,8 @@ def pieces_of(pulse: Pulse, speed: float, sound_speed: float, nearest: float, ac
     return max(1, int(np.ceil(pulse.duration * np.sqrt(highest * bend / (8 * phase_error)))))
 
 
-def doppler_classes(pulse: Pulse, lowest: float, highest: float, phase_error: float = PHASE_ERROR) -> np.ndarray:
+def doppler_classes(pulse: Pulse, lowest: float, highest: float, phase_error: float = PHASE_ERROR,
+                    glide: Glide | None = None) -> np.ndarray:
     """Choose the factors that stand for all echoes between two factors.
 
     Parameters
@@ -74,6 +121,8 @@ def doppler_classes(pulse: Pulse, lowest: float, highest: float, phase_error: fl
         Two-way factors.
     phase_error : float [cycles]
         Largest error anywhere in an echo.
+    glide : Glide or None
+        Of the pulse, if echoes are shifted by it besides; the bound is then that of `factor_tolerance`.
 
     Returns
     -------
@@ -88,7 +137,7 @@ def doppler_classes(pulse: Pulse, lowest: float, highest: float, phase_error: fl
     if not (0 < lowest <= highest < np.inf and phase_error > 0):
         raise ValueError(f"Doppler classes: factors {lowest} to {highest} within {phase_error} cycles; give "
                          "0 < lowest <= highest and an error above 0.")
-    widest = 2 * lowest * factor_tolerance(pulse, phase_error)
+    widest = 2 * lowest * factor_tolerance(pulse, phase_error, glide)
     count = max(1, int(np.ceil((highest - lowest) / widest)))
     return lowest + (np.arange(count) + 0.5) * (highest - lowest) / count
 

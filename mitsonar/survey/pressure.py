@@ -22,6 +22,7 @@ import numpy as np
 from ..echoes.ensonification import Ensonification
 from ..echoes.record import Echoes
 from ..signal.accumulation import ImpulseResponses
+from ..signal.doppler import glide_of
 from ..sonar.pulses import Pulse
 from .array_survey import ArraySurvey
 from .elements.arrivals import ArrivalCounts
@@ -95,7 +96,7 @@ class PressureRecord:
                     progress(before + share, elements)
 
             sums.clear()
-            self._add({0: sums}, OneClass(), ping, element, progress=within)
+            self._add(sums, OneClass(), range(1), ping, element, progress=within)
             out[element] = sums.read()
             within(1.0)
         return out
@@ -125,38 +126,37 @@ class PressureRecord:
         transmit = self.survey.transmit
         weight = transmit.weight / np.abs(transmit.weight).sum()
         begin, pulse = piece or (0.0, self.survey.pulse)
-        whole = len(doppler) == 1 and pulse is self.survey.pulse
-        classes = OneClass(doppler[0]) if whole else DopplerClasses(doppler, begin, pulse)
-        senders, left, done = np.flatnonzero(weight).tolist(), list(range(len(doppler))), 0.0
-        while left:
-            # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
-            first = self.sums()
-            now = left[:max(1, SUMS_BYTES // (4 * dr.width(first.sums)))]
-            left = left[len(now):]
-            sums = {number: self.sums() if number != now[0] else first for number in now}
-            part, occurring = len(now) / len(doppler) / len(senders), set()
-            for element in senders:
-                occurring |= self._add(sums, classes, ping, element, weight=weight[element],
-                                       delay=float(transmit.delay[element]),
-                                       progress=_of_a_part(progress, done, part))
-                done += part
-            for number in now:
-                if number in occurring:
-                    yield float(classes.factors[number]), sums[number].read()
+        still = pulse is self.survey.pulse and np.all(doppler == 1.0)
+        glide = glide_of(pulse) if pulse is self.survey.pulse else None
+        classes = OneClass() if still else DopplerClasses(doppler, begin, pulse, glide)
+        senders, count = np.flatnonzero(weight).tolist(), len(classes.factors)
+        # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
+        sums = self.sums()
+        together = min(max(1, SUMS_BYTES // (4 * dr.width(sums.sums))), count)
+        for first in range(0, count, together):
+            now = range(first, min(first + together, count))
+            if first or together > 1:
+                sums = self.sums(len(now))
+            for number, element in enumerate(senders):
+                part = len(now) / count / len(senders)
+                self._add(sums, classes, now, ping, element, weight=weight[element],
+                          delay=float(transmit.delay[element]),
+                          progress=_of_a_part(progress, first / count + number * part, part))
+            for sheet, one in enumerate(now):
+                response = sums.read(sheet)
+                if response.any():
+                    yield float(classes.factors[one]), response
 
-    def sums(self) -> ImpulseResponses:
-        """Make the sums of all receive elements, at zero."""
+    def sums(self, sheets: int = 1) -> ImpulseResponses:
+        """Make the sums of all receive elements, at zero: a sheet for each of some classes."""
         survey = self.survey
-        return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples,
+        return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples, sheets=sheets,
                                 sampling_rate=survey.sampling_rate, frequency=survey.frequency, kernel=self.kernel)
 
-    def _add(self, sums: dict[int, ImpulseResponses], classes: EchoClasses, ping: int, element: int, *,
-             weight: float = 1.0, delay: float = 0.0, progress: Progress | None = None) -> set[int]:
-        """Add the echoes of one transmit element, with a weight and a delay [s], to the sums of some classes.
-
-        Gives the numbers of the classes that have echoes.
-        """
-        sender, occurring = self.survey.transmit.position[element], set()
+    def _add(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range, ping: int, element: int, *,
+             weight: float = 1.0, delay: float = 0.0, progress: Progress | None = None) -> None:
+        """Add the echoes of one transmit element, with a weight and a delay [s], to the sums of the wanted classes."""
+        sender, receivers = self.survey.transmit.position[element], self.survey.receive.position
         ensonified = self.ensonified(ping)
         shares = ensonified.shares(element)
         with_cells = len(shares) - 1       # the last source, of what is drawn by chance, knows no cells
@@ -165,12 +165,10 @@ class PressureRecord:
             delays = self.delays(source)
             blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
             for echoes in filter(self._counts, blocks):
-                for rows, middle in classes.receiver_groups(source, echoes, self.survey.receive.position):
-                    for one, some, late in classes.sort(source, echoes, sums, sender=sender, receiver=middle,
-                                                        delay=delay):
-                        occurring.add(one)
-                        delays.add(sums[one], some, element, weight=float(weight * share), late=late, rows=rows)
-        return occurring
+                for rows, middle in classes.receiver_groups(source, echoes, receivers):
+                    some = classes.sort(source, echoes, wanted, sender=sender, receiver=middle, delay=delay)
+                    if some is not None:
+                        delays.add(sums, some, element, weight=float(weight * share), rows=rows)
 
     def _counts(self, echoes: Echoes) -> bool:
         """Whether echoes came by one of the paths asked for."""

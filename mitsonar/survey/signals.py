@@ -15,7 +15,7 @@ import drjit as dr
 import numpy as np
 import xarray as xr
 
-from ..signal.doppler import doppler_classes, pieces_of
+from ..signal.doppler import Glide, doppler_classes, glide_of, pieces_of
 from ..signal.reception import absorbed, check_record, delayed, received
 from ..sonar.pulses import Pulse
 from ..units import amplitude_from_db
@@ -125,7 +125,8 @@ def _echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[
         def within(share: float, before: int = done) -> None:
             progress((before + share) / len(pieces))
 
-        for factor, response in record.transmissions(ping, _doppler_factors(piece, fastest, speed),
+        glide = glide_of(piece) if len(pieces) == 1 else None
+        for factor, response in record.transmissions(ping, _doppler_factors(piece, fastest, speed, glide),
                                                      piece=(begin, piece), progress=within):
             if survey.absorption_db is not None:
                 # as long as the way, not from the beginning of the pulse on
@@ -198,9 +199,9 @@ def _nearest(survey: ArraySurvey, ping: int) -> float:
     return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), NEAREST)
 
 
-def _doppler_factors(pulse: Pulse, fastest: float, speed: float) -> np.ndarray:
+def _doppler_factors(pulse: Pulse, fastest: float, speed: float, glide: Glide | None) -> np.ndarray:
     """Choose the factors that stand for all echoes of a ping, for elements as fast as `fastest` [m/s]."""
     if fastest == 0:
         return np.ones(1)
     highest = (speed + fastest) / (speed - fastest)
-    return doppler_classes(pulse, 1 / highest, highest)
+    return doppler_classes(pulse, 1 / highest, highest, glide=glide)

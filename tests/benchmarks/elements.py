@@ -59,6 +59,7 @@ def by_elements(arguments):
     """Print ms of ensonifying, of carrying and of reading, by the number of elements."""
     import drjit as dr
     import mitsuba as mi
+    from mitsonar.survey.elements.echo_classes import SortedEchoes
 
     rows = []
     for elements in arguments.elements:
@@ -68,7 +69,7 @@ def by_elements(arguments):
 
         def carry(delays=delays, sums=sums, echoes=echoes, late=late):
             for block in echoes:
-                delays.add(sums, block, 0, weight=1.0, late=late)
+                delays.add(sums, SortedEchoes(echoes=block, late=late), 0, weight=1.0)
             dr.eval(sums.sums)
             dr.sync_thread()
 

@@ -99,6 +99,16 @@ def test_error_within_the_flat_band(lib, rng):
     assert found["nearest"] < -7
 
 
+@pytest.mark.parametrize("elements", [1, 7, 40])
+def test_each_hit_is_on_its_own_sheet(lib, rng, elements):
+    """What a sheet holds is what the hits of its number alone would make."""
+    echoes, sheet = Echoes(lib, rng, 3000, elements), rng.integers(0, 3, 3000).astype(np.uint32)
+    responses = echoes.into(empty(lib, elements, sheets=3), sheet=upload(lib.UInt32, sheet))
+    for number in range(3):
+        alone = echoes.reference("band_limited", np.where(sheet == number, echoes.amplitude, 0))
+        assert error_db(responses.read(number), alone) < -80
+
+
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("elements", [1, 6, 70])
 def test_same_bytes_whatever_the_number_of_threads(lib, rng, kernel, elements):

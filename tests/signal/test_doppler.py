@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.signal.doppler import doppler_class, doppler_classes, two_way_doppler
+from mitsonar.signal.doppler import doppler_class, doppler_classes, glide_of, two_way_doppler
 from mitsonar.sonar import cw, hfm, lfm
 
 
@@ -55,6 +55,39 @@ def test_classes_keep_the_phase(pulse, bound):
         worst = max(worst, np.abs(np.angle(own[both] / its[both])).max() / (2 * np.pi))
     assert worst <= bound * 1.001
     assert worst > 0.5 * bound                                      # no more classes than needed
+
+
+@pytest.mark.parametrize("pulse", [lfm(3e5, 2e4, 5e-4), lfm(3e5, -2e4, 5e-4), hfm(3e5, 2e4, 5e-4), lfm(3e5, 4e4, 2e-3)],
+                         ids=lambda p: f"{p.kind} {p.bandwidth:.0f} Hz {1e3 * p.duration:g} ms")
+def test_a_glide_makes_up_for_what_is_left_of_the_factor(pulse):
+    """Compressed echoes at 3 knots, shifted by `Glide.shift`, against their own stretched pulse, relative to the peak.
+
+    Known bias: the ends of the sweep are off by 0.4 % of its length at most, -48 dB of the peak when compressed.
+    """
+    speed, glide = 1.54 / 1500, glide_of(pulse)
+    plain = doppler_classes(pulse, 1 - 2 * speed, 1 + 2 * speed)
+    classes = doppler_classes(pulse, 1 - 2 * speed, 1 + 2 * speed, glide=glide)
+    assert len(classes) <= len(plain)
+    rate, samples = 64 * pulse.bandwidth, 1 << 15
+    frequency = np.fft.fftfreq(samples, 1 / rate)
+    replica = np.conj(pulse.spectrum(rate, samples))
+
+    def compressed(factor, late, turn):
+        wave = pulse.spectrum(rate, samples, factor) * np.exp(-2j * np.pi * (frequency + pulse.frequency) * late)
+        return np.fft.ifft(wave * replica * np.exp(2j * np.pi * turn))
+
+    worst = 0.0
+    for eta in np.linspace(1 - 1.99 * speed, 1 + 1.99 * speed, 9):
+        factor = classes[np.abs(classes - eta).argmin()]
+        late, turn = glide.shift(eta, factor)
+        late += 0.5 * pulse.duration * (1 / eta - 1 / factor)
+        own = compressed(eta, 0.0, 0.0)
+        worst = max(worst, np.abs(compressed(factor, late, turn) - own).max() / np.abs(own).max())
+    assert 20 * np.log10(worst) < -44
+
+
+def test_what_does_not_sweep_has_no_glide():
+    assert glide_of(cw(1e5, 1e-3)) is None
 
 
 def test_one_class_is_enough_for_one_factor():

@@ -123,12 +123,20 @@ def test_every_echo_is_in_one_doppler_class(variant, monkeypatch):
     factors = doppler_classes(pulse, 0.995, 1.005)
     half = 0.5 * (factors[1] - factors[0])
     doppler = mi.Float64(np.r_[factors, factors + half, factors - half, 0.995 - 1e-9, 1.005 + 1e-9])
-    echoes = SimpleNamespace(chosen=lambda index: index.numpy())
+    echoes = SimpleNamespace(chosen=lambda index: index)
     monkeypatch.setattr(echo_classes, "time_scale", lambda *_, **__: (doppler, mi.Float64(0.5 * PULSE) / doppler))
-    found = list(echo_classes.DopplerClasses(factors, 0.0, pulse).sort(
-        None, echoes, range(len(factors)), sender=np.zeros(3), receiver=np.zeros(3), delay=0.0))
-    assert [number for number, *_ in found] == list(range(len(factors)))
-    assert np.array_equal(np.sort(np.concatenate([index for _, index, _ in found])), np.arange(dr.width(doppler)))
+    classes, count, where = echo_classes.DopplerClasses(factors, 0.0, pulse), len(factors), {}
+
+    def sort(wanted):
+        return classes.sort(None, echoes, wanted, sender=np.zeros(3), receiver=np.zeros(3), delay=0.0)
+
+    whole = sort(range(count)).sheet.numpy()
+    assert np.abs(factors[whole] - doppler.numpy()).max() <= half + 2e-9
+    for wanted in (range(0, count // 2), range(count // 2, count - 1), range(count - 1, count)):
+        part = sort(wanted)
+        sheets = [0] * len(part.echoes) if part.sheet is None else part.sheet.numpy()
+        where |= dict(zip(part.echoes.numpy().tolist(), np.add(sheets, wanted.start), strict=True))
+    assert [where[echo] for echo in range(dr.width(doppler))] == whole.tolist()
 
 
 def test_a_source_off_the_centre_is_no_slower_than_the_centre(variant):

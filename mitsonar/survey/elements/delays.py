@@ -5,13 +5,14 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
+import drjit as dr
 import numpy as np
 
-from ...device.types import Float64
-from ...echoes.record import Echoes
+from ...device.types import Float, Float64, Int32
 from ...signal.accumulation import ImpulseResponses
 from ...sonar.array import Array
 from .arrivals import ArrivalCounts
+from .echo_classes import SortedEchoes
 from .ping_source import PingSource
 from .sampling import Sampling
 
@@ -45,7 +46,7 @@ class ElementDelays(ABC):
     counts: ArrivalCounts
 
     @abstractmethod
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element at receive elements.
 
@@ -53,13 +54,11 @@ class ElementDelays(ABC):
         ----------
         responses : ImpulseResponses
             They are added here.
-        echoes : Echoes
+        some : SortedEchoes
         element : int
             The transmit element.
         weight : float [-]
             Of what it transmits.
-        late : Float64 (R,) or (1,) [s]
-            By how much echoes arrive later, in their phase as in their place.
         rows : slice
             Receive elements.
         """
@@ -67,6 +66,13 @@ class ElementDelays(ABC):
     def stands_off(self, element: int) -> bool:
         """Whether a transmit element is not where the source is."""
         return bool(np.any(self.transmit.position[element] != self.source.position))
+
+    def placed(self, some: SortedEchoes, arrival: Float64) -> tuple[Float, Int32, Float]:
+        """Give phase, sample and fraction of echoes that arrive then (R,) [s], as `Sampling.place` does."""
+        phase, sample, fraction = self.sampling.place(arrival + some.late)
+        if some.turn is not None:
+            phase -= type(phase)(some.turn - dr.floor(some.turn))
+        return phase, sample, fraction
 
     def changed_to(self, kind: type[Kind]) -> Kind:
         """Give the same with another way to find delays."""

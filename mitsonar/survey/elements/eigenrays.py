@@ -9,13 +9,13 @@ import mitsuba as mi
 import numpy as np
 
 from ...device.arrays import arrays_of
-from ...device.types import Float64, UInt32
+from ...device.types import UInt32
 from ...echoes.element_beams import omni
-from ...echoes.record import Echoes
 from ...propagation.exact_returns import exact_return
 from ...propagation.travel import REST, rotated
 from ...signal.accumulation import ImpulseResponses
 from .delays import ALL_ROWS, ElementDelays
+from .echo_classes import SortedEchoes
 from .ping_source import opaque64
 
 __all__ = ["EigenrayDelays"]
@@ -25,9 +25,10 @@ __all__ = ["EigenrayDelays"]
 class EigenrayDelays(ElementDelays):
     """Delays by exact eigenrays."""
 
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
+        echoes = some.echoes
         transmit, receive, lib = self.transmit, self.receive, arrays_of(mi.Float)
         way_out, view = self.source.view(echoes.out), self.source.view(echoes.back)
         depth, travel = dr.opaque(lib.Float64, view.depth), view.travel
@@ -50,11 +51,11 @@ class EigenrayDelays(ElementDelays):
             offset = opaque64(view.offsets(receive)[row])
             back, towards = exact_return(view.layers, lib, depth, place, out, offset, travel, middle)
             self.counts.count(echoes.count, lost=int(cast(UInt32, dr.count(dr.isnan(out + back)))[0]))
-            phase, sample, fraction = self.sampling.place(out + back + late)
+            phase, sample, fraction = self.placed(some, out + back)
             spread = lib.Float(middle / back)
             if not omni(receive):
                 turned = rotated(towards, travel.turned(out + back), back=True)
                 spread *= view.pattern(receive, row, turned, self.wavelength)
             responses.add(amplitude=(real * spread, imaginary * spread), phase=phase, sample=sample,
                           fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
-                          difference=lambda hit, at: at[0], rows=[row])
+                          difference=lambda hit, at: at[0], rows=[row], sheet=some.sheet)

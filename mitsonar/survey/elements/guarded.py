@@ -2,17 +2,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
 
 import drjit as dr
-import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.types import Float64, UInt32
-from ...echoes.record import Echoes
+from ...device.arrays import compressed
 from ...signal.accumulation import ImpulseResponses
 from .delays import ALL_ROWS, ElementDelays
+from .echo_classes import SortedEchoes
 from .eigenrays import EigenrayDelays
 from .vectors import VectorDelays
 
@@ -23,7 +20,7 @@ __all__ = ["GuardedDelays"]
 class GuardedDelays(ElementDelays):
     """Delays by the vector approximation, exact where it may be off by more than `vectors.GUARD`."""
 
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
 
@@ -32,19 +29,14 @@ class GuardedDelays(ElementDelays):
         ValueError
             If most echoes are in doubt and the array is large; see `ArrivalCounts.judge`.
         """
-        vector, kind = self.changed_to(VectorDelays), arrays_of(mi.Float).Float64
-        if self._extended:
-            doubtful = vector.doubtful(echoes)
-            if dr.any(doubtful):
-                late = late + dr.zeros(kind, dr.width(doubtful))
-                exact, rest = (cast(UInt32, dr.compress(some)) for some in (doubtful, ~doubtful))
-                self.counts.judge(dr.width(doubtful), dr.width(exact))
-                self.changed_to(EigenrayDelays).add(responses, echoes.chosen(exact), element, weight=weight,
-                                                   late=dr.gather(kind, late, exact), rows=rows)
-                if not dr.width(rest):
-                    return
-                echoes, late = echoes.chosen(rest), dr.gather(kind, late, rest)
-        vector.add(responses, echoes, element, weight=weight, late=late, rows=rows)
+        vector = self.changed_to(VectorDelays)
+        doubtful = vector.doubtful(some.echoes) if self._extended else None
+        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
+        if doubtful is not None:
+            exact = compressed(doubtful)
+            if dr.width(exact):
+                self.counts.judge(some.echoes.count, dr.width(exact))
+                self.changed_to(EigenrayDelays).add(responses, some.chosen(exact), element, weight=weight, rows=rows)
 
     @property
     def _extended(self) -> bool:

@@ -136,6 +136,7 @@ class PingSource:
         self.origin = centre + rotation @ position
         self.depth = -float(self.origin[2])
         self.speed = float(water.profile.at(self.depth))
+        self._last: tuple[Echoes, Method, ReturnPaths] | None = None
 
     @cached_property
     def direct(self) -> View:
@@ -153,9 +154,16 @@ class PingSource:
         return self.mirrored if leg.folded else self.direct
 
     def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
-        """Carry echoes back to where the source is then; `met` [s]: when they leave, else `Echoes.arrival`."""
+        """Carry echoes back to where the source is then; `met` [s]: when they leave, else `Echoes.arrival`.
+
+        The last answer for `Echoes.arrival` is kept: Doppler, doubt and delays of the same echoes ask for it.
+        """
         view = self.view(echoes.back)
-        return view.carried(echoes.back, method, view.travel, echoes.arrival if met is None else met)
+        if met is not None:
+            return view.carried(echoes.back, method, view.travel, met)
+        if self._last is None or self._last[0] is not echoes or self._last[1] != method:
+            self._last = echoes, method, view.carried(echoes.back, method, view.travel, echoes.arrival)
+        return self._last[2]
 
     def way_out(self, echoes: Echoes) -> ReturnPaths:
         """Turn the ways out round: from what was met first to the array as it stands at the transmission."""

@@ -12,27 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ...device.arrays import arrays_of
-from ...device.types import Bool, Float, Float64, Triple
+from ...device.types import Bool, Float, Float64, Triple, UInt32
 from ...echoes.element_beams import omni
 from ...echoes.record import Echoes
 from ...propagation.return_paths import ReturnPaths
+from ...propagation.straight_vectors import dot
 from ...propagation.travel import rotated
 from ...propagation.vector_approximation import ELEMENT_FIELDS, difference_of, vector_difference, vector_element_fields
-from ...signal.accumulation import ImpulseResponses
+from ...signal.accumulation import NOWHERE, ImpulseResponses
+from ...sonar.array import Array
 from ...sonar.element_patterns import element_pressure
 from .delays import ALL_ROWS, ElementDelays
+from .echo_classes import SortedEchoes
 from .ping_source import View, opaque
 
 __all__ = ["GUARD", "VectorDelays"]
 
 GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
+SAME_PLANE = 1e-9                  # [m]
 CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
 
 
@@ -47,20 +51,25 @@ class VectorDelays(ElementDelays):
 
     method: Literal["vector", "paper"] = "vector"
 
-    def add(self, responses: ImpulseResponses, echoes: Echoes, element: int, *, weight: float, late: Float64,
-            rows: slice = ALL_ROWS) -> None:
-        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
-        source, receive, lib = self.source, self.receive, arrays_of(mi.Float)
-        self.counts.count(echoes.count * receive.elements)
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
+            rows: slice = ALL_ROWS, without: Bool | None = None) -> None:
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
+
+        Those `without` (R,) are left out; they are evaluated in one kernel with the others.
+        """
+        source, receive, lib, echoes = self.source, self.receive, arrays_of(mi.Float), some.echoes
         # ---- transmit: the still array, by reciprocity
         view, off = source.view(echoes.back), self.stands_off(element)
         way_out = source.way_out(echoes) if off else None
         farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
         # ---- return to the source, where it is then; from an element farther off the scatterer is met later
-        met = echoes.arrival if farther is None else echoes.arrival + farther
+        met = None if farther is None else echoes.arrival + farther
         back = source.way_back(echoes, self.method, met)
-        total = met + back.return_time
-        phase, sample, fraction = self.sampling.place(total + late)
+        total = (echoes.arrival if met is None else met) + back.return_time
+        phase, sample, fraction = self.placed(some, total)
+        if without is not None:
+            sample = dr.select(without, NOWHERE, sample)
+            dr.schedule(without)
         factor = self._transmitted(echoes, element, weight, way_out)
         if farther is not None:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
@@ -73,6 +82,14 @@ class VectorDelays(ElementDelays):
         directional = not omni(receive)
         if directional:
             towards = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
+            if one_face(receive):
+                # in front of one baffle or behind it for all elements
+                normal = opaque(lib.Float, view.rotation @ receive.normal[0])
+                offset = opaque(lib.Float, view.offsets(receive)[0])
+                seen = [lib.Float(part) - d * back.hit_fields[CURVATURE] for part, d in zip(towards, offset)]
+                factor = dr.select(dot(seen, normal) >= 0, factor, 0)
+                directional = False
+        if directional:
             face = opaque(lib.Float, (self.wavelength, receive.length, receive.height))
             hit_fields += [*map(lib.Float, towards), *face]
             element_fields = [*element_fields, *(receive.normal[rows] @ view.rotation.T).T,
@@ -96,18 +113,20 @@ class VectorDelays(ElementDelays):
         real, imaginary = echoes.amplitude
         responses.add(amplitude=(real * factor, imaginary * factor), phase=phase, sample=sample,
                       fraction=fraction, hit_fields=hit_fields, element_fields=element_fields, difference=delay,
-                      gain=gain, rows=np.arange(receive.elements)[rows])
+                      gain=gain, rows=np.arange(receive.elements)[rows], sheet=some.sheet)
+        left_out = 0 if without is None else int(cast(UInt32, dr.count(without))[0])
+        self.counts.count((echoes.count - left_out) * len(offsets))
 
     def doubtful(self, echoes: Echoes) -> Bool:
-        """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,)."""
+        """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,), yet to be
+        evaluated.
+        """
         source = self.source
         error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
         if not echoes.single:
             error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
         # An error that is not a number is in doubt, too.
-        doubtful = ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
-        dr.eval(doubtful)
-        return doubtful
+        return ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
 
     def _outermost(self, view: View) -> list:
         """Fields of the elements farthest out, transmitting and receiving."""
@@ -132,6 +151,13 @@ class VectorDelays(ElementDelays):
             offset = opaque(mi.Float, view.offsets(transmit)[element])
             towards = _seen_from(towards, offset, way_out.hit_fields[CURVATURE])
         return factor * view.pattern(transmit, element, towards, self.wavelength)
+
+
+def one_face(array: Array) -> bool:
+    """Whether the elements lie in one rigid plane and look everywhere before it alike."""
+    plane = np.sum(array.position * array.normal, axis=-1)
+    return (array.pattern == "omni" and array.baffle == "hard" and bool(np.all(array.normal == array.normal[0]))
+            and bool(np.ptp(plane) < SAME_PLANE))
 
 
 def _seen_from(towards: Triple, offset: Triple, curvature: Float) -> list:
