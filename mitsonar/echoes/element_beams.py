@@ -51,11 +51,16 @@ class ElementBeams:
 
         return self._strongest(of, rotation)
 
-    def bound(self, direction: Triple, distance: Numbers, rotation: np.ndarray) -> Numbers:
-        """Give what no element exceeds [-] towards Dr.Jit scene directions and at distances [m] from the centre."""
+    def bound(self, direction: Triple, distance: Numbers, rotation: np.ndarray,
+              wider: mi.Float | float = 0.0) -> Numbers:
+        """Give what no element exceeds [-] towards Dr.Jit scene directions and at distances [m] from the centre.
+
+        Nor in any direction up to `wider` [rad] off, Float (R,). Where that is negative, what the bound of no direction
+        up to as much off falls below.
+        """
         def of(array, normal, along):
             # from the source, which may be any transmit element, to the farthest element
-            slack = dr.opaque(mi.Float, reach) / distance + dr.opaque(mi.Float, self.turns[array is receive])
+            slack = dr.opaque(mi.Float, reach) / distance + dr.opaque(mi.Float, self.turns[array is receive]) + wider
             return dr.square(_envelope(array, direction, slack, self.wavelength, _opaque(normal), _opaque(along)))
 
         receive, reach = self.arrays[1], sum(array.radius for array in self.arrays)

@@ -24,6 +24,7 @@ from ..tracing.connection import Connector
 from ..tracing.tracer import Sources, Tracer
 from ..tracing.water import DeviceWater
 from .element_beams import ElementBeams
+from .facets_in_beams import NEGLIGIBLE, facets_in_beams
 from .record import Echoes, Leg
 from .scatterers import Scatterers
 from .sights import Sights
@@ -36,7 +37,6 @@ __all__ = ["METHODS", "Ensonification"]
 METHODS = ("scatterers", "rays")
 CELLS_PER_BLOCK = 1 << 19
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
-NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
 
 
 class Ensonification:
@@ -130,11 +130,12 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach, done = self.stretches(origin), 0
-            total = max(sum(cells for *_, cells in within_reach), 1)
-            for path, stretches, _ in within_reach:
+            within_reach = [(path, aim, some) for path, stretches, _ in self.stretches(origin)
+                            for aim, some in self._in_beams(sources, start, rotation, stretches)]
+            total, done = max(sum(int(some[2].sum()) for *_, some in within_reach), 1), 0
+            for path, aim, stretches in within_reach:
                 for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
-                    yield from self._echoes(sources, start, rotation, facet, s, path)
+                    yield from self._echoes(sources, start, rotation, facet, s, path, aim=aim)
                     done += dr.width(facet)
                     if progress is not None:
                         progress(done / total)
@@ -180,9 +181,19 @@ class Ensonification:
         return (self.tracer.sources([-origin[2]]),
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
-    def _echoes(self, sources, origin, rotation, facet, s, path, brought=None):
-        """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought."""
-        if self.beams is not None:
+    def _in_beams(self, sources, origin, rotation, stretches):
+        """Runs of cells that the beams do not make negligible, and whether they have to be asked cell by cell."""
+        if self.beams is None:
+            return [(False, stretches)]
+        found = facets_in_beams(self.scatterers, self.connector, self.beams, sources, origin, rotation, stretches)
+        return [(kind == 0, tuple(column[found == kind] for column in stretches)) for kind in (1, 0)]
+
+    def _echoes(self, sources, origin, rotation, facet, s, path, brought=None, aim=True):
+        """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought.
+
+        Those that beams make negligible are left out if they are to `aim` at cells.
+        """
+        if self.beams is not None and aim:
             # where the rays leave for: the straight line there may lie in another lobe
             point = self.scatterers.at(facet, s).point
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
