@@ -6,8 +6,9 @@
 the one to a nearer crest of the same azimuth passes below that crest. This is exact for rays that do not cross before
 the crest, and costs look-ups in place of rays.
 
-The bed is sampled by vertical rays at the nodes of a grid, so any mesh will do that is a single height at every place.
-Nodes have fixed places on the ground: what is hidden does not depend on which part of a bed is sampled at a time.
+A bed whose vertices are the nodes of a grid is taken as it is. Any other is sampled by vertical rays at the nodes of
+one, so any mesh will do that is a single height at every place. Nodes have fixed places on the ground: what is hidden
+does not depend on which part of a bed is looked at.
 """
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of
+from ..device.arrays import arrays_of, upload
 from ..device.lookups import held
 from ..scene.geometry import Geometry
 from ..scene.labels import SEABED
@@ -28,6 +29,9 @@ __all__ = ["BedHorizon", "Horizon"]
 
 AZIMUTHS = 2048
 FINEST, COARSEST = 1 / 1200, 1 / 100   # of the reach, that the grid's step may be
+LOOKED_AT = 20_000                 # facets, at least, that decide the step
+INSET = 1e-3                       # steps, inside the rim, where vertical rays begin
+OFF_NODE = 0.01                    # steps that a vertex may lie off its node
 AREA_SHARE = 25                    # percentile of the facets' areas that the step follows
 WALK = 0.5                         # of the grid's step, between two places that the horizon is known at
 MOST_PLACES = 2400                 # of these along an azimuth
@@ -97,10 +101,15 @@ class BedHorizon:
         self.exists = bool(beds)
         if not beds:
             return
-        self._scene = scene_of(beds)
-        box = self._scene.bbox()
-        self._low, self._high = np.array(box.min, float), np.array(box.max, float)
-        self._step = _grid_step(geometry, beds, self.farthest)
+        boxes = [bed.bbox() for bed in beds]
+        self._low = np.min([np.array(box.min, float) for box in boxes], axis=0)
+        self._high = np.max([np.array(box.max, float) for box in boxes], axis=0)
+        own, meshes = _facet_size(geometry, beds, self.farthest), [one for one in geometry.meshes if one[1] in beds]
+        self._beds, self._sampled = beds, None
+        self._grid = _as_grid(geometry, meshes[0], own) if len(meshes) == len(beds) == 1 else None
+        self._step = np.full(2, _grid_step(own, self.farthest))                  # along x and y [m]
+        if self._grid is not None:
+            self._step = (self._high - self._low)[:2] / (np.array(self._grid.shape[::-1]) - 1)
         self._window: tuple[tuple[int, ...], mi.Float] | None = None
 
     def around(self, origin: np.ndarray, launch_rise: Callable[[mi.Float, mi.Float], mi.Float]) -> Horizon | None:
@@ -116,10 +125,10 @@ class BedHorizon:
             return None
         first, size = self._span(origin)
         heights = self._heights(first, size)
-        step = max(self._step * WALK, self.farthest / MOST_PLACES)
+        step = max(float(self._step.min()) * WALK, self.farthest / MOST_PLACES)
         places = int(self.farthest / step) + 2
         base = (self._low[:2] + np.array(first) * self._step - origin[:2]) / self._step
-        numbers = [dr.opaque(mi.Float, float(v)) for v in (step, 1 / self._step, -base[0], -base[1], origin[2])]
+        numbers = [dr.opaque(mi.Float, float(v)) for v in (step, *(1 / self._step), -base[0], -base[1], origin[2])]
         sine = _walked(self.lib, heights, launch_rise, numbers, *(dr.opaque(mi.UInt32, n) for n in (*size, places)),
                        AZIMUTHS * places)
         return Horizon(sine=sine, places=places, step=step)
@@ -137,46 +146,72 @@ class BedHorizon:
     def _heights(self, first: tuple[int, int], size: tuple[int, int]) -> mi.Float:
         """Heights at the nodes, rows of y; those of the last window are kept."""
         key = (*first, *size)
+        if self._grid is not None and (self._window is None or self._window[0] != key):
+            part = self._grid[first[1]:first[1] + size[1], first[0]:first[0] + size[0]]
+            missing = [(0, wanted - there) for wanted, there in zip(size[::-1], part.shape)]
+            self._window = key, upload(mi.Float, np.pad(part, missing, constant_values=NO_BED))
         if self._window is None or self._window[0] != key:
             i = dr.arange(mi.UInt32, size[0] * size[1])
             columns = dr.opaque(mi.UInt32, size[0])
             row = i // columns
             x, y = (dr.opaque(mi.Float, float(low)) + mi.Float(dr.opaque(mi.UInt32, begin) + node) * dr.opaque(
-                mi.Float, self._step) for low, begin, node in zip(self._low, first, (i - row * columns, row)))
+                mi.Float, float(step)) for low, begin, node, step in zip(self._low, first, (i - row * columns, row),
+                                                                        self._step))
             # a hair inside, so that nodes on the rim and on edges meet facets
-            inset = 1e-3 * self._step
-            x, y = (dr.clip(v, dr.opaque(mi.Float, float(low + inset)), dr.opaque(mi.Float, float(high - inset)))
-                    for v, low, high in zip((x, y), self._low, self._high))
+            x, y = (dr.clip(v, dr.opaque(mi.Float, float(low + INSET * step)),
+                            dr.opaque(mi.Float, float(high - INSET * step)))
+                    for v, low, high, step in zip((x, y), self._low, self._high, self._step))
             top = dr.opaque(mi.Float, float(self._high[2] + 1))
             ray = mi.Ray3f(mi.Point3f(x, y, top), mi.Vector3f(0, 0, -1))
-            met = self._scene.ray_intersect_preliminary(ray, coherent=True)
+            if self._sampled is None:
+                self._sampled = scene_of(self._beds)
+            met = self._sampled.ray_intersect_preliminary(ray, coherent=True)
             heights = dr.select(met.is_valid(), top - met.t, NO_BED)
             dr.eval(heights)
             self._window = key, heights
         return self._window[1]
 
 
-def _grid_step(geometry: Geometry, beds: list, farthest: float) -> float:
-    """The grid's step [m]: that of the bed's own facets, divided or multiplied to suit the reach."""
+def _facet_size(geometry: Geometry, beds: list, otherwise: float) -> float:
+    """Side [m] of the squares that two of the bed's facets make, as a quarter of them are smaller."""
     areas = []
     for _, shape, first, count in geometry.meshes:
         if shape in beds:
             vertices, faces = geometry.mesh(first, count)
-            corner = vertices[faces]
-            cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-            areas.append(0.5 * np.linalg.norm(cross, axis=1))
-    own = float(np.sqrt(2 * np.percentile(np.concatenate(areas), AREA_SHARE))) if areas else farthest
+            corner = vertices[faces[::max(1, count // LOOKED_AT)]]
+            (ax, ay), (bx, by) = (corner[:, one, :2].T - corner[:, 0, :2].T for one in (1, 2))
+            areas.append(0.5 * np.abs(ax * by - ay * bx))
+    own = float(np.sqrt(2 * np.percentile(np.concatenate(areas), AREA_SHARE))) if areas else otherwise
+    return max(own, 1e-6)
+
+
+def _grid_step(own: float, farthest: float) -> float:
+    """The step [m] of a grid that rays sample: that of the bed's facets, divided or multiplied to suit the reach."""
     finest, coarsest = FINEST * farthest, COARSEST * farthest
-    own = max(own, 1e-6)
-    if own > coarsest:
-        return own / np.ceil(own / coarsest)
-    return own * np.ceil(finest / own)
+    return own / np.ceil(own / coarsest) if own > coarsest else own * np.ceil(finest / own)
+
+
+def _as_grid(geometry: Geometry, mesh: tuple, own: float) -> np.ndarray | None:
+    """Heights (rows of y, columns of x) of a mesh whose vertices are the nodes of a grid; None where they are not."""
+    vertices = geometry.mesh(*mesh[2:])[0].astype(float)
+    low, extent = vertices[:, :2].min(0), np.ptp(vertices[:, :2], axis=0)
+    nodes = np.maximum(np.rint(extent / own).astype(int), 1)
+    columns, rows = nodes + 1
+    if columns * rows != len(vertices):
+        return None
+    place = (vertices[:, :2] - low) / np.maximum(extent, 1e-9) * nodes
+    node = np.rint(place).astype(int)
+    if np.abs(place - node).max() > OFF_NODE:
+        return None
+    heights = np.full((rows, columns), NO_BED, np.float32)
+    heights[node[:, 1], node[:, 0]] = vertices[:, 2]
+    return heights
 
 
 @dr.syntax
 def _walked(lib, heights, launch_rise, numbers, columns, rows, places, total):
     """Running maxima of the launch sines along every azimuth: Float (total,)."""
-    step, per_node, x0, y0, z0 = numbers
+    step, per_x, per_y, x0, y0, z0 = numbers
     azimuth = dr.arange(lib.UInt32, AZIMUTHS)
     sine, cosine = dr.sincos(lib.Float(azimuth) * float(2 * np.pi / AZIMUTHS))
     out = dr.empty(lib.Float, total)
@@ -184,7 +219,7 @@ def _walked(lib, heights, launch_rise, numbers, columns, rows, places, total):
     last_x, last_y = lib.Float(columns) - 1, lib.Float(rows) - 1
     while k < places:
         x = lib.Float(k) * step
-        px, py = dr.fma(cosine, x * per_node, x0), dr.fma(sine, x * per_node, y0)
+        px, py = dr.fma(cosine, x * per_x, x0), dr.fma(sine, x * per_y, y0)
         inside = (px >= 0) & (py >= 0) & (px < last_x) & (py < last_y) & (k > 0)
         j, i = lib.UInt32(dr.select(inside, px, 0)), lib.UInt32(dr.select(inside, py, 0))
         fx, fy, at = px - lib.Float(j), py - lib.Float(i), i * columns + j

@@ -17,6 +17,7 @@ __all__ = ["Blur"]
 
 PARTS = 4                          # directions in a beam that its pattern is averaged over
 FAINTEST = 3e-5                    # of M's largest, below which it is left out
+FINER = 16                         # places of the table of the beams' pattern, over those that it needs
 WIDEST = 48                        # beams to either side at most
 REACH = 3                          # bins to either side that the compressed pulse is followed
 
@@ -80,14 +81,15 @@ def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.nd
     beams = len(sines)
     half = min(WIDEST, beams - 1)
     share = (np.arange(PARTS) + 0.5) / PARTS
+    # the pattern is a function of the gap alone: a table of it serves all beams
+    widest = edges[-1] - edges[0]
+    gaps = np.linspace(0, widest, int(np.ceil(FINER * 2 * np.ptp(place) * widest)) + 2)
+    table = _pattern(gaps, place, np.asarray(weight, float) / np.abs(weight).sum())
     fine = edges[:-1, None] + np.diff(edges)[:, None] * share                                     # (B, parts)
-    w = np.asarray(weight, float) / np.abs(weight).sum()
     band = np.zeros((beams, 2 * half + 1))
     for k in range(-half, half + 1):
         b = np.arange(max(0, -k), beams - max(0, k))
-        gap = fine[b + k] - sines[b, None]
-        # the pattern is a function of the gap alone: a table of it serves all beams
-        band[b, half + k] = _pattern(gap, place, w).mean(1)
+        band[b, half + k] = np.interp(np.abs(fine[b + k] - sines[b, None]), gaps, table).mean(1)
     worth = band.max(0) > FAINTEST * band.max()
     needed = int(np.abs(np.flatnonzero(worth) - half).max(initial=0))
     return band[:, half - needed:half + needed + 1]
