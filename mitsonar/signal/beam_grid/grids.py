@@ -79,6 +79,8 @@ class BeamGrid(_Grid):
         -----
         What lies outside the record, has a sine beyond ±1, or is not finite brings nothing.
         """
+        if not dr.width(sine):
+            return
         scale = dr.opaque(type(sine), 1 / self.shape.step)
         begin = dr.opaque(type(sine), self.shape.first)
         row = dr.select(abs(sine) <= 1 + 1e-6, (sine - begin) * scale, -1)
@@ -90,4 +92,6 @@ class RowGrid(_Grid):
 
     def add(self, *, column: Float, row: UInt32, real: Float, imaginary: Float) -> None:
         """Add echoes to rows; see `BeamGrid.add`."""
+        if not dr.width(column):
+            return
         self._sums.add(row, column + MARGIN, real, imaginary)

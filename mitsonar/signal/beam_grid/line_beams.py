@@ -27,14 +27,13 @@ from ..bells import Bell
 from ..impulses import BandLimited
 from .grids import MARGIN, BeamGrid, GridShape
 from .kernels import Noise, Sizes, by_beam, by_frequency, through_the_line
-from .line_response import FADE, LineResponse
+from .line_response import FADE, OVERSAMPLING, LineResponse
 from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
 
 __all__ = ["LineBeams"]
 
-OVERSAMPLING = 1.9                 # rows over those that the line resolves
 COARSEST = 1 / 16                  # step of the sine
 CLASH = 256                        # rows: columns of so many fall into the same lines of a cache
 EDGE = 3                           # rows beyond ±1 on either side, for taps
@@ -159,7 +158,8 @@ class LineBeams:
                 power = 0.5 * self.shape.step * inside
                 rows = upload(self.lib.Float, np.sqrt(noise.ambient * band * power).astype(np.float32))
             if noise.own:
-                size = np.abs(self.pulse.replica)[:, None] * np.sqrt(noise.own * band * self.period * line.own_noise())
+                power = noise.own * band * self.period * line.own_noise(float(np.ptp(self.sines)))
+                size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
                 waves = upload(self.lib.Float, size.astype(np.float32))
             self._noise = noise, rows, waves
         return self._noise[1:]

@@ -137,8 +137,11 @@ class PulseResponse:
         Raises
         ------
         ValueError
-            If the sampling rate is below the band of the pulse with such a factor.
+            If a factor is not above 0 and finite, or the sampling rate is below the band of the pulse with it.
         """
+        if not (np.isfinite(doppler).all() and np.min(doppler) > 0):
+            raise ValueError(f"Doppler factors reach from {np.min(doppler):.6g} to {np.max(doppler):.6g}; give finite "
+                             "ones above 0.")
         place = (np.asarray(doppler, float) - 1) / self.step
         node = np.floor(place).astype(np.int64)
         share = place - node
