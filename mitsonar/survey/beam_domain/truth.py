@@ -120,7 +120,7 @@ class FrameTruth:
                 part = np.where(total[plane.where] > 0, plane.energy / total[plane.where], 0)
             share[beams, plane.label - 1, bins] += part
         label = np.where(total > 0, share.argmax(1) + 1, 0).astype(np.uint32)
-        dark, object_shadow = self._shadows(lost, seabed, total)
+        dark, object_shadow = self._shadows(lost, [plane for plane in planes if plane.label in self._seabed], total)
         return EnergyRecord(
             intensity=total * source_power, depth=place[..., 2], rays=rays, rays_in_beam=rays,
             truth=BinTruth(label=label, share=share, hidden=dark, object_shadow=object_shadow, layover=layover,
@@ -167,7 +167,7 @@ class FrameTruth:
             energy, box = self._summed(_Placed(row=key // self._bins, bin=key % self._bins, energy=np.abs(z) ** 2))
             yield self._shown(int(number), energy, box)
 
-    def _shadows(self, lost: Sequence[_Plane], seabed: np.ndarray,
+    def _shadows(self, lost: Sequence[_Plane], seabed: Sequence[_Plane],
                  total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Share of the seabed's echo that objects hide, and whose shadow a bin lies in; see `imaging.truth.shadows`."""
         hidden, whose = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
@@ -179,7 +179,9 @@ class FrameTruth:
             more = plane.energy > most[plane.where]
             whose[plane.where] = np.where(more, plane.label, whose[plane.where])
             most[plane.where] = np.maximum(most[plane.where], plane.energy)
-        whole = by_object + self._blur.shown(seabed, 0)
+        whole = by_object.copy()
+        for plane in seabed:
+            whole[plane.where] += plane.energy
         hidden = np.where(whole > 0, by_object / np.where(whole > 0, whole, 1), 0).astype(np.float32)
         dark = (hidden > HALF) & (total < HALF * whole)
         return hidden, np.where(dark, whose, 0).astype(np.uint32)
