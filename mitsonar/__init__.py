@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from mitsonar.device.llvm import BackendError
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs import element_signals, impulse_response, render
+    from mitsonar.verbs import element_signals, frames, impulse_response, render
 
-__all__ = ["BackendError", "dataset", "doctor", "element_signals", "imaging", "impulse_response", "io", "labelling",
-           "load_file", "plots", "plugins", "propagation", "read", "render", "scattering", "seabed", "signal", "sonar",
-           "sweep", "units", "water", "write"]
+__all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "imaging", "impulse_response", "io",
+           "labelling", "load_file", "plots", "plugins", "propagation", "read", "render", "scattering", "seabed",
+           "signal", "sonar", "sweep", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -40,6 +40,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "load_file": "mitsonar.scene.loading:load_file",
     "render": "mitsonar.verbs:render",
+    "frames": "mitsonar.verbs:frames",
     "impulse_response": "mitsonar.verbs:impulse_response",
     "element_signals": "mitsonar.verbs:element_signals",
     "read": "mitsonar.io.reading:read",

@@ -4,7 +4,7 @@ from __future__ import annotations
 import importlib.metadata
 import operator
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import mitsuba as mi
@@ -23,8 +23,8 @@ from .survey.pressure import PressureRecord
 from .survey.signals import LEAD, pair_responses, received_signals
 from .survey.survey import Survey
 
-__all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "impulse_response", "opened", "pings", "provenance",
-           "render"]
+__all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "frames", "impulse_response", "opened", "pings",
+           "provenance", "render"]
 
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
 SEEDS = 1 << 32                    # seeds that Mitsuba takes, and that tell rays apart
@@ -74,6 +74,37 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
     except RuntimeError as error:
         raise as_exception(error) from error
     return SonarImage.of(image.assign_attrs(provenance(scene, sensor, survey)))
+
+
+def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0) -> Iterator[SonarImage]:
+    """Render the pings of a sonar with a fan of beams one after the other, as many as the scene has.
+
+    What is kept does not grow with their number: for videos, and for data sets of long runs.
+
+    Parameters
+    ----------
+    scene, seed, sensor
+        As of `render`.
+
+    Yields
+    ------
+    SonarImage
+        Of one ping; the same as that ping of what `render` gives.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `render`, or if the sonar makes one picture of all its pings.
+    """
+    seed = checked_seed(seed)
+    scene, sensor, integrator = opened(scene, sensor)
+    try:
+        survey = integrator.survey(scene, sensor)
+        images = integrator.frames(survey, sensor, seed)
+    except RuntimeError as error:
+        raise as_exception(error) from error
+    about = provenance(scene, sensor, survey)
+    return (SonarImage.of(image.assign_attrs(about)) for image in images)
 
 
 def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",

@@ -19,6 +19,8 @@ def add(commands: Commands) -> None:
     complete_with(render.add_argument("-o", "--output", required=True, metavar="OUT.exr"), FILES)
     preview = render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
     complete_with(preview, FILES)
+    render.add_argument("--each-ping", action="store_true",
+                        help="of a fan of beams: a file a ping, OUT_0000.exr and so on, whatever their number")
     render.set_defaults(run=_render)
 
     signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
@@ -40,6 +42,9 @@ def add(commands: Commands) -> None:
 
 
 def _render(arguments):
+    if arguments.each_ping:
+        _render_pings(arguments)
+        return
     _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
                arguments.preview, arguments.threads)
 
@@ -86,6 +91,26 @@ def _render_to(path, values, seed, output, preview, threads):
 
         plots.preview(dataset, preview)
         announce(preview)
+
+
+def _render_pings(arguments):
+    if arguments.preview is not None:
+        raise ValueError("--preview and --each-ping are both given; draw the pings by `mitsonar plot` or `mitsonar "
+                         "video`, or leave one of them out.")
+    _check_outputs(arguments.output, None)
+    from .. import frames, load_file
+    from ..io import exr
+    from ..verbs import pings
+
+    set_up(arguments.threads)
+    scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
+    images, base = frames(scene, seed=arguments.seed), os.path.splitext(arguments.output)[0]
+    with Progress() as progress:
+        total = pings(scene)
+        for number, image in enumerate(images):
+            exr.write(image, f"{base}_{number:04d}.exr")
+            progress(number + 1, total)
+    announce(f"{base}_0000.exr to {base}_{total - 1:04d}.exr" if total > 1 else f"{base}_0000.exr")
 
 
 def _check_outputs(output, preview):

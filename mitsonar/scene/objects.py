@@ -27,10 +27,14 @@ def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, in
         Number of a shape → that of its class.
     geometry : Geometry
     """
-    image = image.assign_attrs(classes={str(number): name for number, name in classes.items()},
-                               label_class={str(label): number for label, number in class_of.items()},
-                               **described(geometry))
+    image = image.assign_attrs(known(classes, class_of, geometry))
     return image.assign_attrs(unseen=unseen(image))
+
+
+def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry) -> dict[str, Any]:
+    """Give what every image of a scene says of it; arguments as of `annotated`."""
+    return {"classes": {str(number): name for number, name in classes.items()},
+            "label_class": {str(label): number for label, number in class_of.items()}, **described(geometry)}
 
 
 def described(geometry: Geometry) -> dict[str, Any]:
@@ -74,8 +78,8 @@ def described(geometry: Geometry) -> dict[str, Any]:
     return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
 
 
-def unseen(image: xr.Dataset) -> list[str]:
-    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning.
+def unseen(image: xr.Dataset, *, warn: bool = True) -> list[str]:
+    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning if asked to.
 
     Parameters
     ----------
@@ -90,7 +94,7 @@ def unseen(image: xr.Dataset) -> list[str]:
     seen = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
              *np.unique(image["object_shadow"].values).tolist()}
     names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in seen]
-    if names:
+    if names and warn:
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
         warnings.warn(f"no ping sees {', '.join(names[:MOST_NAMES])}{more}: out of range, beyond the track, hidden or "
                       "buried", stacklevel=2)

@@ -1,5 +1,5 @@
 """Sonar with arrays: its run over a scene, and the picture that its beams make."""
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
@@ -8,25 +8,20 @@ import numpy as np
 import xarray as xr
 
 from ..imaging import fan
-from ..imaging.energy_record import EnergyRecord, gathered
-from ..scene import materials, objects
+from ..scene import materials
 from ..scene.geometry import Geometry
-from ..scene.labels import classes_of
 from ..signal.noise import ElementNoise
 from ..sonar.array import Array
 from ..sonar.beam_patterns import element_directivity_index_db
 from ..sonar.pulses import Pulse
-from . import energy, limits
 from .array_survey import ArraySurvey
-from .beam_domain.frames import Frames, why_not
-from .beams import Beams
-from .pressure import PressureRecord
+from .fan_pictures import FanPictures
 from .sensor import RunSettings, Sensor, slowest_speed
-from .signals import LEAD, ping_attributes, ping_coordinates, received_signals
+from .signals import LEAD
 from .sources import RaySources
 from .voyage import Passage
 
-__all__ = ["ArraySensor", "picture", "picture_of", "plan", "plan_elements", "rows", "survey_of"]
+__all__ = ["ArraySensor", "frames", "picture", "plan", "plan_elements", "rows", "survey_of"]
 
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 
@@ -142,66 +137,17 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
 def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the array's beams, with its truth; see `mitsonar.render`."""
-    return picture_of(survey, fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width), seed, progress, say,
-                      way=sensor.picture)
+    return _pictures(survey, sensor, seed).whole(progress, say)
 
 
-def picture_of(survey: ArraySurvey, directions: tuple[np.ndarray, np.ndarray], seed: int,
-               progress: Callable[[float, float], None] | None = None,
-               say: Callable[[str], None] | None = None, *, way: str | None = None) -> xr.Dataset:
-    """Render the picture of beams whose angles and directions are those of `fan.fan_directions`, with its truth.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Its record must lead by a pulse.
-    directions : (B,) [rad], (B, 3)
-    seed, progress, say
-        As of `mitsonar.render`.
-    way : {"beams", "elements"} or None
-        In the beam domain, or by the signals of elements; None: the first where it can be done.
-
-    Raises
-    ------
-    ValueError
-        If "beams" is asked for and the array or the run do not allow it.
-    """
-    pings = range(survey.track.pings)
-    if way is None:
-        way = "elements" if why_not(survey, directions[1]) else "beams"
-    if way == "beams":
-        frames = Frames(survey, directions[1], per_cell=survey.per_cell)
-        level, record = _framed(frames, pings, seed, progress)
-    else:
-        limits.check_beams(survey, len(directions[0]))
-        beams = Beams(survey, *directions)               # refuses what is too large before the hours of signals
-        signals = received_signals(PressureRecord(survey, seed=seed), pings, progress=progress, say=say)
-        level = fan.levels(fan.formed(signals, survey.pulse, directions[1]))
-        record = energy.record(survey, beams, seed)
-    classes, class_of = classes_of(survey.labels)
-    about = xr.Dataset(
-        coords={**ping_coordinates(survey, pings), "time": ("sample", survey.time[survey.lead:])},
-        attrs={**ping_attributes(survey, pings), "seed": seed, "source_level_db": survey.source_level_db})
-    image = fan.image(about, level, *directions, depth_below=survey.depth_below, labels=survey.labels,
-                      class_of=class_of, record=record)
-    return objects.annotated(image.assign_attrs(picture=way), classes, class_of, survey.geometry)
+def frames(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> Iterator[xr.Dataset]:
+    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
+    return _pictures(survey, sensor, seed).one_by_one()
 
 
-def _framed(frames: Frames, pings: Sequence[int], seed: int,
-            progress: Callable[[float, float], None] | None) -> tuple[np.ndarray, EnergyRecord]:
-    """Levels (ping, beam, sample) of frames made one after the other, and their truth."""
-    level = []
-
-    def records() -> Iterator[EnergyRecord]:
-        for done, ping in enumerate(pings, 1):
-            beams, truth = frames.frame(ping, seed)
-            level.append(fan.levels(beams).astype(np.float32))
-            yield truth
-            if progress is not None:
-                progress(done, len(pings))
-
-    record = gathered(records(), pings=len(pings), rows=frames.beams)
-    return np.stack(level), record
+def _pictures(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> FanPictures:
+    directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
+    return FanPictures(survey, directions, seed=seed, way=sensor.picture)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -4,18 +4,18 @@ Its run is that of a sonar with arrays (`survey.array`). Its beams have equal st
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import numpy as np
 import xarray as xr
 
 from ..imaging import fan
-from . import array
 from .array import ArraySensor, plan, plan_elements, rows
 from .array_survey import ArraySurvey
+from .fan_pictures import FanPictures
 
-__all__ = ["ForwardLookingSensor", "picture", "plan", "plan_elements", "rows"]
+__all__ = ["ForwardLookingSensor", "frames", "picture", "plan", "plan_elements", "rows"]
 
 
 class ForwardLookingSensor(ArraySensor, Protocol):
@@ -34,8 +34,21 @@ def picture(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int,
             progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the beams, with its truth and the coordinate ``bearing`` [rad]; see `mitsonar.render`."""
+    return _with_bearings(_pictures(survey, sensor, seed).whole(progress, say), survey)
+
+
+def frames(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> Iterator[xr.Dataset]:
+    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
+    for image in _pictures(survey, sensor, seed).one_by_one():
+        yield _with_bearings(image, survey)
+
+
+def _pictures(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> FanPictures:
     directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width, sensor.beam_steps)
-    image = array.picture_of(survey, directions, seed, progress, say, way=sensor.picture)
+    return FanPictures(survey, directions, seed=seed, way=sensor.picture)
+
+
+def _with_bearings(image: xr.Dataset, survey: ArraySurvey) -> xr.Dataset:
     head_depth = float(np.mean(-survey.track.position[:, 2]))
     words = {"units": "rad", "long_name": "angle from the middle of the fan, positive to starboard"}
     return image.assign_coords(bearing=("beam", image["beam"].values, words)).assign_attrs(

@@ -9,7 +9,7 @@ To add one, write its file and a line here; its sensor plugin says which kind it
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 import mitsuba as mi
@@ -21,7 +21,7 @@ from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .survey import Survey
 
-__all__ = ["KINDS", "Kind", "kind_of"]
+__all__ = ["FRAMES", "KINDS", "FrameKind", "Kind", "frame_kind_of", "kind_of"]
 
 
 class Kind(Protocol):
@@ -47,6 +47,32 @@ class Kind(Protocol):
 
 KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking,
                           "sector_scan": sector_scan}
+
+
+class FrameKind(Kind, Protocol):
+    """A kind of sonar each ping of which is a picture of its own."""
+
+    def frames(self, survey: Any, sensor: Any, seed: int) -> Iterator[xr.Dataset]:
+        """Yield the pictures of pings one by one."""
+        ...
+
+
+FRAMES: dict[str, FrameKind] = {"array": array, "forward_looking": forward_looking}
+
+
+def frame_kind_of(sensor: Any) -> FrameKind:
+    """Give the kind of sonar that a sensor is, if each of its pings is a picture.
+
+    Raises
+    ------
+    ValueError
+        If it is none such.
+    """
+    kind_of(sensor)
+    if sensor.kind not in FRAMES:
+        raise ValueError(f"a {sensor.kind} has no picture of a single ping; render it as a whole. Sonars that have are "
+                         + ", ".join(FRAMES))
+    return FRAMES[sensor.kind]
 
 
 def kind_of(sensor: Any) -> Kind:

@@ -36,19 +36,20 @@ def check_sidescan(survey: SidescanSurvey) -> None:
                          f"than the {there / 1e9:.0f} GB of this machine; take fewer {fewer}")
 
 
-def check_beams(survey: ArraySurvey, beams: int) -> None:
-    """Refuse the picture of so many beams if it does not fit into memory.
+def check_beams(survey: ArraySurvey, beams: int, *, pings: int) -> None:
+    """Refuse the pictures of so many beams and pings if they do not fit into memory.
 
     Raises
     ------
     ValueError
     """
-    pings, bins, labels = survey.track.pings, beams * (survey.samples - survey.lead), len(survey.labels)
+    bins, labels = beams * (survey.samples - survey.lead), len(survey.labels)
     needed, there = bins * (labels * BYTES_PER_SUM + pings * (BYTES_PER_BIN + BYTES_PER_LABEL * labels)), _memory()
     if needed > there:
         raise ValueError(f"pictures of {pings} pings with {bins} bins of {beams} beams and {labels} shapes take "
                          f"{needed / 1e9:.0f} GB, more than the {there / 1e9:.0f} GB of this machine; take fewer pings "
-                         "or beams, a shorter range, or let shapes share an id")
+                         "or beams, a shorter range, let shapes share an id, or take the pings one by one "
+                         "(mitsonar.frames; render --each-ping)")
 
 
 def _memory() -> float:

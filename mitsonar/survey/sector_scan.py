@@ -96,7 +96,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
     speed = _speed(sensor, survey.passage)
     window, bins = sensor.film().window(speed)
-    limits.check_beams(survey, 1)
+    limits.check_beams(survey, 1, pings=survey.track.pings)
     steps = Steps(survey, window, bins)
     signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
     power = imaging.binned_power(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate, bins)

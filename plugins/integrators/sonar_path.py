@@ -11,7 +11,7 @@ Meshes and rectangles carry scatterers.
 
     <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
 """
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import mitsuba as mi
@@ -20,7 +20,7 @@ import xarray as xr
 
 from mitsonar.echoes.ensonification import METHODS
 from mitsonar.survey.array_survey import ArraySurvey
-from mitsonar.survey.kinds import kind_of
+from mitsonar.survey.kinds import frame_kind_of, kind_of
 from mitsonar.survey.sensor import RunSettings
 from mitsonar.survey.survey import Survey
 
@@ -96,6 +96,10 @@ class SonarPath(mi.SamplingIntegrator):
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
         """Render a planned run; see `mitsonar.render`."""
         return kind_of(sensor).picture(survey, sensor, seed, progress, say)
+
+    def frames(self, survey: Survey, sensor: mi.Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
+        """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
+        return frame_kind_of(sensor).frames(survey, sensor, seed)
 
     def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
                evaluate: bool = True) -> mi.TensorXf:

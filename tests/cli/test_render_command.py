@@ -235,3 +235,25 @@ def coarse_ball():
               f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n")
     return (header + "".join("%f %f %f\n" % tuple(point) for point in points)
             + "".join("3 %d %d %d\n" % face for face in faces))
+
+
+FAN = """<scene version="3.0.0"><integrator type="sonar_path"/>
+<sensor type="forward_looking"><string name="preset" value="multibeam_720khz"/><integer name="pings" value="2"/>
+<integer name="beams" value="9"/><point name="start" x="0" y="0" z="-6"/><medium type="seawater"/>
+<film type="sonar_film"><float name="range" value="8"/><float name="range_min" value="6"/></film></sensor>
+<shape type="seabed" id="seabed"><float name="depth" value="9"/><float name="length" value="40"/>
+<float name="width" value="40"/><float name="spacing" value="2"/></shape></scene>"""
+
+
+def test_pings_of_a_fan_become_files_each(folder, accepted, capfd):
+    from mitsonar.io import exr
+
+    (folder / "fan.xml").write_text(FAN)
+    assert accepted("render", "fan.xml", "-o", "o.exr", "--each-ping") == ["o_0000.exr to o_0001.exr"]
+    accepted("render", "fan.xml", "-o", "whole.exr")
+    assert np.array_equal(exr.read("o_0001.exr")["level"], exr.read("whole.exr")["level"][1:])
+    for arguments, words in ((("scene.xml", "--each-ping"), "no picture of a single ping"),
+                             (("fan.xml", "--each-ping", "--preview", "p.png"), "--preview and --each-ping")):
+        assert cli.main(["render", *arguments, "-o", "n.exr"]) == 2
+        said = capfd.readouterr().err
+        assert words in said and said.count("\n") == 1

@@ -238,3 +238,21 @@ def test_a_picture_that_cannot_be_made_is_refused_in_a_sentence():
     sphere = {"receive": "spherical", "receive_elements": 12, "receive_radius": 0.05, "picture": "beams"}
     with pytest.raises(ValueError, match="no line, nor rows of lines"):
         mitsonar.render(scenes.array_sonar(shapes, sensor={"frequency_khz": 50.0, **sphere}, film={"range": 20.0}))
+
+
+@pytest.mark.parametrize("way", ["beams", "elements"])
+def test_frames_one_by_one_are_those_of_the_whole_run(way):
+    scene = scenes.array_sonar({"seabed": scenes.bed(20.0, size=60.0)}, depth=16.0,
+                               sensor={**LINE, "receive_elements": 16, "pings": 3, "speed_knots": 3.0, "beams": 15,
+                                       "noise": True, "picture": way}, film={"range": 9.0, "range_min": 6.0},
+                               integrator={"cell": 0.1})
+    whole, pieces = mitsonar.render(scene, seed=4), list(mitsonar.frames(scene, seed=4))
+    assert len(pieces) == 3
+    for number, piece in enumerate(pieces):
+        for name in ("level", "label", "share", "seabed_x", "altitude", "ping"):
+            assert piece[name].identical(whole[name].isel(ping=[number])), name
+
+
+def test_a_sidescan_has_no_frames():
+    with pytest.raises(ValueError, match="no picture of a single ping"):
+        mitsonar.frames(scenes.sidescan({"seabed": scenes.bed(40.0)}))
