@@ -15,6 +15,8 @@ RUNS = {
     "return_times": (["return_times.py", "--hits", "50", "--lanes", "1024", "--rounds", "1"], "| guarded | vertical |"),
     "ping": (["ping.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "mitsonar.render"),
     "accumulation": (["accumulation.py", "--hits", "2000", "--elements", "1", "6", "--rounds", "1"], "numpy bincount"),
+    "beam_grid": (["beam_grid.py", "--echoes", "2000", "--elements", "16", "--beams", "20", "--farthest", "8",
+                   "--rounds", "1"], "echoes on the grid"),
     "beamforming": (["beamforming.py", "--elements", "8", "--beams", "8", "--samples", "128", "--rounds", "1"],
                     "NumPy delay-and-sum"),
     "elements": (["elements.py", "--elements", "3", "--cell", "2", "--rounds", "1"], "whole ping"),

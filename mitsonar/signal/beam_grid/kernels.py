@@ -10,11 +10,13 @@ Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new on
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from ...device.arrays import arrays_of, upload
-from ...device.types import Bool, Float, UInt32
+from ...device.types import ArrayTypes, Float, UInt32
 from .noise import gaussians
 from .pulse_response import RowTransfers
 from .transforms import divided, tiles
@@ -33,7 +35,7 @@ class Sizes:
     period : int
         Rows of a period.
     used : UInt32 (F,)
-        Columns of the frequencies that are used.
+        Columns of the frequencies that are used, a multiple of `transforms.TILE`.
     """
 
     rows: int
@@ -73,14 +75,12 @@ def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: N
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
     count, period = sizes.frequencies, dr.opaque(U, sizes.period)
     number, row = tiles(lib, count, sizes.rows)
-    exists = number < dr.opaque(U, count)
-    column = dr.gather(U, sizes.used, number, exists)
-    place = row * dr.opaque(U, sizes.length) + column
-    z = _complex(lib, spectra, place, exists) * _transfer(lib, transfers, number, row, exists)
+    place = row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number)
+    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row)
     if noise is not None:
-        z += _row_noise(lib, noise, sizes, number, row, exists)
+        z += _row_noise(lib, noise, sizes, number, row)
     into = dr.zeros(lib.Float, 2 * count * sizes.period)
-    dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row, exists)
+    dr.scatter(into, lib.Array2f(z.real, z.imag), number * period + row)
     return into
 
 
@@ -107,13 +107,11 @@ def by_beam(spectra: Float, sizes: Sizes, rows: UInt32, taps: Float) -> Float:
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
     beams = dr.width(taps) // 4
     number, beam = tiles(lib, sizes.frequencies, beams)
-    exists = number < dr.opaque(U, sizes.frequencies)
     begin, total = number * dr.opaque(U, sizes.period), lib.Array2f(0)
     for row, tap in zip(dr.gather(lib.Array4u, rows, beam), dr.gather(lib.Array4f, taps, beam)):
-        total = dr.fma(dr.gather(lib.Array2f, spectra, begin + row, exists), tap, total)
+        total = dr.fma(dr.gather(lib.Array2f, spectra, begin + row), tap, total)
     into = dr.zeros(lib.Float, 2 * beams * sizes.length)
-    column = dr.gather(U, sizes.used, number, exists)
-    dr.scatter(into, total, beam * dr.opaque(U, sizes.length) + column, exists)
+    dr.scatter(into, total, beam * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
     return into
 
 
@@ -127,8 +125,7 @@ def along_rows(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noi
     count = sizes.frequencies
     row, number = divided(lib, dr.arange(U, sizes.rows * count), count)
     place = row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number)
-    every = lib.Bool(True)
-    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row, every)
+    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row)
     if noise is not None and row_keys is not None:
         size = dr.gather(lib.Float, noise.row, row) * dr.gather(lib.Float, noise.frequency, number)
         key = dr.gather(U, row_keys, row) ^ dr.opaque(U, noise.key)
@@ -138,28 +135,26 @@ def along_rows(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noi
     return into
 
 
-def _transfer(lib, transfers: RowTransfers, number: UInt32, row: UInt32, exists: Bool):
+def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32, row: UInt32) -> Any:
     """P of a row's factor at the frequencies of these numbers."""
-    U = lib.UInt32
-    nodes, count = upload(lib.Float, transfers.nodes.view("f4")), dr.opaque(U, transfers.nodes.shape[1])
-    node = dr.gather(U, upload(U, transfers.node), row)
-    after = dr.minimum(node + 1, dr.opaque(U, len(transfers.nodes) - 1))
-    low, high = (_complex(lib, nodes, one * count + number, exists) for one in (node, after))
-    share = dr.gather(lib.Float, upload(lib.Float, transfers.share), row)
-    return (low + (high - low) * share) * _complex(lib, upload(lib.Float, transfers.turn.view("f4")), row)
+    U, F = lib.UInt32, lib.Float
+    mix = dr.gather(lib.Array4f, upload(F, transfers.mix.view(np.float32)), row)
+    begin = dr.gather(U, upload(U, transfers.node), row) * dr.opaque(U, transfers.pairs.shape[1])
+    pair = dr.gather(lib.Array4f, upload(F, transfers.pairs.view(np.float32)), begin + number)
+    return (lib.Complex2f(mix[0], mix[1]) * lib.Complex2f(pair[0], pair[1])
+            + lib.Complex2f(mix[2], mix[3]) * lib.Complex2f(pair[2], pair[3]))
 
 
-def _row_noise(lib, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32, exists: Bool):
+def _row_noise(lib: ArrayTypes, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32) -> Any:
     """Noise of a row and its two neighbours, through the bell and the replica."""
     U = lib.UInt32
     key, rows, total = dr.opaque(U, noise.key), dr.opaque(U, sizes.rows), lib.Complex2f(0)
     for away in (-1, 0, 1):
         other = U(lib.Int32(row) + away)             # before the first row a large number
-        there = exists & (other < rows)
-        size = dr.gather(lib.Float, noise.row, other, there) * dr.opaque(lib.Float, noise.taps[abs(away)])
+        size = dr.gather(lib.Float, noise.row, other, other < rows) * dr.opaque(lib.Float, noise.taps[abs(away)])
         total += lib.Complex2f(*gaussians(lib, number * rows + other, key)) * size
-    return total * dr.gather(lib.Float, noise.frequency, number, exists)
+    return total * dr.gather(lib.Float, noise.frequency, number)
 
 
-def _complex(lib, values: Float, place: UInt32, exists: Bool | bool = True):
-    return lib.Complex2f(*dr.gather(lib.Array2f, values, place, exists))
+def _complex(lib: ArrayTypes, values: Float, place: UInt32) -> Any:
+    return lib.Complex2f(*dr.gather(lib.Array2f, values, place))

@@ -90,7 +90,7 @@ class LineBeams:
                                absorption=terms)
         self._row_sines = self.shape.first + step * np.arange(self.shape.rows)
         self._set_tables()
-        self._noise: tuple[NoiseDensity, Float, Float] | None = None
+        self._drawn: tuple[NoiseDensity, Float | None, Float | None] = NoiseDensity(), None, None
 
     def grid(self) -> BeamGrid:
         """Make empty sums on the device."""
@@ -149,7 +149,7 @@ class LineBeams:
 
     def _noise_tables(self, noise: NoiseDensity) -> tuple[Float | None, Float | None]:
         """Amplitudes of noise drawn on rows, (R,), and of that drawn on (f, ν), (F, U); see the module `noise`."""
-        if self._noise is None or self._noise[0] != noise:
+        if self._drawn[0] != noise:
             band, line = self._rate * self.length, self.line
             rows = waves = None
             if noise.ambient:
@@ -161,8 +161,8 @@ class LineBeams:
                 power = noise.own * band * self.period * line.own_noise(float(np.ptp(self.sines)))
                 size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
                 waves = upload(self.lib.Float, size.astype(np.float32))
-            self._noise = noise, rows, waves
-        return self._noise[1:]
+            self._drawn = noise, rows, waves
+        return self._drawn[1:]
 
 
 def _check(position: np.ndarray, weight: np.ndarray, sines: np.ndarray, samples: int, lead: int) -> None:

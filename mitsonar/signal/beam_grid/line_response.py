@@ -76,13 +76,13 @@ class LineResponse:
         position, step, rows = self._line
         wanted = _pattern(position, np.abs(self._weight / self._scale) ** 2, self._wavenumber, step, rows)
         near = np.abs(np.fft.ifftshift(np.arange(rows) - rows // 2)) * step <= farthest
-        power = fft.fft(wanted * _taper(rows), axis=1).real
+        power = np.real(fft.fft(wanted * _taper(rows), axis=1))
         for _ in range(TURNS):
             found = fft.ifft(np.maximum(power, 0), axis=1)
             found[:, near] = wanted[:, near]
-            power = fft.fft(found, axis=1, overwrite_x=True).real
+            power = np.real(fft.fft(found, axis=1, overwrite_x=True))
         power = np.maximum(power, 0)
-        power *= wanted[:, :1].real / power.mean(axis=1, keepdims=True)
+        power *= np.real(wanted[:, :1]) / power.mean(axis=1, keepdims=True)
         return power[:, self.used] / (self.spectrum ** 2).astype(np.float32)
 
 

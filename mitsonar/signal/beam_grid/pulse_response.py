@@ -19,16 +19,18 @@ from functools import cached_property
 import numpy as np
 from scipy import fft
 
+from ...device.types import Real
 from ...sonar.pulse import Pulse, Window
 from ..impulses import BandLimited
 from ..reception import band_filter, check_record, excess_loss_rate, padded_length
 from .absorption import AbsorptionTerms, absorption_terms
 from .spreading import PACKET
+from .transforms import TILE
 
 __all__ = ["PulseResponse", "RowTransfers"]
 
 TURN = 0.045                       # [rad] halfway between two nodes at the pulse's ends: interpolated within 1e-3
-DROPPED = 3e-4                     # of the sum of |P|: frequencies that are left out
+DROPPED = 1e-3                     # of the sum of |P|: frequencies that are left out
 MOST_NODES = 4096                  # kept from ping to ping
 STRETCH = 1.05                     # of a pulse by Doppler
 
@@ -39,20 +41,17 @@ class RowTransfers:
 
     Attributes
     ----------
-    nodes : complex64 (K, F)
-        P at the Doppler factors of nodes, the turn of the middle taken out.
+    pairs : complex64 (K, F, 2)
+        P at the Doppler factors of a node and of the next, the turn of the middle taken out.
     node : uint32 (R,)
         The one below a row's factor.
-    share : float32 (R,)
-        From that one to the next.
-    turn : complex64 (R,)
-        Of the row's middle.
+    mix : complex64 (R, 2)
+        What a row takes of either, times the turn of its own middle.
     """
 
-    nodes: np.ndarray
+    pairs: np.ndarray
     node: np.ndarray
-    share: np.ndarray
-    turn: np.ndarray
+    mix: np.ndarray
 
 
 class PulseResponse:
@@ -74,7 +73,7 @@ class PulseResponse:
     length : int
         Of the FFT, a multiple of PACKET.
     used : (F,) int
-        Numbers of its frequencies that are not left out.
+        Numbers of its frequencies that are not left out, a multiple of TILE.
     offset : (F,) [Hz]
         These frequencies, from the carrier.
     replica : complex (F,)
@@ -93,7 +92,8 @@ class PulseResponse:
         gain = np.mean(sent * replica * keep).real
         size = np.abs(sent * replica * keep)
         rising = np.argsort(size)
-        self.used = np.sort(rising[np.cumsum(size[rising]) > DROPPED * size.sum()])
+        count = np.count_nonzero(np.cumsum(size[rising]) > DROPPED * size.sum())
+        self.used = np.sort(rising[-min(-(-count // TILE), length // TILE) * TILE:])
         self.offset = every[self.used]
         self.replica = (replica / gain)[self.used]
         kernel, cycles = BandLimited(), self.offset / sampling_rate
@@ -145,12 +145,13 @@ class PulseResponse:
         place = (np.asarray(doppler, float) - 1) / self.step
         node = np.floor(place).astype(np.int64)
         share = place - node
-        numbers = range(int(node.min()), int(node.max()) + (2 if share.any() else 1))
+        numbers = range(int(node.min()), int(node.max()) + 2)
         if len(self._nodes) + len(numbers) > MOST_NODES:
             self._nodes.clear()
         nodes = np.stack([self._node(number) for number in numbers])
-        return RowTransfers(nodes=nodes, node=(node - numbers[0]).astype(np.uint32), share=share.astype(np.float32),
-                            turn=np.exp(2j * np.pi * self._middle(np.asarray(doppler, float))).astype(np.complex64))
+        turn = np.exp(2j * np.pi * self._middle(np.asarray(doppler, float)))
+        return RowTransfers(pairs=np.stack([nodes[:-1], nodes[1:]], -1), node=(node - numbers[0]).astype(np.uint32),
+                            mix=np.stack([turn * (1 - share), turn * share], -1).astype(np.complex64))
 
     def _node(self, number: int) -> np.ndarray:
         if number not in self._nodes:
@@ -161,6 +162,6 @@ class PulseResponse:
             self._nodes[number] = (self._received * self._loss * sent * turn).astype(np.complex64)
         return self._nodes[number]
 
-    def _middle(self, factor: np.ndarray | float):
+    def _middle(self, factor: Real) -> Real:
         """Turn of the pulse's middle [cycles]."""
         return 0.5 * self.pulse.frequency * self.pulse.duration * (factor - 1)

@@ -94,14 +94,15 @@ class RowSignals:
         rows, lib = grid.shape.rows, self.lib
         factors = np.ones(rows) if doppler is None else np.asarray(doppler, float)
         power = 0.0 if noise is None else (noise.ambient + noise.own) * self.pulse.sampling_rate * self.pulse.length
-        if factors.shape != (rows,) or (power and np.shape(keys) != (rows,)):
-            raise ValueError(f"signals of {rows} rows: there are {factors.shape} Doppler factors and {np.shape(keys)} "
+        given = np.asarray([] if keys is None else keys, np.uint32)
+        if factors.shape != (rows,) or (power and given.shape != (rows,)):
+            raise ValueError(f"signals of {rows} rows: there are {factors.shape} Doppler factors and {given.shape} "
                              "keys of noise; give one of each for every row.")
         drawn = row_keys = None
         if power:
             level = np.full(rows, np.sqrt(power), np.float32)
             drawn = Noise(key=Salt.ROW_NOISE, row=upload(lib.Float, level), frequency=self._replica)
-            row_keys = upload(lib.UInt32, np.asarray(keys, np.uint32))
+            row_keys = upload(lib.UInt32, given)
         sizes = Sizes(rows=rows, length=self.pulse.length, period=rows, used=self._used)
         spectra = transformed(grid.taken(), sizes.length)
         spectra = along_rows(spectra, sizes, self.pulse.transfers(factors), drawn, row_keys)

@@ -15,12 +15,16 @@ Four taps along a row lie in two packets of four complex numbers, each aligned, 
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any, cast
+
 import drjit as dr
 import numpy as np
 
 from ...device.arrays import arrays_of, looped, upload
 from ...device.lookups import held
-from ...device.types import DrJitArray, Float, UInt32
+from ...device.types import Array4f, Bool, DrJitArray, Float, UInt32
 from ..bells import Bell
 from ..taps import tap_weights
 from .absorption import AbsorptionTerms
@@ -100,7 +104,7 @@ class GridSums:
             for first in range(2 if self.across else 1):
                 self._add_stripes(packed, starts, np.arange(first, self.stripes, 2 if self.across else 1))
 
-    def _inside(self, row: Float, column: Float, real: Float, imaginary: Float):
+    def _inside(self, row: Float, column: Float, real: Float, imaginary: Float) -> Bool:
         """Whether echoes lie on the grid; comparisons with NaN are false."""
         margin = (1, 2) if self.across else (0, 0)
         inside = (row >= margin[0]) & (row < self.ends["rows"] - margin[1])
@@ -109,7 +113,7 @@ class GridSums:
 
     # -- who adds where ------------------------------------------------------------------------------------------
 
-    def _sorted(self, count: int, fields: list[Float], inside) -> tuple[Float, np.ndarray]:
+    def _sorted(self, count: int, fields: list[Float], inside: Bool) -> tuple[Float, np.ndarray]:
         """Put echoes in order of their stripes: packed fields (4 H,), and where each stripe begins (stripes + 2,)."""
         lib = self.lib
         stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // STRIPE
@@ -118,7 +122,7 @@ class GridSums:
         counts = dr.zeros(lib.UInt32, buckets)
         dr.scatter_add(counts, lib.UInt32(1), stripe)
         dr.eval(stripe, counts, fields)
-        order = dr.detail.block_mkperm(stripe, count, buckets)
+        order = cast(Any, dr.detail.block_mkperm)(stripe, count, buckets)
         packed = dr.empty(lib.Float, 4 * count)
         dr.scatter(packed, lib.Array4f(*(dr.gather(lib.Float, field, order) for field in fields)),
                    dr.arange(lib.UInt32, count))
@@ -154,7 +158,7 @@ class GridSums:
 
     # -- one echo ------------------------------------------------------------------------------------------------
 
-    def _spread(self, fields, inside) -> None:
+    def _spread(self, fields: Sequence[Float] | Array4f, inside: Bool) -> None:
         """Add echoes that lie on the grid, with all their taps."""
         lib = self.lib
         row, column, real, imaginary = fields
@@ -186,7 +190,7 @@ class GridSums:
                 for part in (dr.fma(real, cosine, -imaginary * sine), dr.fma(real, sine, imaginary * cosine))]
 
 
-def _moved(lib, taps: list[Float], offset: UInt32) -> list[Float]:
+def _moved(lib: ModuleType, taps: list[Float], offset: UInt32) -> list[Float]:
     """Put four taps into eight places, from place `offset` in 0..3 on."""
     nothing = lib.Float(0)
     places = [*taps, nothing, nothing, nothing, nothing]

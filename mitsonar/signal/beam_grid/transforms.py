@@ -15,9 +15,9 @@ import numpy as np
 from scipy import fft
 
 from ...device.arrays import arrays_of, upload
-from ...device.types import Float, UInt32
+from ...device.types import ArrayTypes, Float, UInt32
 
-__all__ = ["divided", "tiles", "transformed"]
+__all__ = ["TILE", "divided", "tiles", "transformed"]
 
 TILE = 16                          # frequencies
 
@@ -35,7 +35,7 @@ def transformed(values: Float, length: int, *, inverse: bool = False) -> Float:
     return upload(lib.Float, result.view(np.float32))
 
 
-def divided(lib, number: UInt32, by: int) -> tuple[UInt32, UInt32]:
+def divided(lib: ArrayTypes, number: UInt32, by: int) -> tuple[UInt32, UInt32]:
     """Divide numbers below 2^32: whole part and rest.
 
     Notes
@@ -49,8 +49,8 @@ def divided(lib, number: UInt32, by: int) -> tuple[UInt32, UInt32]:
     return dr.select(more, whole + 1, whole), dr.select(more, rest - divisor, rest)
 
 
-def tiles(lib, frequencies: int, rows: int) -> tuple[UInt32, UInt32]:
-    """Give every lane a frequency and a row, tile by tile; the last tile has frequencies that do not exist."""
-    lane = dr.arange(lib.UInt32, -(-frequencies // TILE) * TILE * rows)
+def tiles(lib: ArrayTypes, frequencies: int, rows: int) -> tuple[UInt32, UInt32]:
+    """Give every lane a frequency, of a multiple of TILE, and a row, tile by tile."""
+    lane = dr.arange(lib.UInt32, frequencies * rows)
     block, row = divided(lib, lane // TILE, rows)
     return block * TILE + (lane & (TILE - 1)), row
