@@ -36,6 +36,7 @@ __all__ = ["METHODS", "Ensonification"]
 
 METHODS = ("scatterers", "rays")
 CELLS_PER_BLOCK = 1 << 19
+WORTH_ASKING = 0.2                 # share of cells that beams may make negligible from which on each is asked
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
 
 
@@ -130,8 +131,8 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach = [(path, aim, some) for path, stretches, _ in self.stretches(origin)
-                            for aim, some in self._in_beams(sources, start, rotation, stretches)]
+            within_reach = [(path, *self._in_beams(sources, start, rotation, stretches))
+                            for path, stretches, _ in self.stretches(origin)]
             total, done = max(sum(int(some[2].sum()) for *_, some in within_reach), 1), 0
             for path, aim, stretches in within_reach:
                 for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
@@ -182,11 +183,16 @@ class Ensonification:
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
     def _in_beams(self, sources, origin, rotation, stretches):
-        """Runs of cells that the beams do not make negligible, and whether they have to be asked cell by cell."""
+        """Whether cells have to be asked one by one if the beams make them negligible, and runs of those that may not.
+
+        Where few would have to be, all are taken: less work than to ask.
+        """
         if self.beams is None:
-            return [(False, stretches)]
+            return False, stretches
         found = facets_in_beams(self.scatterers, self.connector, self.beams, sources, origin, rotation, stretches)
-        return [(kind == 0, tuple(column[found == kind] for column in stretches)) for kind in (1, 0)]
+        stretches = tuple(column[found >= 0] for column in stretches)
+        doubtful = stretches[2][found[found >= 0] == 0].sum()
+        return bool(doubtful > WORTH_ASKING * stretches[2].sum()), stretches
 
     def _echoes(self, sources, origin, rotation, facet, s, path, brought=None, aim=True):
         """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought.

@@ -3,6 +3,7 @@
     transmit    delay and pattern of a transmit element, by reciprocity                      `vector_approximation`
     return      when each echo meets the source, where that is then                          `return_paths`
     sum         every echo at every element, with its own delay                              `signal.accumulation`
+                along a level line by a polynomial, an echo's own                            `line_difference`
 
 The pattern of an element is that towards where its own ray leaves or comes from. With n towards the echo at the source,
 1/R the curvature of its wavefront there and d the element's offset, that is (n - d/R) / |n - d/R|: at the transmission
@@ -10,9 +11,9 @@ on the way out, and as the turned array sees it at the echo's own reception on t
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal, TypeAlias, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -22,10 +23,12 @@ from ...device.arrays import arrays_of
 from ...device.types import Bool, Float, Float64, Triple, UInt32
 from ...echoes.element_beams import omni
 from ...echoes.record import Echoes
+from ...propagation.line_difference import Line, polynomial
 from ...propagation.return_paths import ReturnPaths
 from ...propagation.straight_vectors import dot
 from ...propagation.travel import rotated
-from ...propagation.vector_approximation import ELEMENT_FIELDS, difference_of, vector_difference, vector_element_fields
+from ...propagation.vector_approximation import (ELEMENT_FIELDS, difference_of, level_difference, vector_difference,
+                                                 vector_element_fields)
 from ...signal.accumulation import NOWHERE, ImpulseResponses
 from ...sonar.array import Array
 from ...sonar.element_patterns import element_pressure
@@ -35,8 +38,12 @@ from .ping_source import View, opaque
 
 __all__ = ["GUARD", "VectorDelays"]
 
+Difference: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
+
 GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
 SAME_PLANE = 1e-9                  # [m]
+FEWEST_ON_A_LINE = 16              # elements for which a polynomial pays,
+LINE_ERROR = 1e-11                 # [s] and the most by which it may be off
 CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
 
 
@@ -69,16 +76,10 @@ class VectorDelays(ElementDelays):
         phase, sample, fraction = self.placed(some, total)
         if without is not None:
             sample = dr.select(without, NOWHERE, sample)
-            dr.schedule(without)
         factor = self._transmitted(echoes, element, weight, way_out)
         if farther is not None:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
         # ---- each element by its own difference
-        offsets = view.offsets(receive)[rows]
-        element_fields = ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile)
-        difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
-        hit_fields = [*back.hit_fields, lib.Float(dr.rcp(back.return_time))]
-        hits, fields = len(back.hit_fields), len(element_fields)
         directional = not omni(receive)
         if directional:
             towards = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
@@ -89,6 +90,9 @@ class VectorDelays(ElementDelays):
                 seen = [lib.Float(part) - d * back.hit_fields[CURVATURE] for part, d in zip(towards, offset)]
                 factor = dr.select(dot(seen, normal) >= 0, factor, 0)
                 directional = False
+        hit_fields, element_fields, difference = self._differences(echoes, back, rows, directional)
+        hits, fields = len(hit_fields), len(element_fields)
+        hit_fields = [*hit_fields, lib.Float(dr.rcp(back.return_time))]
         if directional:
             face = opaque(lib.Float, (self.wavelength, receive.length, receive.height))
             hit_fields += [*map(lib.Float, towards), *face]
@@ -111,11 +115,29 @@ class VectorDelays(ElementDelays):
                                              baffle=receive.baffle)
 
         real, imaginary = echoes.amplitude
+        dr.schedule(without)                   # only now: what is asked of the host on the way would compute it alone
         responses.add(amplitude=(real * factor, imaginary * factor), phase=phase, sample=sample,
                       fraction=fraction, hit_fields=hit_fields, element_fields=element_fields, difference=delay,
                       gain=gain, rows=np.arange(receive.elements)[rows], sheet=some.sheet)
         left_out = 0 if without is None else int(cast(UInt32, dr.count(without))[0])
-        self.counts.count((echoes.count - left_out) * len(offsets))
+        self.counts.count((echoes.count - left_out) * len(range(receive.elements)[rows]))
+
+    def _differences(self, echoes: Echoes, back: ReturnPaths, rows: slice,
+                     directional: bool) -> tuple[list[Float], list[np.ndarray], Difference]:
+        """Fields of echoes and of elements, and the function of both that gives differences of delay.
+
+        Along a level line, where elements have no patterns that ask for more, that is a polynomial.
+        """
+        view, lib = self.source.view(echoes.back), arrays_of(mi.Float)
+        offsets = view.offsets(self.receive)[rows]
+        difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
+        if difference is level_difference and not directional and len(offsets) >= FEWEST_ON_A_LINE:
+            line, nearest = Line.through(offsets), self.source.speed * float(dr.min(echoes.back.travel_time)[0])
+            if line is not None and line.error(nearest, self.source.speed) < LINE_ERROR:
+                nodes = np.broadcast_arrays(*vector_element_fields(line.nodes, view.depth, view.profile))
+                values = [difference(back.hit_fields, opaque(lib.Float, node)) for node in np.transpose(nodes)]
+                return Line.coefficients(values), [line.place], lambda hit, at: polynomial(hit, at[0])
+        return back.hit_fields, ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile), difference
 
     def doubtful(self, echoes: Echoes) -> Bool:
         """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,), yet to be
