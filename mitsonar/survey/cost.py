@@ -18,9 +18,9 @@ from .pressure import PressureRecord
 
 __all__ = ["Cost", "cells_within_reach", "cost", "sentence"]
 
-CONNECTED = 1.8e-7                 # [s] of CPU: to connect a cell (c),
-RETURNED = 3e-7                    # to carry an echo back to the array's centre (e),
-CARRIED, SOLVED = 1.15e-8, 6e-7    # and on to an element (r): by the vector approximation, by an eigenray
+CONNECTED = 1e-7                   # [s] of CPU: to connect a cell (c),
+RETURNED = 1e-7                    # to carry an echo back to the array's centre (e),
+CARRIED, SOLVED = 3.5e-9, 6e-7     # and on to an element (r): by the vector approximation, by an eigenray
 ECHOING_SHARE = 0.6                # of the cells within reach
 PINGS_LOOKED_AT = 3
 COARSER = 2.0                      # times as long cells, to say what they would save

@@ -177,7 +177,7 @@ class PressureRecord:
     def ensonified(self, ping: int) -> EnsonifiedPing:
         """Give a ping's sources and echoes; those of the last one are kept."""
         if self._ensonified is None or self._ensonified.ping != ping:
-            self._ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed)
+            self._ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, self._ensonified)
         return self._ensonified
 
     def delays(self, source: PingSource) -> ElementDelays:
