@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from ..device.types import Float
 
-__all__ = ["Line", "polynomial"]
+__all__ = ["NODES", "Line", "polynomial"]
 
 NODES = 5
 PLACES = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -59,11 +59,19 @@ class Line:
         off = np.abs(offsets - line.middle - line.place[:, None] * line.half).max()
         return line if off < STRAIGHT_WITHIN and np.abs(line.place).max() < 1 + 1e-9 else None
 
-    def error(self, nearest: float, speed: float) -> float:
-        """Give ε [s] for echoes from `nearest` [m] on, sound of a speed [m/s]; infinite for what lies too near."""
+    def angle(self, nearest: float) -> float:
+        """Give by how much [rad] what lies beyond `nearest` [m] is seen elsewhere from the line than from its middle.
+
+        Infinite for what may lie too near.
+        """
         reach = float(np.linalg.norm(self.half))
         length = nearest - float(np.linalg.norm(self.middle)) - reach
-        return length / (2 * speed) * (reach / (2 * length)) ** NODES if length > reach else np.inf
+        return reach / length if length > reach else np.inf
+
+    def error(self, nearest: float, speed: float) -> float:
+        """Give ε [s] for echoes from `nearest` [m] on, sound of a speed [m/s]; infinite for what may lie too near."""
+        angle = self.angle(nearest)
+        return float(np.linalg.norm(self.half)) / (2 * speed * angle) * (0.5 * angle) ** NODES if angle < 1 else np.inf
 
     @staticmethod
     def coefficients(values: Sequence[Float]) -> list[Float]:

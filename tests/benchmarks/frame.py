@@ -24,7 +24,7 @@ def main(argv=None):
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--against", type=Path, help="root of another checkout")
-    parser.add_argument("--scene", default="forward_looking.xml", help="of this checkout's scenes/")
+    parser.add_argument("--scene", default="forward_looking.xml", help="of this checkout's scenes/, or a path")
     parser.add_argument("-D", dest="parameters", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
@@ -38,6 +38,7 @@ def work(arguments):
 
     scene = mitsonar.load_file(ROOT / "scenes" / arguments.scene,
                                **dict(one.split("=", 1) for one in arguments.parameters))
+    scene.sensors()[0].picture = "elements"             # not in the beam domain
     steps = {"signals": lambda: mitsonar.element_signals(scene), "picture": lambda: mitsonar.render(scene)}
     for line in sys.stdin:
         cpu, wall = time.process_time(), time.perf_counter()
