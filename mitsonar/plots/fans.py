@@ -21,8 +21,9 @@ from .gain import Tvg, display_gain
 __all__ = ["check_ping", "fan", "fan_levels", "fan_picture", "fan_view", "fan_window", "looks_down", "name_of",
            "words_of"]
 
-DARKEST_DB, BRIGHTEST_DB = 12.0, 22.0          # below and above the middle of the picture, at most
-FAINT, MIDDLE, BRIGHT = 3.0, 50.0, 99.8        # percentiles of the first colour, the middle and the last colour
+FAINT, BRIGHT = 3.0, 99.8          # percentiles of the first and the last colour
+BED, BED_DB = 75.0, 16.0           # the first is at most so far below this percentile, which the bed's echo is: beams'
+BRIGHT_BED, TARGET_DB = 90.0, 10.0             # skirts and shadows may be far darker; likewise, targets far brighter
 
 
 def fan(beams: xr.DataArray, path: FilePath, *, ping: int = 0, tvg: bool = True,
@@ -108,12 +109,13 @@ def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg 
     level, words = fan_levels(dataset, ping, tvg)
     image = view.map.levels(level)
     limits = fan_window(image)
-    heading = {"title": name_of(dataset) + f": {what}" * bool(what), "subtitle": words_of(dataset, ping)}
+    subtitle = words_of(dataset, ping)
     if what:
-        sheet = FanSheet(view, **heading, keys=keys)
+        sheet = FanSheet(view, title=f"{name_of(dataset)}: {what}", subtitle=subtitle, keys=keys)
         sheet.show(_marked(view, np.clip((image - limits[0]) / (limits[1] - limits[0]), 0, 1), marks))
     else:
-        sheet = FanSheet(view, **heading, colours=shades, limits=limits, bar=f"level{words}  [dB re 1 µPa]")
+        sheet = FanSheet(view, title=name_of(dataset), subtitle=subtitle, colours=shades, limits=limits,
+                         bar=f"level{words}  [dB re 1 µPa]")
         sheet.show(image)
     canvas.save(sheet.figure, path)
 
@@ -138,8 +140,8 @@ def fan_window(image: np.ndarray) -> tuple[float, float]:
     shown = image[np.isfinite(image)]
     if not shown.size:
         return 0.0, 1.0
-    low, middle, high = np.percentile(shown, [FAINT, MIDDLE, BRIGHT])
-    low, high = max(low, middle - DARKEST_DB), min(high, middle + BRIGHTEST_DB)
+    low, bed, bright_bed, high = np.percentile(shown, [FAINT, BED, BRIGHT_BED, BRIGHT])
+    low, high = max(low, bed - BED_DB), min(high, bright_bed + TARGET_DB)
     return float(low), float(max(high, low + 1e-3))
 
 

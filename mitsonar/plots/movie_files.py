@@ -11,7 +11,7 @@ import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast, final
+from typing import IO, cast, final
 
 import numpy as np
 from matplotlib.colors import Colormap, to_rgb
@@ -123,7 +123,7 @@ class _Pictures(MovieFile):
 class _Gif(MovieFile):
     """Pillow's own writer of animations keeps every frame in memory, so its parts are written here one by one."""
 
-    def __init__(self, file, fps: float, colours: Colormap) -> None:
+    def __init__(self, file: IO[bytes], fps: float, colours: Colormap) -> None:
         self._file, self._fps, self._count = file, fps, 0
         self._palette = Image.new("P", (1, 1))
         self._palette.putpalette(_palette(colours))
@@ -170,7 +170,7 @@ class _Mp4(MovieFile):
         running = self._running
         if running is not None:
             with contextlib.suppress(BrokenPipeError):
-                cast(contextlib.AbstractContextManager, running.stdin).__exit__(None, None, None)
+                cast(IO[bytes], running.stdin).close()
             if kind is not None:
                 running.kill()
             if running.wait() and kind is None:
@@ -186,7 +186,7 @@ class _Mp4(MovieFile):
                  "-r", f"{self._fps:.6g}", "-i", "-", "-c:v", "libx264", "-crf", QUALITY, "-pix_fmt", "yuv420p",
                  "-f", "mp4", str(self._path)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._said)
         try:
-            cast(subprocess.Popen, self._running).stdin.write(np.ascontiguousarray(even).data)
+            cast(IO[bytes], self._running.stdin).write(np.ascontiguousarray(even).data)
         except BrokenPipeError:
             raise self._failure() from None
 

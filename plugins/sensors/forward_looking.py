@@ -8,6 +8,9 @@ One face sends over the whole fan. The receivers stand `element_spacing` wavelen
 number times their spacing is the aperture. Grating lobes enter a fan where they stand more than 1 / (1 + sin(fan / 2))
 wavelengths apart. Of an acoustic lens the line is the aperture that makes its beams.
 
+A preset has the finest range resolution of its class, c / (2 bandwidth), and a frame takes time and memory by the
+resolution cells in its fan. For longer ranges give a narrower `bandwidth_khz`, as the instruments do.
+
 .. code-block:: xml
 
     <sensor type="forward_looking">

@@ -122,6 +122,19 @@ def test_few_beams_have_no_steps_in_the_picture():
     assert jumps.max() < 0.1 * np.ptp(10 ** (fan["level"].values / 10))
 
 
+def test_colours_show_the_bed_whatever_shines_or_is_dark():
+    """Neither targets 50 dB above the speckle of 20 looks nor a dark half of the picture take its contrast."""
+    bed = 10 * np.log10(np.random.default_rng(0).gamma(20, 1 / 20, (100, 100)))
+    alone = room.fan_window(bed)
+    bright, dark = bed.copy(), bed.copy()
+    bright[:3] += 50
+    dark[:, :60] -= 60
+    for picture in (bright, dark):
+        low, high = room.fan_window(picture)
+        assert high - low < 32 and low <= alone[0] + 2 and high >= alone[1] - 2
+    assert room.fan_window(np.full((3, 3), np.nan)) == (0, 1) and np.diff(room.fan_window(np.zeros((3, 3)))) > 0
+
+
 @pytest.mark.parametrize("looks", [(1, 0, 0), (0, 0, 1)])
 def test_labels_are_drawn_the_same_way_up(tmp_path, looks):
     fan = labelled_fan(looks)

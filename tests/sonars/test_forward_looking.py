@@ -1,7 +1,7 @@
 """A forward-looking sonar: targets where they are, as wide as theory says, boxes with their labels, presets, bad input.
 
 A line of Taylor shading (4, 30 dB), D long, hears a target in beams 1.125 λ / D wide [rad] about broadside (-3 dB), and
-ψ off it in 1 / cos ψ times that. A pulse swept over B has compressed main lobes 0.886 c / (2 B) long.
+ψ off it in 1 / cos ψ times that.
 """
 import numpy as np
 import pytest
@@ -35,17 +35,18 @@ def rendered(shapes, **changes):
 
 
 def half_power_width(place, level):
-    """Where a level [dB] falls by 3 dB on either side of its peak, and the peak's place: two to either side of it."""
+    """The places on either side of its peak where a level [dB] falls by 3 dB."""
     peak = int(np.argmax(level))
     rise, fall = slice(peak, None, -1), slice(peak, None)
     low, high = (np.interp(-(level[peak] - 3.01), -level[part][:8], place[part][:8]) for part in (rise, fall))
     return low, high
 
 
+@pytest.mark.parametrize("way", ["beams", "elements"])
 @pytest.mark.parametrize("steps, degrees", [("sine", 0.0), ("sine", 35.0), ("angle", -35.0)])
-def test_a_target_lies_at_its_bearing_and_range_and_is_as_wide_as_theory_says(variant, steps, degrees):
+def test_a_target_lies_at_its_bearing_and_range_and_is_as_wide_as_theory_says(variant, steps, degrees, way):
     bearing, distance = np.deg2rad(degrees), 10.37
-    image = rendered({"target": point_target(at(bearing, distance))}, beam_spacing=steps)
+    image = rendered({"target": point_target(at(bearing, distance))}, beam_spacing=steps, picture=way)
     level = image["level"].values[0]
     beam, sample = np.unravel_index(np.argmax(level), level.shape)
     cell = np.diff(image["bearing"].values)[max(beam - 1, 0)], image.attrs["bin_width"]
