@@ -1,9 +1,9 @@
 """Which bins of a record an object lights up: its share in them, and the strength of what is heard.
 
 A bin's mean echo must be no weaker than the noise and, in a shadow, no more than 10 dB weaker than the bed is at that
-range. Beams hear by their side lobes too: a piece of a highlight that is 20 dB fainter than the object's strongest is
-such an echo, elsewhere than the object is. Where a fan has no ``mean_level``, an object's mean echo is that of the
-powers of its own bins, over 3 beams by 5 ranges.
+range. Beams hear by their side lobes too, all around where no bed drowns them: a bin is such an echo if another beam of
+the same ping, or turn of a head, hears the object 15 dB louder at the same range. Where a fan has no ``mean_level``, an
+object's mean echo is that of the powers of its own bins, over 3 beams by 5 ranges.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +13,12 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from .raster import bearings
+
 __all__ = ["Highlights", "largest_beside", "pieces_of"]
 
 FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
-LOBE_DB = 20.0                     # below an object's strongest bin: a side lobe's
+LOBE_DB = 15.0                     # below an object's strongest bin at the same range: a side lobe's
 AROUND = {"beam": 3, "range": 5}   # bins that a mean is taken over
 NOTHING = 1e-20                    # power of what cannot be heard
 
@@ -36,8 +38,9 @@ class Highlights:
     speckled : bool
     floor : float array [dB]
         What a highlight's level must reach.
-    of_beams : bool
-        Side lobes are to be left out.
+    looks : tuple of slice
+        Of the pings, those whose beams hear each other's targets by their side lobes: each of a fan, turns of a head;
+        empty for others.
     """
 
     dims: tuple[str, ...]
@@ -45,7 +48,7 @@ class Highlights:
     level: np.ndarray | None
     speckled: bool
     floor: np.ndarray
-    of_beams: bool
+    looks: tuple[slice, ...]
 
     @classmethod
     def of(cls, dataset: xr.Dataset, labels: Sequence[int], threshold: float, above_noise_db: float) -> "Highlights":
@@ -59,7 +62,7 @@ class Highlights:
         return cls(dims=dims, bright=share > threshold, level=level, speckled=name == "level",
                    floor=_floor(share, labels, level, hidden,
                                 -np.inf if noise_db is None else noise_db + above_noise_db),
-                   of_beams="beam" in dims or "bearing" in dataset.coords)
+                   looks=tuple(bearings(dataset)[1]) if "beam" in dims or "bearing" in dataset.coords else ())
 
     def mask(self, label: int) -> np.ndarray:
         """Give the bins that the object of a number lights up."""
@@ -67,14 +70,19 @@ class Highlights:
         if self.level is None or not bright.any():
             return bright
         where, = ndimage.find_objects(bright.view(np.uint8))
-        level, own = self.level[where], bright[where]
+        level, lit = self.level[where], bright[where]
         if self.speckled:
-            level = _mean_among(level, own, [AROUND.get(dim, 1) for dim in self.dims])
-        lit = np.zeros_like(bright)
-        lit[where] = own & (level >= self.floor[where])
-        if self.of_beams and lit.any():
-            lit[where] = _without_lobes(lit[where], self.dims, level)
-        return lit
+            level = _mean_among(level, lit, [AROUND.get(dim, 1) for dim in self.dims])
+        lit = lit & (level >= self.floor[where])
+        for look in self.looks:
+            own = slice(*(np.clip([look.start, look.stop], where[0].start, where[0].stop) - where[0].start))
+            if own.stop > own.start:
+                beams = tuple(range(lit.ndim - 1))
+                loudest = np.where(lit[own], level[own], -np.inf).max(beams)
+                lit[own] &= level[own] >= loudest - LOBE_DB
+        found = np.zeros_like(bright)
+        found[where] = lit
+        return found
 
 
 def pieces_of(mask: np.ndarray, dims: Sequence[str]) -> tuple[np.ndarray, int]:
@@ -138,10 +146,3 @@ def _mean_among(level, mask, sizes):
     power = np.where(mask, 10 ** (0.1 * level.astype(float)), 0)
     mean, share = (ndimage.uniform_filter(values, sizes, mode="constant") for values in (power, mask.astype(float)))
     return 10 * np.log10(np.maximum(np.where(mask, mean / np.maximum(share, 1e-6), 0), NOTHING))
-
-
-def _without_lobes(mask, dims, level):
-    """Drop pieces that are much fainter than the strongest in the same picture."""
-    pieces, count = pieces_of(mask, dims)
-    strongest = np.asarray(ndimage.maximum(level, pieces, np.arange(1, count + 1)))
-    return np.r_[False, strongest >= largest_beside(strongest, pieces, dims) - LOBE_DB][pieces]
