@@ -64,6 +64,11 @@ def test_targets_have_their_size_and_are_partly_buried(name, size, height):
     assert len(faces) < 10_000
 
 
+def test_the_diver_is_whole_and_as_large_as_one():
+    vertices, faces = SCRIPT["TARGETS"]["diver"]()
+    assert np.allclose(np.ptp(vertices, axis=0), (0.65, 2.55, 0.55), rtol=0.1) and len(faces) < 2000
+
+
 @pytest.mark.parametrize("name, size", [
     ("anchor", (1.1, 2.0, 1.1)), ("boulder", (1.8, 1.5, 1.1)), ("clump", (1.0, 1.0, 0.87)),
     ("crate", (0.84, 1.2, 0.74)), ("cylinder", (0.53, 2.06, 0.58)), ("drum", (0.59, 0.88, 0.59)),
