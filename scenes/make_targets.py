@@ -169,9 +169,9 @@ def diver():
     head = moved(turned_body(np.column_stack((0.14 * np.sin(bend), 0.12 * np.cos(bend))), sides=16), by=(0, 0.5, 0.02))
     bottle = [(-0.34, 0.05), (-0.31, 0.085), (0.24, 0.085), (0.3, 0.05), (0.36, 0.025)]
     limbs = [part for side in (-1, 1) for part in (
-        tube((side * 0.2, 0.28, 0), (side * 0.27, 0.5, -0.1), (0.06, 0.05)),                       # arms, before the chest
+        tube((side * 0.2, 0.28, 0), (side * 0.27, 0.5, -0.1), (0.06, 0.05)),                # arms, before the chest
         tube((side * 0.27, 0.5, -0.1), (side * 0.12, 0.72, -0.12), (0.05, 0.035)),
-        tube((side * 0.1, -0.3, 0), (side * 0.13, -0.75, -0.06), (0.095, 0.065)),                  # legs
+        tube((side * 0.1, -0.3, 0), (side * 0.13, -0.75, -0.06), (0.095, 0.065)),           # legs
         tube((side * 0.13, -0.75, -0.06), (side * 0.15, -1.18, 0.04), (0.065, 0.045)),
         moved(box((0.2, 0.66, 0.03), (0, 0, 0)), pitch=-8 * side, turn=-4 * side, by=(side * 0.17, -1.48, 0.02)))]
     return join([trunk, head, moved(turned_body(bottle, sides=16), by=(0, -0.02, 0.25)), *limbs])

@@ -71,7 +71,8 @@ class Images:
         if cell is not None and form != "cartesian":
             raise ValueError("the side of an element is given, but images are not Cartesian; ask for these, or leave "
                              "it out.")
-        self.form, self.cell = form, cell
+        self.form: Form | None = form
+        self.cell = cell
         self.sources = tuple(sources if form is None else frames_of(sources))
         self.classes = tuple(sorted({name for source in self.sources for name in source.classes}))
         self.object_classes = tuple(sorted({name for source in self.sources for name in source.object_classes}))
@@ -103,7 +104,7 @@ class Images:
         """
         source = self.sources[number]
         record = _read(source, None if self.form is None else "polar", None)
-        return record, frames(record, source.path, self.form or "polar", self.cell)
+        return record, frames(record, source.path, "polar" if self.form is None else self.form, self.cell)
 
     def __repr__(self):
         return f"<mitsonar.dataset.Images: {len(self)} images, parameters {', '.join(self.parameters) or 'none'}>"
@@ -283,13 +284,13 @@ class Images:
         return values
 
 
-def _read(source, form, cell):
+def _read(source: Source, form: Form | None, cell: float | None) -> SonarImage:
     """Read an image: a record or one of its frames."""
     record = exr.read(source.path)
-    if form is None:
+    if form is None or source.frame is None:
         return record
-    record = record.isel(ping=bearings(record)[1][source.frame])
-    return record if form == "polar" else cartesian(record, cell)
+    frame = record.isel(ping=bearings(record)[1][source.frame])
+    return SonarImage.of(frame if form == "polar" else cartesian(frame, cell))
 
 
 def _column(values):

@@ -48,19 +48,20 @@ class TorchImages(torch.utils.data.Dataset):
 
     def __getitem__(self, number):
         # what is drawn by name, and what functions are given, are each made once and only where they are asked for
-        drawn, given = (functools.cache(lambda make=make: make(number))
-                        for make in (self.images.pictures, self.images.__getitem__))
+        drawn = functools.cache(lambda: self.images.pictures(number))
+        given = functools.cache(lambda: self.images[number])
         if callable(self.image):
             image = self.image(given())
         else:
-            image = torch.as_tensor(self._laid(*drawn(), self.image, number).astype(np.float32))
+            image = torch.as_tensor(self._laid(drawn(), self.image, number).astype(np.float32))
         if self.target is None:
             return image if self.transform is None else self.transform(image)
-        target = self.target(given()) if callable(self.target) else self._target(*drawn(), number)
+        target = self.target(given()) if callable(self.target) else self._target(drawn(), number)
         return (image, target) if self.transform is None else self.transform(image, target)
 
-    def _laid(self, dataset, frames, name, number):
+    def _laid(self, drawn, name, number):
         """A variable as (channels, rows, columns)."""
+        dataset, frames = drawn
         path = self.images.sources[number].path
         if name not in dataset.data_vars or set(dataset[name].dims) != set(dataset["level"].dims):
             raise ValueError(f"{path} has no variable {name} over {', '.join(map(str, dataset['level'].dims))}.")
@@ -70,10 +71,10 @@ class TorchImages(torch.utils.data.Dataset):
         zero = np.zeros((), values.dtype)
         return np.stack([np.where(frame.seen(), frame.lay(values), zero) for frame in frames])
 
-    def _target(self, dataset, frames, number):
+    def _target(self, drawn, number):
         if self.target == "boxes":
-            return self._boxes(dataset, frames, number)
-        values = self._laid(dataset, frames, self.target, number)
+            return self._boxes(drawn, number)
+        values, dataset = self._laid(drawn, self.target, number), drawn[0]
         if self.target == "class":
             numbers = np.zeros(1 + max(map(int, dataset.attrs["classes"]), default=0), np.int64)
             for own, name in dataset.attrs["classes"].items():
@@ -81,7 +82,8 @@ class TorchImages(torch.utils.data.Dataset):
             return torch.as_tensor(numbers[values])
         return torch.as_tensor(values.astype(np.int64 if values.dtype.kind in "iub" else np.float32))
 
-    def _boxes(self, dataset, frames, number):
+    def _boxes(self, drawn, number):
+        dataset, frames = drawn
         path = self.images.sources[number].path
         if len(frames) != 1:
             raise ValueError(f"{path} holds {len(frames)} pictures, one for each ping, and boxes are of one; open it "
