@@ -57,6 +57,9 @@ class Density:
         ΔR and Δs.
     nearest, farthest : float [m]
         Distances that matter.
+    around : bool
+        The picture is one over range and the bearing about the axis: a beam turns about it. For a, the way it turns, is
+        taken.
     """
 
     origin: np.ndarray
@@ -66,6 +69,7 @@ class Density:
     sine_cell: float
     nearest: float
     farthest: float
+    around: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +162,7 @@ class ThinnedScatterers:
         R = dr.norm(d)
         least = dr.maximum(dr.maximum(abs(dr.dot(d, normal)), R - radius), NEAREST)
         sight = d / dr.maximum(R, NEAREST)
-        seen = abs(dr.dot(normal, dr.cross(sight, _opaque(density.axis)))) + radius / least
+        seen = _covered(density, normal, sight) + radius / least
         reached = (R - radius < dr.opaque(mi.Float, density.farthest)) & (
             R + radius > dr.opaque(mi.Float, density.nearest)) & useful(sight, dr.maximum(R - radius, NEAREST))
         most = _count(density, dr.minimum(seen, 1), least, area)
@@ -188,7 +192,7 @@ class ThinnedScatterers:
         normal, area = across / dr.maximum(twice, 1e-30), 0.5 * twice / (cuts * cuts)
         d = mi.Vector3f(offset)
         R = dr.maximum(dr.norm(d), NEAREST)
-        m = _count(density, abs(dr.dot(normal, dr.cross(d / R, _opaque(density.axis)))), R, area)
+        m = _count(density, _covered(density, normal, d / R), R, area)
         return ThinnedSet(exists=mi.Float(k) + self._threshold(patch) < m, offset=offset, normal=normal,
                           area=area / dr.maximum(m, 1e-30), amplitude=gaussian(lib, third, fourth),
                           shape=reinterpreted(mi.ShapePtr, facts[0]), primitive=facts[1], registry=facts[0],
@@ -242,6 +246,15 @@ def _balls(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarr
     low = np.minimum.reduceat(centre - wide, starts).astype(float)
     high = np.maximum.reduceat(centre + wide, starts).astype(float)
     return 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+
+
+def _covered(density: Density, normal: mi.Vector3f, sight: mi.Vector3f) -> mi.Float:
+    """|n·(l × a)| of (1) along unit vectors l."""
+    axis = _opaque(density.axis)
+    if not density.around:
+        return abs(dr.dot(normal, dr.cross(sight, axis)))
+    across = axis - dr.dot(axis, sight) * sight
+    return abs(dr.dot(normal, across)) * dr.rcp(dr.maximum(dr.norm(across), 1e-6))
 
 
 def _count(density: Density, seen: mi.Float, distance: mi.Float, area: mi.Float) -> mi.Float:

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..signal.matched_filter import matched_filter
-from ..sonar.pulses import Pulse
 from ..sonar.track import Track
 from ..units import db_from_power
 from . import truth
 from .energy_record import EnergyRecord
 
-__all__ = ["NOTHING_DB", "Turns", "binned_power", "image"]
+__all__ = ["NOTHING_DB", "Turns", "image", "mean_power"]
 
 NOTHING_DB = -200.0                # level of a bin without any echo or noise
 DIMS = ("ping", "range")
@@ -47,27 +45,13 @@ class Turns:
     sector: float
 
 
-def binned_power(signals: np.ndarray, pulse: Pulse, sampling_rate: float, bins: int) -> np.ndarray:
-    """Compress signals, and average their power over bins of equally many samples.
-
-    Parameters
-    ----------
-    signals : complex (..., S) [µPa]
-    pulse : Pulse
-    sampling_rate : float [Hz]
-    bins : int
-        S is a multiple of it.
-
-    Returns
-    -------
-    (..., bins) [µPa²]
-    """
-    compressed = matched_filter(signals, pulse, sampling_rate)
+def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
+    """Average the power of compressed signals (..., S) [µPa] over `bins` bins of equally many samples: [µPa²]."""
     power = np.abs(compressed).astype(float) ** 2
     return power.reshape(*power.shape[:-1], bins, -1).mean(-1)
 
 
-def image(power: np.ndarray, record: EnergyRecord, mean_power: np.ndarray, *, turns: Turns, time: np.ndarray,
+def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turns: Turns, time: np.ndarray,
           sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, object]) -> xr.Dataset:
     """Make the dataset of a run.
@@ -78,7 +62,7 @@ def image(power: np.ndarray, record: EnergyRecord, mean_power: np.ndarray, *, tu
         Of the signals.
     record : EnergyRecord
         Of the head's pings, arrays (ping, ..., bin).
-    mean_power : (P, bins) [µPa²]
+    expected : (P, bins) [µPa²]
         What the pulse makes of the record's energies.
     turns : Turns
     time : (bins,) [s]
@@ -114,7 +98,7 @@ def image(power: np.ndarray, record: EnergyRecord, mean_power: np.ndarray, *, tu
     along = ("ping",)
     return xr.Dataset(
         {"level": entry(_level(power), "dB re 1 µPa", "echo level"),
-         "mean_level": entry(_level(mean_power), "dB re 1 µPa", "echo level without speckle and noise"),
+         "mean_level": entry(_level(expected), "dB re 1 µPa", "echo level without speckle and noise"),
          **truth.variables(record.truth, label, class_of, DIMS),
          "depth": entry(record.depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),

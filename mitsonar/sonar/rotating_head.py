@@ -106,6 +106,11 @@ class Head:
     sweep: Sweep
     turns_on: bool
 
+    @property
+    def mounted(self) -> np.ndarray:
+        """M, (3, 3): its columns are bearing 0, aside, and the axis that the head turns about; platform's frame."""
+        return MOUNTS[self.mount][0]
+
     def rotation(self, bearing: np.ndarray) -> np.ndarray:
         """Give the rotation from the head's frame to the platform's at bearings (...) [rad]: (..., 3, 3)."""
         frame, sign = MOUNTS[self.mount]

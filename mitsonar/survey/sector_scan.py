@@ -19,7 +19,7 @@ from ..imaging.energy_record import EnergyRecord, only_row
 from ..scene import objects
 from ..scene.geometry import Geometry
 from ..scene.labels import classes_of
-from ..signal.matched_filter import compression
+from ..signal.matched_filter import compression, matched_filter
 from ..sonar.array import Array
 from ..sonar.array_makers import element_array
 from ..sonar.beam_patterns import element_directivity_index_db
@@ -32,6 +32,8 @@ from .array_survey import ArraySurvey
 from .pressure import PressureRecord
 from .sensor import RunSettings, Sensor, slowest_speed
 from .signals import LEAD, received_signals
+from .step_echoes import StepEchoes
+from .step_signals import StepSignals
 from .steps import Steps
 from .voyage import Passage
 
@@ -51,6 +53,8 @@ class SectorScanSensor(Sensor, Protocol):
     head : Head
     self_noise_db : float or None [dB re 1 µPa²/Hz]
         Of the receiver.
+    picture : {"beams", "elements"} or None
+        How the picture is made; None: by beams where that can be done.
     """
 
     source_level_db: float
@@ -58,6 +62,7 @@ class SectorScanSensor(Sensor, Protocol):
     beam_widths: tuple[float, float]
     head: Head
     self_noise_db: float | None
+    picture: str | None
 
 
 def plan(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings) -> ArraySurvey:
@@ -98,18 +103,39 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     window, bins = sensor.film().window(speed)
     limits.check_beams(survey, 1, pings=survey.track.pings)
     steps = Steps(survey, window, bins)
-    signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
-    power = imaging.binned_power(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate, bins)
+    way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
+    if way == "beams":
+        power = _by_beams(survey, steps, bins, seed, progress)
+    else:
+        power = _by_elements(survey, bins, seed, progress, say)
     record = only_row(energy.record(survey, steps, seed))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         power, record, _mean_power(record, steps), turns=_turns(survey, sensor), sound_speed=speed,
         time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins, depth_below=survey.depth_below,
         labels=survey.labels, class_of=class_of,
-        attrs={"seed": int(seed), "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
+        attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
                "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
                "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
     return objects.annotated(image, classes, class_of, survey.geometry)
+
+
+def _by_beams(survey: ArraySurvey, steps: Steps, bins: int, seed: int,
+              progress: Callable[[float, float], None] | None) -> np.ndarray:
+    """Powers (P, bins) [µPa²] of echoes that the beam weighs."""
+    if survey.ensonification != "scatterers":
+        raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
+                         "out, or let picture be elements")
+    echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
+    signals = StepSignals(survey, steps.beam, steps.underway, echoes, seed)
+    return np.concatenate([imaging.mean_power(block, bins) for block in signals.blocks(progress)])
+
+
+def _by_elements(survey: ArraySurvey, bins: int, seed: int, progress: Callable[[float, float], None] | None,
+                 say: Callable[[str], None] | None) -> np.ndarray:
+    """Powers (P, bins) [µPa²] of the signals of the head as an element."""
+    signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
+    return imaging.mean_power(matched_filter(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate), bins)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -14,13 +14,15 @@ import numpy as np
 from ..device.types import Vector
 from ..imaging.sidescan import mean_intensity, pulse_shares
 from ..signal.matched_filter import compression
-from ..sonar.directivity import Aperture
+from ..sonar.directivity import Aperture, sinc
 from ..sonar.sidescan import Sidescan
 from .array_survey import ArraySurvey
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
 
 __all__ = ["StepBeam", "face_of"]
+
+FAINTEST = 1e-6
 
 
 def face_of(survey: ArraySurvey) -> Sidescan:
@@ -45,18 +47,31 @@ class StepBeam:
     ----------
     count : int
         One beam a ping.
+    reach : float [-]
+        Cosine u beyond which the envelope of the two-way intensity is fainter than 1e-6.
     """
 
     count = 1
 
     def __init__(self, face: Sidescan, bin_length: float):
         self._faces, self._shares = FaceBeams(face), pulse_shares(bin_length, face.pulse_length)
+        lengths = np.array([face.transmit.length, face.receive.length]) / face.wavelength
+        # where Π 1 / (π u L / λ)² is as faint as that
+        self.reach = float(FAINTEST ** -0.25 / (np.pi * np.sqrt(max(lengths.prod(), 1e-12))))
 
     def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[mi.Float, mi.Bool]:
         """Give the two-way intensity, and whether it is the main lobe's, of directions of the head's frame."""
         along, across = self._faces.two_way(sent.y, sent.z, back.y, back.z)
         pattern = dr.select((sent.x >= 0) & (back.x >= 0), along * across, 0)
         return mi.Float(pattern), mi.Bool(self._faces.lobe(sent.y, back.y) > BEAM_EDGE)
+
+    def pressure(self, sent: mi.Vector3f, back: mi.Vector3f) -> mi.Float:
+        """Give the two-way pressure pattern of directions of the head's frame."""
+        pressure = mi.Float(1)
+        for (length, height), direction in ((self._faces.transmit, sent), (self._faces.receive, back)):
+            lobes = sinc(direction.y * length) * sinc(direction.z * height)
+            pressure *= dr.select(direction.x >= 0, lobes, 0)
+        return pressure
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
         """Give the beam that receives echoes, which is the only one, and its two-way intensity.

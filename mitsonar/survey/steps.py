@@ -48,6 +48,12 @@ class Steps:
     window : (float, float) [s]
     count : int
         Of the bins that the window has.
+
+    Attributes
+    ----------
+    face : Sidescan
+        Of the head, as `step_beam.face_of` gives it.
+    beam : StepBeam
     """
 
     per_ping = 1
@@ -59,7 +65,7 @@ class Steps:
         self.bins = EnergyBins(start=window[0], length=length, count=count, sound_speed=face.sound_speed,
                                beam=face.solid_angle(), absorption_db=float(np.min(survey.absorption.absorption_db)))
         self.underway = Underway(survey.voyage.trajectory.during(survey.track.time, survey.time[-1]))
-        self._beam = StepBeam(face, length)
+        self.face, self.beam = face, StepBeam(face, length)
         self._launch = StepLaunch(survey, face, self.underway, window)
         first = round(FIRST_PASS * survey.rays)
         self._grids = ray_grid(max(first, 1)), ray_grid(max(survey.rays - first, 1))
@@ -85,12 +91,12 @@ class Steps:
     def response(self, place: Place, rays: StepRays, towards: Vector) -> RowResponse:
         """Give how the beam receives echoes, as the head looks when they are back."""
         back = rays.head if place.still else place.body(rays.ping, towards)
-        pattern, in_beam = self._beam.two_way(rays.head, back)
+        pattern, in_beam = self.beam.two_way(rays.head, back)
         return RowResponse(row=rays.ping, pattern=pattern, in_beam=in_beam, active=pattern > 0)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
         """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
-        return self._beam.shown(intensity)
+        return self.beam.shown(intensity)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[StepRays]]:
         """Give none: mean levels and truth tell first hits and coherent echoes alone."""
@@ -98,6 +104,6 @@ class Steps:
 
     def coherent(self, sound: SoundPaths) -> CoherentBeams | None:
         """Give the source of the echoes that have a phase of their own; None where the scene has none."""
-        source = CoherentBeams(self._survey, sound, self._beam, self.bins,
+        source = CoherentBeams(self._survey, sound, self.beam, self.bins,
                                drift=self.underway.drift(self.bins.sound_speed))
         return None if source.silent else source

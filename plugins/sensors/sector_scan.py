@@ -62,7 +62,11 @@ ATTRIBUTES = (
                  "on and on, and a sector begins anew"),
     Boolean("turns_while_listening", default=True,
             text="whether it turns on evenly while echoes come in; otherwise it stands, and turns between pings"),
-    SOUND_SPEED, *NOISE,
+    SOUND_SPEED,
+    Choice("picture", default=None, choices=("beams", "elements"), otherwise="beams where that can be done",
+           text="how the picture is made: `beams` weighs scatterers, as few as the resolution asks for, by the beam; "
+                "`elements` takes the signals of the head as an element, for a hundred times as long"),
+    *NOISE,
     Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            text="noise of the receiver by itself"),
     Integer("pings", default=400, minimum=1, maximum=MOST_PINGS, otherwise="one turn, or way across the sector",
@@ -81,6 +85,7 @@ class SectorScan(SonarSensor):
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.picture = attributes.picture
         self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
         self.pulse = _pulse(attributes, self.frequency)
         self.head = Head(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),

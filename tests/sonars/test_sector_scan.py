@@ -201,6 +201,46 @@ def test_speckle_stays_with_the_ground():
         assert abs(found) == pytest.approx(expected, abs=0.12), k
 
 
+@pytest.mark.parametrize("how, within", [({"turns_while_listening": False}, 0.02), ({}, 0.02),
+                                         ({"speed_knots": 3.0, "roll_deg": 4.0}, 0.15)])
+def test_points_are_as_those_of_elements(how, within):
+    """In dB, down to 40 below the strongest bin. Under way it is the elements' Doppler that is coarser."""
+    scenes = [sector_scan({"seabed": buried_bed(60.0), "a": point_target([1.0, 12.0, -12.0], -10.0),
+                           "b": point_target([-3.0, 9.0, -11.0], -14.0)}, **DEEP, film={"bins": 800},
+                          sensor={"sector_deg": 30.0, "step_deg": 1.5, "tilt_deg": 5.0, "picture": way, **how})
+              for way in ("beams", "elements")]
+    beams, elements = (mitsonar.render(scene)["level"].values for scene in scenes)
+    strong = elements > elements.max() - 40
+    assert strong.sum() > 10
+    assert np.abs(beams - elements)[strong].max() < within
+
+
+def test_noise_is_as_strong_as_that_of_elements():
+    """8000 bins of two samples each: 0.1 dB; and as strong as the attribute says."""
+    levels = []
+    for way in ("beams", "elements"):
+        image = mitsonar.render(sector_scan({"seabed": buried_bed(60.0)}, **DEEP, sensor={
+            "sector_deg": 30.0, "step_deg": 1.5, "noise": True, "self_noise_db": 30.0, "picture": way}))
+        levels += [10 * np.log10(np.mean(10 ** (image["level"].values / 10))), image.attrs["noise_db"]]
+    np.testing.assert_allclose(levels, levels[1], atol=0.2)
+
+
+def test_the_speckle_of_a_second_turn_is_that_of_the_first():
+    """Way and way back: the same but for the order of sums. Neighbours are alike, as their beams overlap."""
+    step, beam = 0.8, 4.0
+    image = mitsonar.render(sector_scan(
+        {"seabed": bed(16, size=44.0)}, integrator={"rays": 40_000},
+        sensor={"sector_deg": 8 * step, "step_deg": step, "beam_width_deg": beam, "pings": 18, "tilt_deg": 20.0,
+                "turns_while_listening": False}))
+    level = image["level"].values[:, image["range"].values > 8]
+    np.testing.assert_allclose(level[:8:-1], level[:9], atol=0.01)
+    intensity = 10 ** ((level[:9] - image["mean_level"].values[:9, image["range"].values > 8]) / 10)
+    assert np.mean(intensity) == pytest.approx(1, abs=0.1)
+    assert np.mean(intensity ** 2) / np.mean(intensity) ** 2 == pytest.approx(1.75, abs=0.25)      # two cells a bin
+    near, far = (np.mean([np.corrcoef(intensity[i], intensity[i + k])[0, 1] for i in range(9 - k)]) for k in (1, 5))
+    assert near > 0.8 and abs(far) < 0.3
+
+
 def test_same_bytes_whatever_the_threads_and_blocks(monkeypatch, tmp_path):
     import drjit as dr
 
@@ -224,6 +264,26 @@ def test_same_bytes_whatever_the_threads_and_blocks(monkeypatch, tmp_path):
     mitsonar.io.exr.write(first, tmp_path / "turn.exr")
     assert mitsonar.read(tmp_path / "turn.nc").identical(first)
     assert mitsonar.read(tmp_path / "turn.exr").identical(first)
+
+
+def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_blocks(monkeypatch):
+    """Blocks of pings are of one size; another one changes the order of sums, and of nothing else."""
+    import drjit as dr
+
+    def rendered():
+        return mitsonar.render(sector_scan(
+            {"seabed": bed(14, size=30.0)}, film={"range": 12.0, "bins": 200}, integrator={"rays": 4000},
+            sensor={"step_deg": 60.0, "noise": True}))["level"].values
+
+    threads, first = dr.thread_count(), rendered()
+    dr.set_thread_count(threads + 1)
+    try:
+        np.testing.assert_array_equal(rendered(), first)
+    finally:
+        dr.set_thread_count(threads)
+    monkeypatch.setattr("mitsonar.survey.step_signals.ROWS", 4)
+    monkeypatch.setattr("mitsonar.survey.step_pairs.AT_ONCE", 1)
+    np.testing.assert_allclose(rendered(), first, atol=1e-3)
 
 
 @pytest.mark.parametrize("mount, place", [("forward", [3.0, 0.0, -20.0]), ("forward", [0.0, 0.0, -23.0]),

@@ -1,0 +1,123 @@
+"""What a rotating head hears, ping by ping: every echo with the beam of its transmission and of its own reception.
+
+    y_p(t) = Σ_j a_j b_t(n_j) b_r(n'_jp) e^{-i2πf τ_jp} δ(t - τ_jp)  ─→  pulse, receiver, matched filter, noise
+
+a_j -> the echoes around the head (`step_echoes`), n_j the direction they were sent in, n'_jp and τ_jp direction and
+time of their reception, as the head has moved and turned by then (`underway`). Pings are rows of a grid over time
+(`signal.beam_grid.RowSignals`); their Doppler factors are those of the beam's axis, and what an echo's own differs
+from it is a delay and a turn.
+
+A platform that stands still has the same echoes at every ping: they are made once, and pings take those about their own
+bearings (`step_pairs`).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.chance import ping_key
+from ..signal.beam_grid import NoiseDensity, RowSignals
+from ..sonar.rotating_head import HeadTrajectory
+from ..sonar.track import rotation_matrix
+from ..units import amplitude_from_db, power_from_db
+from .array_survey import ArraySurvey
+from .step_beam import StepBeam
+from .step_echoes import HeadEchoes, StepEchoes
+from .step_pairs import Pairs, SortedEchoes
+from .step_receiver import StepReceiver
+from .underway import Underway
+
+__all__ = ["StepSignals"]
+
+ROWS = 256                         # pings that are formed together
+STILL = 1e-9                       # [m], [-]: nothing moves
+
+
+class StepSignals:
+    """Make the compressed signals of a survey's pings.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+        Of one transmit and one receive element at the head; its record must lead by a pulse.
+    beam : StepBeam
+    underway : Underway
+    echoes : StepEchoes
+    seed : int
+    """
+
+    def __init__(self, survey: ArraySurvey, beam: StepBeam, underway: Underway, echoes: StepEchoes, seed: int):
+        trajectory = survey.voyage.trajectory
+        if not isinstance(trajectory, HeadTrajectory):
+            raise ValueError("signals of steps are those of a rotating head; its own plan makes its survey")
+        self._survey, self._beam, self._underway, self._echoes, self._seed = survey, beam, underway, echoes, int(seed)
+        attitude = trajectory.platform.pose(survey.track.time)[1]
+        # bearing 0, aside, and the axis that the head turns about: columns
+        self._frame = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ trajectory.head.mounted
+        self._position, self._looks = survey.track.position, survey.track.rotation()
+        self._fixed = all(float(np.ptp(part, axis=0).max()) < STILL for part in (self._position, self._frame))
+        self._signals = RowSignals(
+            mi.Float, pulse=survey.pulse, sampling_rate=survey.sampling_rate, samples=survey.samples,
+            lead=survey.lead, start=survey.start, sound_speed=survey.sound_speed(0),
+            absorption_db=survey.absorption_db)
+        self._around: SortedEchoes | None = None
+
+    def blocks(self, progress: Callable[[float, float], None] | None = None) -> Iterator[np.ndarray]:
+        """Yield the signals of all pings in blocks: complex64 (pings, samples) [µPa]."""
+        total = self._survey.track.pings
+        for first in range(0, total, ROWS):
+            ping = np.arange(first, min(first + ROWS, total))
+            yield self._block(ping)
+            if progress is not None:
+                progress(int(ping[-1]) + 1, total)
+
+    def _block(self, ping: np.ndarray) -> np.ndarray:
+        survey, grid = self._survey, self._signals.grid(len(ping))
+        receiver = StepReceiver(survey, self._beam, self._underway, ping)
+        for pairs in self._pairs(ping):
+            receiver.add(grid, pairs)
+        keys = np.array([ping_key(self._seed, int(one)) for one in ping], np.uint32)
+        signals = self._signals.form(grid, doppler=receiver.doppler, noise=_noise(survey), keys=keys)
+        return signals * np.float32(amplitude_from_db(survey.source_level_db))
+
+    def _pairs(self, ping: np.ndarray) -> Iterator[Pairs]:
+        """Yield the echoes that pings of a block hear."""
+        if self._fixed:
+            if self._around is None:
+                self._around = SortedEchoes(self._frame[0], list(self._heard_at(int(ping[0]), everywhere=True)),
+                                            self._beam.reach)
+            yield from self._around.heard(self._looks[ping, :, 0])
+        for row, number in enumerate(ping.tolist()):
+            if not self._fixed:
+                for echoes in self._heard_at(number, everywhere=False):
+                    yield Pairs.all_of(echoes, row)
+            below = float(self._survey.depth_below[number])
+            for echoes in self._echoes.by_chance(self._position[number], self._looks[number], below,
+                                                 ping_key(self._seed, number)):
+                yield Pairs.all_of(echoes, row)
+
+    def _heard_at(self, ping: int, *, everywhere: bool) -> Iterator[HeadEchoes]:
+        """Yield the echoes around the place of a ping: of scatterers, in its beam or everywhere, and coherent ones."""
+        forward = [dr.opaque(mi.Float, float(part)) for part in self._looks[ping, :, 1]]
+        reach = dr.opaque(mi.Float, self._beam.reach)
+
+        def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
+            return mi.Bool(True) if everywhere else abs(dr.dot(direction, mi.Vector3f(*forward))) < reach
+
+        scatterers = self._echoes.of_scatterers(self._position[ping], self._frame[ping, :, 2], useful)
+        if scatterers is not None:
+            yield scatterers
+        yield from self._echoes.coherent(self._position[ping])
+
+
+def _noise(survey: ArraySurvey) -> NoiseDensity | None:
+    """The receiver's noise, for a source level of 0 dB."""
+    noise, source = survey.noise, power_from_db(survey.source_level_db)
+    if noise is None:
+        return None
+    ambient, own = (0.0 if level is None else float(power_from_db(level) / source)
+                    for level in (noise.ambient_db, noise.self_noise_db))
+    return NoiseDensity(ambient=ambient, own=own)
