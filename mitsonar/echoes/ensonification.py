@@ -26,7 +26,7 @@ from ..tracing.water import DeviceWater
 from .element_beams import ElementBeams
 from .facets_in_beams import NEGLIGIBLE, facets_in_beams
 from .record import Echoes, Leg
-from .scatterers import Scatterers
+from .scatterers import Cells, Scatterers
 from .sights import Sights
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
@@ -166,6 +166,14 @@ class Ensonification:
             yield label, echoes
         for echoes in self.ghosts.overhead(sources, start):
             yield dr.full(mi.UInt32, self.sights.geometry.surface_label, echoes.count), echoes
+
+    def mirrored_echoes(self, origin: np.ndarray, cells: Cells) -> Iterator[Echoes]:
+        """Yield the echoes of scatterers by way of a flat surface that mirrors: there, back, or both."""
+        if not self.sights.mirror or self.ghosts.max_depth == 1:
+            return
+        sources, start = self._source(origin)
+        way = self.connector.connect(sources, start, mi.UInt32(0), cells.point, cells.normal, coarse=True)
+        yield from self.ghosts.of_cells(sources, start, way, cells, cells.area)
 
     def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
                       key: int) -> Iterator[Echoes]:

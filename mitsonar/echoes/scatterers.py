@@ -75,6 +75,7 @@ class Scatterers:
     centre : (F, 3) [m]
     radius : (F,) [m]
         Of a ball about the centre that holds the facet.
+    longest_side : (F,) [m]
     cuts : (F,) uint32
         n: facet f has n² cells.
     at_surface : (F,) bool
@@ -104,7 +105,7 @@ class Scatterers:
             vertices = np.concatenate([vertices, _four_wide(grid.vertices, np.float32)])
         corner = vertices[faces[:, :3], :3].astype(float)                                        # (F, 3, 3)
         side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(1)
-        self.cuts = divisions(side, cell_size)
+        self.longest_side, self.cuts = side, divisions(side, cell_size)
         if self.cuts.max(initial=1) > MOST_CUTS:
             raise ValueError(f"cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
                              "rows; take larger cells or a mesh of smaller facets")

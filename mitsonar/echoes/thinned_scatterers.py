@@ -23,13 +23,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, reinterpreted, upload
+from ..device.arrays import arrays_of, compressed, reinterpreted, upload
 from ..device.chance import Salt, gaussian, hashed, hashed_pair, uniform, uniform_inside
-from ..scene.geometry import Geometry
-from .cells import place
+from .cells import divisions, place
 from .scatterers import Scatterers
 
-__all__ = ["Density", "ThinnedScatterers", "ThinnedSet", "patch_size"]
+__all__ = ["Density", "ThinnedScatterers", "ThinnedSet"]
 
 EDGE_ON = 0.25                     # of the density that a surface seen edge-on keeps
 NEAREST = 0.3                      # [m] nearer, the density no longer grows
@@ -105,6 +104,15 @@ class ThinnedSet:
     label: mi.UInt32
     uv: mi.Point2f
 
+    def where_existing(self) -> ThinnedSet:
+        """Give those that exist, computed."""
+        dr.eval(*vars(self).values())
+        index = compressed(self.exists)
+        amplitude = tuple(dr.gather(mi.Float, part, index) for part in self.amplitude)
+        some = {name: dr.gather(type(value), value, index) for name, value in vars(self).items()
+                if name not in ("amplitude",)}
+        return ThinnedSet(amplitude=(amplitude[0], amplitude[1]), **some)
+
 
 class ThinnedScatterers:
     """The patches of a scene, and the scatterers that a ping needs of them.
@@ -112,31 +120,40 @@ class ThinnedScatterers:
     Parameters
     ----------
     facets : Scatterers
-        Their cells are the patches; see `patch_size`.
+        How they are cut into cells does not matter.
+    farthest : float [m]
+        Reach of the sonar.
+    places : (P, 3) [m]
+        Where it will be, scene coordinates: facets out of its reach from all of them have no patches.
     """
 
-    def __init__(self, facets: Scatterers):
+    def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray):
         self.lib, self._facets = arrays_of(mi.Float), facets
-        cuts = np.where(facets.scattering, facets.cuts, 0).astype(np.int64)
-        count = cuts ** 2
+        cuts = _cuts(facets, farthest, places)
+        count = cuts.astype(np.int64) ** 2
         self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
         self._part = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
         corner = facets.corners(self._facet).astype(np.float32)                                  # (P, 3, 3)
-        u, v = _middles(self._part, facets.cuts[self._facet])
+        u, v = _middles(self._part, cuts[self._facet])
         edges = corner[:, 1:] - corner[:, :1]
         centre = corner[:, 0] + u[:, None] * edges[:, 0] + v[:, None] * edges[:, 1]
         cross = np.cross(edges[:, 0], edges[:, 1])
         twice = np.linalg.norm(cross, axis=1)
-        n = facets.cuts[self._facet].astype(np.float32)
+        n = cuts[self._facet].astype(np.float32)
         radius = facets.radius[self._facet].astype(np.float32) / n
         table = np.zeros((len(centre), 8), np.float32)
         table[:, :3], table[:, 3] = centre, 0.5 * twice / n ** 2
         table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
         self._table = upload(mi.Float, table)
         self._facet_of, self._part_of = upload(mi.UInt32, self._facet), upload(mi.UInt32, self._part)
-        self._labels = upload(mi.UInt32, facets.label)
-        dr.eval(self._table, self._facet_of, self._part_of, self._labels)
+        self._labels, self._cuts = upload(mi.UInt32, facets.label), upload(mi.UInt32, cuts)
+        dr.eval(self._table, self._facet_of, self._part_of, self._labels, self._cuts)
         self._blocks = _balls(centre, radius)
+
+    @property
+    def patches(self) -> int:
+        """How many."""
+        return len(self._facet)
 
     def candidates(self, density: Density,
                    useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> tuple[mi.UInt32, mi.UInt32]:
@@ -180,7 +197,8 @@ class ThinnedScatterers:
         """Give scatterers by patch and number."""
         lib, facets = self.lib, self._facets
         facet, part = dr.gather(mi.UInt32, self._facet_of, patch), dr.gather(mi.UInt32, self._part_of, patch)
-        a, b, c, n = facets.device_corners(facet)
+        a, b, c, _ = facets.device_corners(facet)
+        n = dr.gather(mi.UInt32, self._cuts, facet)
         facts = facets.facts(facet)
         first, second = hashed_pair(lib, facts[2], facts[1], part, mi.UInt32(Salt.THINNED_PLACE))
         u, v = place(lib, part, n, uniform_inside(lib, first + k * STEP_U), uniform_inside(lib, second + k * STEP_V))
@@ -219,11 +237,18 @@ class ThinnedScatterers:
         return uniform(self.lib, hashed(self.lib, facts[2], facts[1], part, mi.UInt32(Salt.THINNED_COUNT)))
 
 
-def patch_size(geometry: Geometry, farthest: float) -> float:
-    """Give the longest side of a patch [m]: a share of the reach, but not so small that there are too many."""
-    (x0, y0), (x1, y1) = geometry.horizontal_bounds
-    ground = max(x1 - x0, 1.0) * max(y1 - y0, 1.0)
-    return max(farthest * SHARE, np.sqrt(2 * ground / MOST_PATCHES))
+def _cuts(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarray:
+    """Into how many rows of patches each facet is cut, uint32 (F,); 0 where it has none.
+
+    Patches are a share of the reach long at most, or longer where there would be too many.
+    """
+    low, high = places.min(0), places.max(0)
+    away = np.linalg.norm(np.clip(facets.centre, low, high) - facets.centre, axis=1) - facets.radius
+    wanted = facets.scattering & (away < farthest)
+    side = facets.longest_side
+    area = float(np.sum(side[wanted] ** 2))
+    longest = max(farthest * SHARE, np.sqrt(area / MOST_PATCHES))
+    return np.where(wanted, divisions(side, longest), 0).astype(np.uint32)
 
 
 def _middles(part: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

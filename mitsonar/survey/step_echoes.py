@@ -22,7 +22,7 @@ from ..echoes.eigenray_table import EigenrayTable, TableLegs
 from ..echoes.record import Echoes
 from ..echoes.scatterers import Scatterers
 from ..echoes.sonar_equation import GRAZING, along_legs
-from ..echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet, patch_size
+from ..echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
 from ..scene.labels import SEABED
 from ..scene.materials import scattering_strength
 from ..sonar.sidescan import Sidescan
@@ -78,10 +78,11 @@ class StepEchoes:
 
     def __init__(self, survey: ArraySurvey, face: Sidescan, *, per_cell: float):
         geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
-        facets = Scatterers(geometry, patch_size(geometry, reach))
+        facets = Scatterers(geometry, np.inf)
         self._survey, self._lib, self._per_cell = survey, arrays_of(mi.Float), float(per_cell)
         self.ensonification = ensonification_of(survey, facets)
-        self._scatterers, self._farthest = ThinnedScatterers(facets), self.ensonification.farthest
+        self._scatterers, self._farthest = ThinnedScatterers(
+            facets, farthest=reach, places=survey.track.position), self.ensonification.farthest
         self._horizon = BedHorizon(geometry, self._farthest)
         self._objects = ObjectShadows(geometry, survey.water, self._farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())

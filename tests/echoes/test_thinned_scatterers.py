@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsonar.echoes.scatterers import Scatterers
-from mitsonar.echoes.thinned_scatterers import Density, ThinnedScatterers, patch_size
+from mitsonar.echoes.thinned_scatterers import Density, ThinnedScatterers
 from mitsonar.scene.geometry import Geometry
 from mitsonar.validation import scenes
 
@@ -27,7 +27,7 @@ def density(x=0.0, per_cell=4.0):
 @pytest.fixture(scope="module", params=BEDS)
 def scatterers(request):
     geometry = Geometry(scenes.array_sonar({"seabed": BEDS[request.param]()}))
-    return ThinnedScatterers(Scatterers(geometry, patch_size(geometry, REACH)))
+    return ThinnedScatterers(Scatterers(geometry, np.inf), farthest=REACH, places=np.array([[0.0, 0.0, -10.0]]))
 
 
 def existing(scatterers, density):
@@ -80,3 +80,10 @@ def test_fewer_a_cell_are_a_part_of_more(scatterers):
 def test_too_many_are_refused(scatterers):
     with pytest.raises(ValueError, match="is the most; take fewer"):
         scatterers.candidates(density(per_cell=1e6), lambda direction, distance: mi.Bool(True))
+
+
+def test_what_is_never_in_reach_has_no_patches():
+    """A surface kilometres wide over a sonar of 20 m: few of its facets are cut, and none of them into millions."""
+    geometry = Geometry(scenes.array_sonar({"seabed": scenes.bed(15.0, size=80.0), "sea": {"type": "sea_surface"}}))
+    some = ThinnedScatterers(Scatterers(geometry, np.inf), farthest=20.0, places=np.array([[0.0, 0.0, -10.0]]))
+    assert 1000 < some.patches < 4_000_000

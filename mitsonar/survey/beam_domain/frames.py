@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 
 import mitsuba as mi
 import numpy as np
@@ -107,7 +108,7 @@ class Frames:
         targets = list(self.echoes.of_targets(ping))
         for target in targets:
             _add(grid, target.echoes)
-        for some in self.echoes.by_chance(ping, seed):
+        for some in chain(self.echoes.mirrored(ping), self.echoes.by_chance(ping, seed)):
             _add(grid, some)
         beams = self._beams.form(grid, doppler=self.echoes.doppler(ping), noise=self._noise, key=ping_key(seed, ping))
         beams = self._referred(beams) * np.float32(amplitude_from_db(survey.source_level_db))

@@ -23,9 +23,9 @@ from ...device.lookups import held
 from ...echoes.eigenray_table import EigenrayTable, TableLegs
 from ...echoes.element_beams import ElementBeams
 from ...echoes.record import Echoes
-from ...echoes.scatterers import Scatterers
+from ...echoes.scatterers import Cells, Scatterers
 from ...echoes.sonar_equation import GRAZING, along_legs
-from ...echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet, patch_size
+from ...echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
 from ...scene.labels import SEABED
 from ...scene.materials import scattering_strength
 from ...signal.beam_grid.residual_doppler import residual_doppler
@@ -42,6 +42,7 @@ from .record import FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT, GridEchoes, TargetEch
 __all__ = ["PingEchoes"]
 
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is not looked at
+GHOSTS_TOGETHER = 1 << 19          # scatterers that are looked at by way of the surface at a time
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
 SINK = 0.15                        # sine below the horizon that the rows' factors are made for
 
@@ -62,9 +63,10 @@ class PingEchoes:
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
         geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
-        facets = Scatterers(geometry, patch_size(geometry, reach))
+        facets = Scatterers(geometry, np.inf)
         self.ensonification = ensonification_of(survey, facets)
-        self._connector, self._scatterers = self.ensonification.connector, ThinnedScatterers(facets)
+        self._connector, self._scatterers = self.ensonification.connector, ThinnedScatterers(
+            facets, farthest=reach, places=survey.track.position)
         self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest
         self._horizon = BedHorizon(geometry, self.farthest)
         self._objects = ObjectShadows(geometry, survey.water, self.farthest)
@@ -89,18 +91,9 @@ class PingEchoes:
 
     def of_scatterers(self, ping: int) -> GridEchoes | None:
         """Give the echoes of a ping's scatterers; None where there is none."""
-        survey, reception, rows = self.survey, self.reception(ping), _RowDoppler(self.doppler(ping))
-        origin, rotation = survey.track.position[ping], reception.rotation
-        density = Density(origin=origin, axis=rotation @ self.line.axis, per_cell=self.per_cell,
-                          range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth),
-                          sine_cell=survey.wavelength / self.line.length, nearest=self.nearest, farthest=self.farthest)
-
-        def useful(direction, distance):
-            if self._beams is None:
-                return mi.Bool(True)
-            return self._beams.bound(direction, distance, rotation) > NEGLIGIBLE
-
-        patch, k = self._scatterers.candidates(density, useful)
+        reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
+        origin, rotation, density = self.survey.track.position[ping], reception.rotation, self._density(ping, reception)
+        patch, k = self._candidates(density, reception)
         if not dr.width(patch):
             return None
         table = self._table_of(-float(origin[2]))
@@ -115,6 +108,22 @@ class PingEchoes:
         state = self._state(scatterers, legs, table, origin, lit & (energy > 0))
         return self._on_grid(arrival, rows, energy, scatterers.amplitude, factor, state=state, label=scatterers.label,
                             launch=legs.launch_direction, offset=scatterers.offset, origin=origin)
+
+    def _density(self, ping: int, reception: Reception) -> Density:
+        """How densely a ping needs scatterers."""
+        survey = self.survey
+        return Density(origin=survey.track.position[ping], axis=reception.rotation @ self.line.axis,
+                       per_cell=self.per_cell, range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth),
+                       sine_cell=survey.wavelength / self.line.length, nearest=self.nearest, farthest=self.farthest)
+
+    def _candidates(self, density: Density, reception: Reception) -> tuple[mi.UInt32, mi.UInt32]:
+        """Scatterers that may exist, but for those that the beams make negligible."""
+        def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
+            if self._beams is None:
+                return mi.Bool(True)
+            return self._beams.bound(direction, distance, reception.rotation) > NEGLIGIBLE
+
+        return self._scatterers.candidates(density, useful)
 
     def _energy(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, lit: mi.Bool) -> mi.Float:
         """What comes back to the body's origin, without patterns."""
@@ -179,6 +188,26 @@ class PingEchoes:
         for label, echoes in self.ensonification.coherent_echoes(origin):
             placed = self._of_echoes(echoes, reception, rows, origin)
             yield TargetEchoes(echoes=placed, label=np.broadcast_to(label.numpy(), dr.width(placed.sine)))
+
+    def mirrored(self, ping: int) -> Iterator[GridEchoes]:
+        """Yield the echoes of scatterers by way of a flat surface that mirrors."""
+        sights = self.ensonification.sights
+        if not sights.mirror or sights.max_depth == 1:
+            return
+        reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
+        origin, density = self.survey.track.position[ping], self._density(ping, reception)
+        patch, k = self._candidates(density, reception)
+        start = self.lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
+        for first in range(0, dr.width(patch), GHOSTS_TOGETHER):
+            index = dr.arange(mi.UInt32, min(GHOSTS_TOGETHER, dr.width(patch) - first)) + first
+            some = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, k, index), density)
+            some = some.where_existing()
+            if not dr.width(some.area):
+                continue
+            cells = Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
+                          shape=some.shape, primitive=some.primitive, uv=some.uv)
+            for echoes in self.ensonification.mirrored_echoes(origin, cells):
+                yield self._of_echoes(echoes, reception, rows, origin)
 
     def by_chance(self, ping: int, seed: int) -> Iterator[GridEchoes]:
         """Yield the echoes of more bounces and of the water."""
