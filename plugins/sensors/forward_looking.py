@@ -8,8 +8,10 @@ One face sends over the whole fan. The receivers stand `element_spacing` wavelen
 number times their spacing is the aperture. Grating lobes enter a fan where they stand more than 1 / (1 + sin(fan / 2))
 wavelengths apart. Of an acoustic lens the line is the aperture that makes its beams.
 
-A preset has the finest range resolution of its class, c / (2 bandwidth), and a frame takes time and memory by the
-resolution cells in its fan. For longer ranges give a narrower `bandwidth_khz`, as the instruments do.
+A preset has the finest range resolution of its class, c / (2 bandwidth), or of a cw pulse c `pulse_ms` / 2. Where the
+film's window is longer than 2000 of these, the preset's pulse is as much longer, and its band narrower, as makes it
+2000: so instruments change over to longer pulses for longer ranges. A `pulse_ms` or `bandwidth_khz` that is written
+stays.
 
 .. code-block:: xml
 
@@ -38,6 +40,7 @@ from .pulse_attributes import PULSE, read_pulse
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 NARROWEST_DEG = 0.1
+MOST_CELLS = 2000                  # of the range resolution, in the film's window
 PRESETS = presets("forward_looking")
 PRESET = FromTable(table=PRESETS, by="preset")
 OF_ELEMENTS = ("receive_failed", "receive_jitter", "receive_jitter_seed")
@@ -84,15 +87,24 @@ class ForwardLooking(SonarSensor):
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
-        self.pulse = read_pulse(attributes, self.frequency)
         self.beams, self.fan_width, self.beam_steps = attributes.beams, attributes.fan_deg, attributes.beam_spacing
         self.tilt, self.picture = attributes.tilt_deg, attributes.picture
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
+        self.pulse = read_pulse(attributes, self.frequency, _longer(attributes, self.nominal_sound_speed))
         wavelength = self.nominal_sound_speed / self.frequency
         self.transmit, self.receive = _transmitter(attributes, wavelength), _receivers(attributes, wavelength)
 
     def to_string(self) -> str:
         return f"ForwardLooking[{self.frequency / 1000:g} kHz, {self.beams} beams of {self.receive.elements} elements]"
+
+
+def _longer(attributes: Attributes, sound_speed: float) -> float:
+    """How many times longer than the preset's the pulse is, for the film's window."""
+    if attributes.given("pulse_ms", "bandwidth_khz"):
+        return 1.0
+    length = attributes.pulse_ms if attributes.pulse == "cw" else 1 / attributes.bandwidth_khz           # [ms]
+    window = attributes.film.range - attributes.film.range_min
+    return max(1.0, window / (MOST_CELLS * 0.5 * sound_speed * length / 1000))
 
 
 def _looks(attributes: Attributes) -> list[float]:

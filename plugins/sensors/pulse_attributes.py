@@ -17,7 +17,7 @@ PULSE = (
 )
 
 
-def read_pulse(attributes: Attributes, frequency: float) -> Pulse:
+def read_pulse(attributes: Attributes, frequency: float, longer: float = 1.0) -> Pulse:
     """Make the pulse that attributes describe.
 
     Parameters
@@ -26,15 +26,17 @@ def read_pulse(attributes: Attributes, frequency: float) -> Pulse:
         Of the sensor, with those of `PULSE`.
     frequency : float [Hz]
         Of the carrier.
+    longer : float [-]
+        How many times longer than the attributes say the pulse is, and narrower its band, 1 or more.
 
     Raises
     ------
     ValueError
         If attributes contradict each other, or there is no such pulse.
     """
-    arguments = {"frequency": frequency, "duration": attributes.pulse_ms / 1000}
+    arguments = {"frequency": frequency, "duration": longer * attributes.pulse_ms / 1000}
     if attributes.pulse != "cw":
-        arguments["bandwidth"] = float(hertz_from_khz(attributes.bandwidth_khz))
+        arguments["bandwidth"] = float(hertz_from_khz(attributes.bandwidth_khz)) / longer
     elif attributes.given("bandwidth_khz"):
         raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or make "
                                "the pulse lfm or hfm.")

@@ -171,6 +171,24 @@ def test_ranges_of_such_instruments_are_planned(variant, farthest):
     assert end == pytest.approx(farthest, abs=2 * 0.5 * SPEED / survey.sampling_rate)
 
 
+@pytest.mark.parametrize("name, farthest", [("multibeam_750khz", 100.0), ("lens_1800khz", 60.0)])
+def test_a_preset_has_longer_pulses_for_long_ranges(variant, name, farthest):
+    """2000 resolution cells: c / 2B of a sweep, c T / 2 of a cw pulse; what is written stays."""
+    def pulse(**written):
+        return forward_looking(SILENT, sensor={"preset": name, **written}, film={"range": farthest}).sensors()[0].pulse
+
+    usual, length = presets("forward_looking")[name], 2 * farthest / SPEED / 2000
+    found, ms = pulse(), usual["pulse_ms"] / 1000
+    if usual["pulse"] == "cw":
+        assert found.duration == pytest.approx(length) and found.duration > 2 * ms
+    else:
+        assert found.bandwidth == pytest.approx(1 / length)
+        assert found.duration * found.bandwidth == pytest.approx(ms * 1000 * usual["bandwidth_khz"])
+    assert pulse(pulse_ms=usual["pulse_ms"]).duration == ms
+    near = forward_looking(SILENT, sensor={"preset": name}, film={"range": 4.0}).sensors()[0].pulse
+    assert near.duration == pytest.approx(ms)
+
+
 def test_rows_share_the_height_and_elements_fail(variant):
     sensor = forward_looking(SILENT, sensor={**SMALL, "receive_rows": 3, "receive_vertical_beam_width_deg": 20.0,
                                              "receive_failed": "0, 5", "receive_jitter": 1e-4}).sensors()[0]
