@@ -2,7 +2,7 @@
 
 Records are read one after another and frames drawn one after another, so memory does not grow with their number.
 """
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -11,7 +11,7 @@ from ..io.files import FilePath
 from ..io.reading import read
 from . import canvas
 from .fan_sheet import FanSheet, FanView
-from .fans import fan_levels, fan_view, fan_window, name_of, words_of
+from .fans import fan_heard, fan_levels, fan_view, fan_window, name_of, words_of
 from .gain import Tvg
 from .movie_files import movie_file
 
@@ -65,13 +65,15 @@ def video(records: xr.Dataset | FilePath | Sequence[xr.Dataset | FilePath], path
     shades = canvas.colours_of(colours)
     first = _opened(given[0])
     view = fan_view(first)
-    words = fan_levels(first, 0, tvg)[1]
+    heard = fan_heard(first, _spread(first.sizes["ping"], SAMPLED), tvg)
+    words = fan_levels(first, 0, tvg, heard)[1]
     with movie_file(path, _fps(first) if fps is None else fps, shades) as movie:
-        sheet = FanSheet(view, title=name_of(first), colours=shades, limits=limits or _limits(given, view, tvg),
+        sheet = FanSheet(view, title=name_of(first), colours=shades, limits=limits or _limits(given, view, tvg, heard),
                          bar=f"level{words}  [dB re 1 µPa]")
         for number, record in enumerate(given):
             dataset = first if number == 0 else _alike(_opened(record), view)
-            for image, ping in _frames(dataset, range(dataset.sizes["ping"]), view, tvg):
+            for ping in range(dataset.sizes["ping"]):
+                image = view.map.levels(fan_levels(dataset, ping, tvg, heard)[0])
                 movie.add(sheet.pixels(image, words_of(dataset, ping)))
             if progress is not None:
                 progress(number + 1, len(given))
@@ -95,20 +97,19 @@ def _alike(dataset: xr.Dataset, view: FanView) -> xr.Dataset:
     return dataset
 
 
-def _frames(dataset: xr.Dataset, pings: Sequence[int], view: FanView, tvg: Tvg) -> Iterator[tuple[np.ndarray, int]]:
-    for ping in pings:
-        yield view.map.levels(fan_levels(dataset, ping, tvg)[0]), ping
-
-
-def _limits(records: Sequence[xr.Dataset | FilePath], view: FanView, tvg: Tvg) -> tuple[float, float]:
+def _limits(records: Sequence[xr.Dataset | FilePath], view: FanView, tvg: Tvg, heard: int) -> tuple[float, float]:
     """The window of frames that are spread over all records."""
-    chosen = np.unique(np.linspace(0, len(records) - 1, SAMPLED).round().astype(int))
-    images = []
+    chosen, images = _spread(len(records), SAMPLED), []
     for record in chosen:
         dataset = _alike(_opened(records[record]), view)
-        pings = np.unique(np.linspace(0, dataset.sizes["ping"] - 1, -(-SAMPLED // len(chosen))).round().astype(int))
-        images += [image for image, _ in _frames(dataset, pings.tolist(), view, tvg)]
+        images += [view.map.levels(fan_levels(dataset, ping, tvg, heard)[0])
+                   for ping in _spread(dataset.sizes["ping"], -(-SAMPLED // len(chosen)))]
     return fan_window(np.stack(images))
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """Numbers below ``count`` that are spread evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int)).tolist()
 
 
 def _fps(dataset: xr.Dataset) -> float:

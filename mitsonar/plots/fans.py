@@ -16,10 +16,10 @@ from ..io.files import FilePath, check_writable
 from ..units import khz_from_hertz
 from . import canvas
 from .fan_sheet import WAYS, FanSheet, FanView, view_of
-from .gain import Tvg, display_gain
+from .gain import Tvg, display_gain, heard_to
 
-__all__ = ["check_ping", "fan", "fan_levels", "fan_picture", "fan_view", "fan_window", "looks_down", "name_of",
-           "words_of"]
+__all__ = ["check_ping", "fan", "fan_heard", "fan_levels", "fan_picture", "fan_view", "fan_window", "looks_down",
+           "name_of", "words_of"]
 
 FAINT, BRIGHT = 3.0, 99.8          # percentiles of the first and the last colour
 BED, BED_DB = 75.0, 16.0           # the first is at most so far below this percentile, which the bed's echo is: beams'
@@ -128,11 +128,35 @@ def fan_view(dataset: xr.Dataset) -> FanView:
                    _way(direction[-1] - direction[0], facing))
 
 
-def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """Give the levels (beam, range) [dB] of a ping with their gain for display, and the gain's formula."""
+def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = None) -> tuple[np.ndarray, str]:
+    """Give the levels (beam, range) [dB] of a ping with their gain for display, and the gain's formula.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    ping : int
+    tvg : {'seabed', 'target', None}
+    heard : int, optional
+        The bin from which the gain is held, as `fan_heard` gives it; by default that of this ping.
+    """
+    level, gain, words = _gained(dataset, ping, tvg)
+    heard = heard_to(level, gain) if heard is None else heard
+    if heard < gain.size and words:
+        gain = np.where(np.arange(gain.size) < heard, gain, gain[heard])
+        words += f" to {float(dataset['range'][heard]):.2g} m"
+    return level + gain, words
+
+
+def fan_heard(dataset: xr.Dataset, pings: Iterable[int], tvg: Tvg) -> int:
+    """Give the bin from which the gain of all pings is held: where noise hides the bed in the last of these."""
+    return max(heard_to(*_gained(dataset, ping, tvg)[:2]) for ping in pings)
+
+
+def _gained(dataset, ping, tvg):
+    """Levels (beam, range) of a ping, their gain (range,) [dB] and its formula."""
     one = dataset.isel(ping=[ping])
     gain, words = display_gain(one, tvg)
-    return one["level"].transpose("ping", "beam", "range").values[0] + gain, words
+    return one["level"].transpose("ping", "beam", "range").values[0], gain[0], words
 
 
 def fan_window(image: np.ndarray) -> tuple[float, float]:

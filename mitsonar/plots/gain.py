@@ -4,14 +4,18 @@
     seabed   30 log R + 2 a R - 20 log sin(grazing)   the ensonified area grows with R; Lambert's law falls with sin²
 
 R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, the bed taken as level, where the
-altitude is known. The pattern of the beam is not divided out.
+altitude is known. The pattern of the beam is not divided out. Of a fan the gain is held from where noise hides the bed,
+as instruments hold it (`heard_to`).
 """
 from typing import Literal
 
 import numpy as np
 import xarray as xr
+from scipy import ndimage
 
 Tvg = Literal["seabed", "target"] | None      # which gain a picture has
+STRETCH = 0.05  # of a record: over which levels are smoothed where noise is looked for
+NEAR_NOISE_DB = 3.0
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
 
 
@@ -49,6 +53,29 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
     altitude = np.asarray(dataset["altitude"].values, float).reshape(-1, 1)
     sine = np.clip(np.where(np.isfinite(altitude), altitude, np.inf) / slant_range, LOWEST_SINE, 1)
     return gain - 20 * np.log10(sine), " + 30 log R + 2αR − 20 log sin θ"
+
+
+def heard_to(level: np.ndarray, gain: np.ndarray) -> int:
+    """Find where noise hides the bed: where levels no longer fall although the gain of an even bed goes on rising.
+
+    Parameters
+    ----------
+    level : array (B, N) [dB]
+        Without gain.
+    gain : array (N,) [dB]
+
+    Returns
+    -------
+    int
+        The first of the bins, in which medians over the beams have come down to within 3 dB of those of the last bins
+        for good; N where the bed is heard to the end, or never.
+    """
+    bins = level.shape[-1]
+    stretch = max(round(STRETCH * bins), 1)
+    middle = ndimage.uniform_filter1d(np.median(level, axis=0), stretch, mode="nearest")
+    above = np.flatnonzero(middle > np.median(middle[-stretch:]) + NEAR_NOISE_DB)
+    first = int(above[-1]) + 1 if above.size else bins
+    return first if first < bins and gain[-1] - gain[first] > 2 * NEAR_NOISE_DB else bins
 
 
 def display_window(values: np.ndarray) -> tuple[float, float]:

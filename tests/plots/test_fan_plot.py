@@ -135,6 +135,22 @@ def test_colours_show_the_bed_whatever_shines_or_is_dark():
     assert room.fan_window(np.full((3, 3), np.nan)) == (0, 1) and np.diff(room.fan_window(np.zeros((3, 3)))) > 0
 
 
+@pytest.mark.parametrize("noise_db, heard", [(-200.0, None), (-40.0, 14.0), (10.0, None)])
+def test_the_gain_is_held_from_where_noise_hides_the_bed(noise_db, heard):
+    """An even bed falls with 30 log R + 0.4 R, to noise of -40 dB at 14 m. Without bed or noise the gain rises on."""
+    fan = speckled(60, 600).assign_attrs(absorption_db=0.2)
+    bed = fan["level"] - 30 * np.log10(fan["range"]) - 0.4 * fan["range"]
+    fan = fan.assign(level=10 * np.log10(10 ** (bed / 10) + 10 ** (noise_db / 10)))
+    level, words = room.fan_levels(fan, 0, "seabed")
+    gain = (level - fan["level"].values[0])[0]
+    if heard is None:
+        assert words == " + 30 log R + 2αR" and gain[-1] > gain[-2]
+    else:
+        held = fan["range"].values[np.flatnonzero(np.diff(gain) == 0)[0]]
+        assert held == pytest.approx(heard, rel=0.25) and words.endswith(f"2αR to {held:.2g} m")
+    assert room.fan_levels(fan, 0, None)[1] == ""
+
+
 @pytest.mark.parametrize("looks", [(1, 0, 0), (0, 0, 1)])
 def test_labels_are_drawn_the_same_way_up(tmp_path, looks):
     fan = labelled_fan(looks)
