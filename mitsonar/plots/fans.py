@@ -123,9 +123,12 @@ def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg 
 def fan_view(dataset: xr.Dataset) -> FanView:
     """Lay the fan of a dataset (ping, beam, range) out over the sheet; all pings have the same."""
     direction = _directions(dataset)
-    facing = _way(direction.mean(0))
-    return view_of(dataset["beam"].values, dataset["range"].values, facing,
-                   _way(direction[-1] - direction[0], facing))
+    if "turn" in dataset.coords:                             # a head's steps may go all around
+        facing, right = "up" if np.any(direction[:, 2]) else "forward", "starboard"
+    else:
+        facing = _way(direction.mean(0))
+        right = _way(direction[-1] - direction[0], facing)
+    return view_of(dataset["beam"].values, dataset["range"].values, facing, right)
 
 
 def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = None) -> tuple[np.ndarray, str]:
@@ -176,12 +179,13 @@ def name_of(dataset: xr.Dataset) -> str:
 
 def words_of(dataset: xr.Dataset, ping: int) -> str:
     """Say which ping of what sonar it is."""
-    parts = [f"ping {int(dataset['ping'][ping])}"]
+    turns = "turn" in dataset.coords
+    parts = [f"turn {int(dataset['turn'][ping])}" if turns else f"ping {int(dataset['ping'][ping])}"]
     if "ping_time" in dataset.coords:
         parts.append(f"{float(dataset['ping_time'][ping]):.2f} s")
     if "frequency" in dataset.attrs:
         parts.append(f"{khz_from_hertz(float(dataset.attrs['frequency'])):g} kHz")
-    return ", ".join([*parts, f"{dataset.sizes['beam']} beams"])
+    return ", ".join([*parts, f"{dataset.sizes['beam']} {'steps' if turns else 'beams'}"])
 
 
 def looks_down(dataset: xr.Dataset) -> bool:

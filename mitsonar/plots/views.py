@@ -20,6 +20,7 @@ from .gain import Tvg
 from .grid import make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import NOTHING_DB, shown_levels
+from .scans import is_scan, turn_of
 from .titles import subtitle, title
 from .truth import TRUTH
 
@@ -56,16 +57,16 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
     ----------
     dataset : xarray.Dataset
     what : str
-        ``waterfall``, of an array the fan of one ping; ``ping``: the levels of one ping; ``mean``: levels against
-        range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``, ``share``, ``hidden``,
-        ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with objects and their shadows
-        outlined.
+        ``waterfall``, of an array the fan of one ping, of a rotating head a turn; ``ping``: the levels of one ping;
+        ``mean``: levels against range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``,
+        ``share``, ``hidden``, ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with
+        objects and their shadows outlined.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', None}
         Gain of the waterfall, and under ``objects``.
     ping : int, optional
-        For ``ping``, the middle one by default; for a fan, the first.
+        For ``ping``, the middle one by default; for a fan, the first; of a rotating head, whose turn is drawn.
     colours : str
         Of the waterfall, or the fan: ``copper`` or ``grey``.
 
@@ -83,6 +84,8 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
     shades = canvas.colours_of(colours)
     canvas.file_format(path)
     check_writable(path)
+    if what in FANS and is_scan(dataset):
+        dataset, ping = turn_of(dataset, ping or 0), 0
     if "beam" in dataset.dims:
         if what not in FANS:
             raise ValueError(f"the plot {what!r} is of a sidescan; of an array's beams there are waterfall, their fan, "

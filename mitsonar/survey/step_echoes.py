@@ -162,9 +162,9 @@ class StepEchoes:
             return mi.Bool(False)
         launch = legs.launch_direction
         on_bed = dr.gather(mi.UInt32, self._kinds, scatterers.label) == SEABED
-        upwards = scatterers.normal * dr.copysign(mi.Float(1), scatterers.normal.z)
+        turned_away = dr.dot(scatterers.normal, legs.arrival_direction) * scatterers.normal.z > 0
         hidden = horizon.hidden(mi.Vector2f(launch.x, launch.y), legs.horizontal_range, launch.z, on_bed)
-        return active & (hidden | (on_bed & (dr.dot(upwards, legs.arrival_direction) > 0)))
+        return active & (hidden | (on_bed & turned_away))
 
     def _behind_objects(self, scatterers: ThinnedSet, legs: TableLegs, origin: np.ndarray, active: mi.Bool) -> mi.Bool:
         """Which scatterers objects hide."""
@@ -172,10 +172,11 @@ class StepEchoes:
             return mi.Bool(False)
         launch = legs.launch_direction
         behind = self._objects.sectors(origin).behind(mi.Vector2f(launch.x, launch.y), legs.horizontal_range)
-        start = mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in origin))
+        here = [dr.opaque(mi.Float, float(v)) for v in origin]
+        point = mi.Point3f(*(v + mi.Float(part) for v, part in zip(here, scatterers.offset)))
         return self._objects.hidden(
-            self._objects.sources(-float(origin[2])), start, launch, legs.arrival_direction,
-            start + mi.Vector3f(scatterers.offset), scatterers.normal, legs.horizontal_range, active & behind)
+            self._objects.sources(-float(origin[2])), mi.Point3f(*here), launch, legs.arrival_direction, point,
+            scatterers.normal, legs.horizontal_range, active & behind)
 
 
 def _still(echoes: Echoes) -> HeadEchoes:
