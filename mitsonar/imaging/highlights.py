@@ -15,12 +15,39 @@ from scipy import ndimage
 
 from .raster import bearings
 
-__all__ = ["Highlights", "largest_beside", "pieces_of"]
+__all__ = ["Highlights", "Patch", "largest_beside", "pieces_of"]
 
 FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
 LOBE_DB = 15.0                     # below an object's strongest bin at the same range: a side lobe's
 AROUND = {"beam": 3, "range": 5}   # bins that a mean is taken over
 NOTHING = 1e-20                    # power of what cannot be heard
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A mask, and where it lies in a record.
+
+    Attributes
+    ----------
+    where : tuple of slice
+    mask : bool array
+    """
+
+    where: tuple[slice, ...]
+    mask: np.ndarray
+
+    @classmethod
+    def of(cls, mask: np.ndarray) -> "Patch":
+        """Cut out what a mask over a whole record holds."""
+        found = ndimage.find_objects(np.ascontiguousarray(mask).view(np.uint8))
+        where = found[0] if found else (slice(0, 0),) * mask.ndim
+        return cls(where=where, mask=mask[where])
+
+    def within(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Give it as a mask over a whole record."""
+        whole = np.zeros(shape, bool)
+        whole[self.where] = self.mask
+        return whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +58,10 @@ class Highlights:
     ----------
     dims : tuple of str
         Of ``level``, and of all that follows.
-    bright : bool array (shape, ...)
-        Where each shape's share exceeds the threshold.
+    share : float array (shape, ...)
+        Of each shape.
+    threshold : float
+        That it must exceed.
     level : float array or None [dB]
         Mean echo of the bins; or with ``speckled`` one that varies. None: unknown.
     speckled : bool
@@ -44,7 +73,8 @@ class Highlights:
     """
 
     dims: tuple[str, ...]
-    bright: np.ndarray
+    share: np.ndarray
+    threshold: float
     level: np.ndarray | None
     speckled: bool
     floor: np.ndarray
@@ -59,18 +89,18 @@ class Highlights:
         level = None if name is None else dataset[name].transpose(*dims).values
         hidden = dataset["hidden"].transpose(*dims).values if "hidden" in dataset else None
         noise_db = dataset.attrs.get("noise_db")
-        return cls(dims=dims, bright=share > threshold, level=level, speckled=name == "level",
+        return cls(dims=dims, share=share, threshold=threshold, level=level, speckled=name == "level",
                    floor=_floor(share, labels, level, hidden,
                                 -np.inf if noise_db is None else noise_db + above_noise_db),
                    looks=tuple(bearings(dataset)[1]) if "beam" in dims or "bearing" in dataset.coords else ())
 
-    def mask(self, label: int) -> np.ndarray:
+    def patch(self, label: int) -> Patch:
         """Give the bins that the object of a number lights up."""
-        bright = self.bright[label - 1]
-        if self.level is None or not bright.any():
+        bright = Patch.of(self.share[label - 1] > self.threshold)
+        if self.level is None or not bright.mask.size:
             return bright
-        where, = ndimage.find_objects(bright.view(np.uint8))
-        level, lit = self.level[where], bright[where]
+        where, lit = bright.where, bright.mask
+        level = self.level[where]
         if self.speckled:
             level = _mean_among(level, lit, [AROUND.get(dim, 1) for dim in self.dims])
         lit = lit & (level >= self.floor[where])
@@ -80,9 +110,7 @@ class Highlights:
                 beams = tuple(range(lit.ndim - 1))
                 loudest = np.where(lit[own], level[own], -np.inf).max(beams)
                 lit[own] &= level[own] >= loudest - LOBE_DB
-        found = np.zeros_like(bright)
-        found[where] = lit
-        return found
+        return Patch(where=where, mask=lit)
 
 
 def pieces_of(mask: np.ndarray, dims: Sequence[str]) -> tuple[np.ndarray, int]:

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from .highlights import Highlights, largest_beside, pieces_of
+from .highlights import Highlights, Patch, largest_beside, pieces_of
 
 __all__ = ["ObjectBins", "check_labelled", "object_bins"]
 
@@ -95,25 +95,27 @@ def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: 
     hidden_by = dataset["object_shadow"].transpose(*dims).values
     if "shadow" in dataset:
         hidden_by = _without_gaps(hidden_by, dataset["shadow"].transpose(*dims).values > 0)
-    taken = np.zeros(hidden_by.shape, bool)
-    for label, _ in objects:
-        taken |= highlights.mask(label)
+    shape, taken = hidden_by.shape, np.zeros(hidden_by.shape, bool)
+    lit = {label: highlights.patch(label) for label, _ in objects}
+    for patch in lit.values():
+        taken[patch.where] |= patch.mask
+    hidden_by = np.where(taken, 0, hidden_by)
+    dark = dict(enumerate(ndimage.find_objects(hidden_by.astype(np.int32)), 1))
     for label, class_name in objects:
+        where = dark.get(label)
+        shadow = np.zeros(shape, bool) if where is None else _without_specks(
+            Patch(where=where, mask=hidden_by[where] == label), dims, smallest).within(shape)
         yield ObjectBins(label=label, name=str(dataset["shape"].values[label - 1]), class_name=class_name,
-                         highlight=_without_specks(highlights.mask(label), dims, smallest),
-                         shadow=_without_specks((hidden_by == label) & ~taken, dims, smallest))
+                         highlight=_without_specks(lit[label], dims, smallest).within(shape), shadow=shadow)
 
 
-def _without_specks(mask, dims, smallest):
-    if smallest < 2 or not mask.any():
-        return mask
-    kept = np.zeros_like(mask)
-    where, = ndimage.find_objects(mask.view(np.uint8))
-    pieces, count = pieces_of(mask[where], dims)
+def _without_specks(patch, dims, smallest):
+    if smallest < 2 or not patch.mask.any():
+        return patch
+    pieces, count = pieces_of(patch.mask, dims)
     sizes = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
     least = np.maximum(smallest, SPECK_SHARE * largest_beside(sizes, pieces, dims))
-    kept[where] = np.r_[False, sizes >= least][pieces]
-    return kept
+    return Patch(where=patch.where, mask=np.r_[False, sizes >= least][pieces])
 
 
 def _without_gaps(label, dark):
