@@ -24,6 +24,8 @@ RUNS = {
                        "2,000 rays"),
     "scattering": (["scattering.py", *SMALL, "--rays", "4000", "--hits", "4096", "--pings", "1", "--rounds", "1"],
                    "law alone, two directions"),
+    "fans": (["fans.py", "-Drange=10", "-Delements=16", "--beams", "20", "--rounds", "1", "--memory", "2"],
+             "echoes and shadows"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
     "survey": (["ping.py", *SMALL, "--rays", "4000", "--survey", "4"], "peak [MB]"),

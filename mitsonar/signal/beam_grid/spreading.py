@@ -5,11 +5,8 @@
 a -> ``real``, ``imaginary``; u -> ``row``, t -> ``column``; k_u, k_t Kaiser-Bessel bells (`signal.bells`). Rows may be
 whole numbers instead: then an echo lies in one row.
 
-Echoes are put in order of the stripe of STRIPE rows that they begin in, by a stable sort of these small numbers. A
-stripe belongs to one work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two
-blocks a thread; idle blocks make sure that it has. As an echo reaches into the next stripe too, even stripes come
-first, then odd ones. So no two threads add to the same row, no atomic operation is needed, and the order of additions,
-hence every bit of the result, depends on the echoes alone. On a GPU the sums are atomic, and their last bits vary.
+Echoes are added stripe by stripe of rows (`stripes`). As an echo reaches into the next stripe too, even stripes come
+first, then odd ones. On a GPU the sums are atomic, and their last bits vary.
 
 Four taps along a row lie in two packets of four complex numbers, each aligned, which are added in one go.
 """
@@ -22,19 +19,16 @@ from typing import Any, cast
 import drjit as dr
 import numpy as np
 
-from ...device.arrays import arrays_of, looped, upload
+from ...device.arrays import arrays_of
 from ...device.lookups import held
 from ...device.types import Array4f, Bool, DrJitArray, Float, UInt32
 from ..bells import Bell
 from ..taps import tap_weights
 from .absorption import AbsorptionTerms
+from .stripes import STRIPE, add_by_stripes, ordered
 
 __all__ = ["GridSums", "PACKET"]
 
-STRIPE = 8                         # rows: 11 of 4000 columns stay in a core's cache
-LANES = 1 << 14                    # of a work block: Dr.Jit's largest
-ROUNDS = 16                        # echoes of a lane at least: fewer do not pay for its start
-NEIGHBOURS = 64                    # lanes that read neighbouring echoes, a multiple of every vector's width
 PACKET = 4                         # complex numbers that are added at once
 MOST_NUMBERS = 1 << 32             # in an array of Dr.Jit
 
@@ -117,43 +111,19 @@ class GridSums:
         """Put echoes in order of their stripes: packed fields (4 H,), and where each stripe begins (stripes + 2,)."""
         lib = self.lib
         stripe = lib.UInt32(held(fields[0], 0, self.ends["rows"] - 1)) // STRIPE
-        stripe = dr.select(inside, stripe, self.whole["nowhere"])
-        buckets = 1 << self.stripes.bit_length()
-        counts = dr.zeros(lib.UInt32, buckets)
-        dr.scatter_add(counts, lib.UInt32(1), stripe)
-        dr.eval(stripe, counts, fields)
-        order = cast(Any, dr.detail.block_mkperm)(stripe, count, buckets)
+        dr.eval(fields)
+        order, starts = ordered(dr.select(inside, stripe, self.whole["nowhere"]), self.stripes)
         packed = dr.empty(lib.Float, 4 * count)
         dr.scatter(packed, lib.Array4f(*(dr.gather(lib.Float, field, order) for field in fields)),
                    dr.arange(lib.UInt32, count))
         dr.eval(packed)
-        return packed, np.concatenate([[0], np.cumsum(counts.numpy(), dtype=np.uint32)]).astype(np.uint32)
+        return packed, starts
 
     def _add_stripes(self, packed: Float, starts: np.ndarray, mine: np.ndarray) -> None:
         """Add the echoes of stripes of which no two share a row."""
-        lib, used = self.lib, len(mine)
-        if not used:
-            return
-        U = lib.UInt32
-        first, last = upload(U, starts[mine]), upload(U, starts[mine + 1])
-        groups, count = max(used, 2 * dr.thread_count() + 1), dr.opaque(U, used)
-        lane = dr.arange(U, groups * LANES)
-        group = lane // LANES
-        lane -= group * LANES
-        begin = dr.gather(U, first, group, group < count)
-        end = dr.gather(U, last, group, group < count)
-        # a bundle of lanes takes a stretch of echoes, lane by lane
-        stretch = NEIGHBOURS * dr.maximum((end - begin + (LANES - 1)) // LANES, ROUNDS)
-        bundle = lane // NEIGHBOURS
-        begin += bundle * stretch
-        end = dr.minimum(begin + stretch, end)
-        step = dr.opaque(U, NEIGHBOURS)
-
-        def turn(echo: UInt32) -> tuple[UInt32]:
-            self._spread(dr.gather(lib.Array4f, packed, echo), lib.Bool(True))
-            return echo + step,
-
-        looped((begin + lane - bundle * NEIGHBOURS,), lambda echo: echo < end, turn, "echoes")
+        lib = self.lib
+        add_by_stripes(lib, starts, mine, lambda echo: self._spread(
+            cast(Sequence[Any], dr.gather(lib.Array4f, packed, echo)), lib.Bool(True)))
         dr.eval(self.sums)
 
     # -- one echo ------------------------------------------------------------------------------------------------

@@ -101,10 +101,10 @@ class Frames:
         """
         survey, grid = self.survey, self._beams.grid()
         scatterers = self.echoes.of_scatterers(ping)
-        hidden = np.zeros(0, np.uint32), np.zeros(0, np.uint32)
+        hidden = mi.UInt32(), mi.UInt32()
         if scatterers is not None:
             _add(grid, scatterers)
-            hidden = tuple(column.numpy() for column in self.echoes.hiding(ping, scatterers))
+            hidden = self.echoes.hiding(ping, scatterers)
         targets = list(self.echoes.of_targets(ping))
         for target in targets:
             _add(grid, target.echoes)

@@ -1,0 +1,87 @@
+"""Echoes in stripes of rows, each of which one thread adds up: sums without atomic operations, the same in every bit.
+
+Echoes are put in order of their stripe by a stable sort of these small numbers (`ordered`). A stripe belongs to one
+work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two blocks a thread; idle
+blocks make sure that it has (`add_by_stripes`). So no two threads add to the same row, and the order of additions, hence every
+bit of the result, depends on the echoes alone.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import drjit as dr
+import numpy as np
+
+from ...device.arrays import arrays_of, looped, upload
+from ...device.types import ArrayTypes, UInt32
+
+__all__ = ["STRIPE", "add_by_stripes", "ordered"]
+
+STRIPE = 8                         # rows: 11 of 4000 columns stay in a core's cache
+LANES = 1 << 14                    # of a work block: Dr.Jit's largest
+ROUNDS = 16                        # echoes of a lane at least: fewer do not pay for its start
+NEIGHBOURS = 64                    # lanes that read neighbouring echoes, a multiple of every vector's width
+
+
+def ordered(stripe: UInt32, stripes: int) -> tuple[UInt32, np.ndarray]:
+    """Sort echoes by their stripes.
+
+    Parameters
+    ----------
+    stripe : UInt32 (H,)
+        Number of each echo's stripe; `stripes` of one that counts for nothing.
+    stripes : int
+
+    Returns
+    -------
+    order : UInt32 (H,)
+        Numbers of the echoes, those of a stripe in their own order.
+    starts : (S,) uint32
+        Where each stripe begins, one after the last included.
+    """
+    lib, count = arrays_of(stripe), dr.width(stripe)
+    buckets = 1 << stripes.bit_length()
+    counts = dr.zeros(lib.UInt32, buckets)
+    dr.scatter_add(counts, lib.UInt32(1), stripe)
+    dr.eval(stripe, counts)
+    order = cast(Any, dr.detail.block_mkperm)(stripe, count, buckets)
+    return order, np.concatenate([[0], np.cumsum(counts.numpy(), dtype=np.uint32)]).astype(np.uint32)
+
+
+def add_by_stripes(lib: ArrayTypes, starts: np.ndarray, mine: np.ndarray, add: Callable[[UInt32], None]) -> None:
+    """Add the echoes of some stripes in one launch.
+
+    Parameters
+    ----------
+    lib : Dr.Jit namespace
+    starts : (S,) uint32
+        As `ordered` gives them.
+    mine : (M,) int
+        Numbers of the stripes; no two of them may reach the same row.
+    add : callable(place)
+        Adds the echoes at these places of the order, UInt32 (R,). What it adds to must be evaluated afterwards.
+    """
+    used = len(mine)
+    if not used:
+        return
+    U = lib.UInt32
+    first, last = upload(U, starts[mine]), upload(U, starts[mine + 1])
+    groups, count = max(used, 2 * dr.thread_count() + 1), dr.opaque(U, used)
+    lane = dr.arange(U, groups * LANES)
+    group = lane // LANES
+    lane -= group * LANES
+    begin = dr.gather(U, first, group, group < count)
+    end = dr.gather(U, last, group, group < count)
+    # a bundle of lanes takes a stretch of echoes, lane by lane
+    stretch = NEIGHBOURS * dr.maximum((end - begin + (LANES - 1)) // LANES, ROUNDS)
+    bundle = lane // NEIGHBOURS
+    begin += bundle * stretch
+    end = dr.minimum(begin + stretch, end)
+    step = dr.opaque(U, NEIGHBOURS)
+
+    def turn(place: UInt32) -> tuple[UInt32]:
+        add(place)
+        return place + step,
+
+    looped((begin + lane - bundle * NEIGHBOURS,), lambda place: place < end, turn, "echoes")
