@@ -20,7 +20,7 @@ from PIL import GifImagePlugin, Image
 from ..io.files import FilePath, check_writable, replacing
 from . import canvas
 
-__all__ = ["KINDS", "MovieFile", "movie_file"]
+__all__ = ["KINDS", "MovieFile", "check_movie", "movie_file"]
 
 KINDS = (".gif", ".mp4")           # and a folder, whose name has no suffix
 SHADES = 224                       # of a GIF's 256 colours: those of the picture; the rest are the frame's
@@ -57,19 +57,14 @@ def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[MovieF
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    kind = os.path.splitext(os.path.normpath(path))[1].lower()
-    if kind not in ("", *KINDS):
-        raise ValueError(f"cannot write the video {path}: its name must end in {' or '.join(KINDS)}, or be that of a "
-                         "folder for PNG files, without a suffix.")
+    kind = check_movie(path)
     if kind == "":
         with _folder(path) as folder:
             yield _Pictures(folder)
         return
-    check_writable(path)
     if kind == ".gif" and fps > FASTEST_GIF:
         raise ValueError(f"{fps:g} frames a second are more than the {FASTEST_GIF} that viewers of GIF files show; "
                          "give fewer, or write an MP4.")
-    program = _ffmpeg(path) if kind == ".mp4" else ""
     with replacing(path) as temporary:
         if kind == ".gif":
             with open(temporary, "wb") as file:
@@ -77,18 +72,44 @@ def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[MovieF
                 yield gif
                 gif.end()
             return
-        with _Mp4(program, temporary, fps) as movie:
+        with _Mp4(_ffmpeg(path), temporary, fps) as movie:
             yield movie
+
+
+def check_movie(path: FilePath) -> str:
+    """Check that frames can be written to a path, before any work is spent on them.
+
+    Returns
+    -------
+    str
+        One of `KINDS`, or empty for a folder.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError, PermissionError
+        As `movie_file`.
+    """
+    target = Path(os.path.abspath(path))
+    kind = target.suffix.lower()
+    if kind not in ("", *KINDS):
+        raise ValueError(f"cannot write the video {path}: its name must end in {' or '.join(KINDS)}, or be that of a "
+                         "folder for PNG files, without a suffix.")
+    if kind == "":
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            what = "a folder with files" if target.is_dir() else "a file"
+            raise ValueError(f"cannot write frames to {path}: it is {what}; give another name.")
+        check_writable(target.parent / "frame.png")
+        return kind
+    check_writable(path)
+    if kind == ".mp4":
+        _ffmpeg(path)
+    return kind
 
 
 @contextlib.contextmanager
 def _folder(path: FilePath) -> Iterator[Path]:
     """A folder that takes its name once it is complete."""
     target = Path(os.path.abspath(path))
-    if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        what = "a folder with files" if target.is_dir() else "a file"
-        raise ValueError(f"cannot write frames to {path}: it is {what}; give another name.")
-    check_writable(target.parent / "frame.png")
     temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     try:
         yield temporary

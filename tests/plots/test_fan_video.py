@@ -129,6 +129,22 @@ def test_records_may_be_files(tmp_path):
     assert len(frames_of(tmp_path / "frames")) == 4
 
 
+def test_records_may_be_made_while_the_video_is(tmp_path):
+    """A generator is taken record by record: after the first twelve, each is drawn before the next one is made."""
+    folder, made = tmp_path / "frames", []
+
+    def records():
+        for number in range(15):
+            made.append(len(list(tmp_path.rglob("frame_*.png"))))
+            yield record(1, louder=0.1 * number).assign_coords(ping=[number], ping_time=("ping", [0.1 * number]))
+
+    plots.video(records(), folder)
+    assert len(frames_of(folder)) == 15 and made == [0] * 12 + [12, 13, 14]
+    plots.video(list(records()), tmp_path / "a.gif")
+    with Image.open(tmp_path / "a.gif") as gif:
+        assert gif.n_frames == 15 and gif.info["duration"] == 100                # the records' own pace
+
+
 def test_pings_faster_than_a_video_or_without_times_have_a_usual_pace(tmp_path):
     for number, (dataset, milliseconds) in enumerate([(record(apart=0.001), 30), (record(apart=20.0), 1000),
                                                       (record().drop_vars("ping_time"), 100)]):
@@ -138,7 +154,7 @@ def test_pings_faster_than_a_video_or_without_times_have_a_usual_pace(tmp_path):
 
 
 @pytest.mark.parametrize("records, name, options, sentence", [
-    ([], "a.gif", {}, "no record to make a video of"),
+    ([], "a.gif", {}, "no record to make a video of"), (iter([]), "a.gif", {}, "no record to make a video of"),
     ([record(1), record(1, beams=20)], "a.gif", {}, "20 beams to 21.5 m follows one with 21"),
     ([record(1, beams=1)], "a.gif", {}, "two or more beams"), ([record(1).isel(beam=0)], "a.gif", {}, "two or more"),
     ([record(1)], "a.avi", {}, "must end in .gif or .mp4, or be that of a folder"),
@@ -146,10 +162,11 @@ def test_pings_faster_than_a_video_or_without_times_have_a_usual_pace(tmp_path):
     ([record(1)], "a.gif", {"fps": 0}, "above 0 and at most 1000"),
     ([record(1)], "a.gif", {"colours": "green"}, "no colours 'green'"),
     ([record(1)], "a.gif", {"tvg": "most"}, "display gain is 'most'"),
+    ([record(1)], "none/a.gif", {}, "folder"),
     ([record(1)], "full", {}, "it is a folder with files"), ([record(1)], "full/b", {}, "it is a file")])
 def test_what_makes_no_video_is_refused_and_leaves_nothing(tmp_path, records, name, options, sentence):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "b").write_text("b")
-    with pytest.raises(ValueError, match=sentence):
+    with pytest.raises((ValueError, FileNotFoundError), match=sentence):
         plots.video(records, tmp_path / name, **options)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["b", "full"]
