@@ -73,6 +73,8 @@ class Targets(mi.Mesh):
         Plain JSON of each target by name: ``species``, ``position`` [m] (middle of the footprint, at the mean height of
         the bed), ``radius`` [m] of the bounding circle, ``heading_deg``, ``tilt_deg``, ``tilt_heading_deg``, ``scale``,
         ``burial``.
+    bears, bed : mitsuba.Shape, mitsonar.seabed.Bed
+        The seabed that they lie on, and its heights.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -91,7 +93,10 @@ class Targets(mi.Mesh):
                                    f"({', '.join(body.name for body in bodies)}); give one each.")
         identity = props.id() or "targets"
         stream = attributes.seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
-        bed = _bed(attributes, bed_shape)
+        # others that are kept clear of have looked its triangles through already
+        bed = next((shape.bed for shape in shapes if getattr(shape, "bears", None) is bed_shape),
+                   None) or _bed(attributes, bed_shape)
+        self.bears, self.bed = bed_shape, bed
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
         low, high = attributes.count
         count, faces = draw_count(low, high, stream), max(len(body.faces) for body in bodies)

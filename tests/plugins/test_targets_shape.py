@@ -125,6 +125,20 @@ def test_two_shapes_of_one_seed_are_not_alike(variant):
     assert not any(one["position"] == other["position"] for one, other in zip(a, b))
 
 
+def test_shapes_that_keep_clear_of_others_share_their_bed(variant):
+    import mitsuba as mi
+
+    def targets(on, *others):
+        return {"type": "targets", "meshes": FOLDER, "count": 2, "bed": {"type": "ref", "id": on},
+                **{f"clear{number}": {"type": "ref", "id": other} for number, other in enumerate(others)}}
+
+    scene = mi.load_dict({"type": "scene", "seabed": bed(), "other": bed(depth=30.0), "a": targets("seabed"),
+                          "b": targets("seabed", "a"), "c": targets("other", "a")}, parallel=False, optimize=False)
+    shapes = {shape.id(): shape for shape in scene.shapes()}
+    assert shapes["b"].bed is shapes["a"].bed and shapes["c"].bed is not shapes["a"].bed
+    assert all(place["position"][2] < -25 for place in shapes["c"].placed.values())
+
+
 def test_meshes_may_be_files_of_either_kind(strewn, tmp_path):
     (tmp_path / "rock.ply").write_text(TETRAHEDRON)
     (tmp_path / "mine.OBJ").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
