@@ -131,10 +131,10 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach = [(path, *self._in_beams(sources, start, rotation, stretches))
+            within_reach = [(path, self._in_beams(sources, start, rotation, stretches))
                             for path, stretches, _ in self.stretches(origin)]
-            total, done = max(sum(int(some[2].sum()) for *_, some in within_reach), 1), 0
-            for path, aim, stretches in within_reach:
+            total, done = max(sum(int(stretches[2].sum()) for _, (_, stretches) in within_reach), 1), 0
+            for path, (aim, stretches) in within_reach:
                 for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
                     yield from self._echoes(sources, start, rotation, facet, s, path, aim=aim)
                     done += dr.width(facet)

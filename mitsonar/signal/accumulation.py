@@ -181,8 +181,8 @@ class ImpulseResponses:
             return
         dr.make_opaque(hits, sample, sheet, fields)
         with dr.suspend_grad():
-            rows = upload(lib.UInt32, rows.astype(np.uint32))
-            self._launch(count, hits, sample, sheet, fields, rows, difference, gain)
+            numbers = upload(lib.UInt32, rows.astype(np.uint32))
+            self._launch(count, hits, sample, sheet, fields, numbers, difference, gain)
 
     def read(self, sheet: int = 0) -> np.ndarray:
         """Give the responses (elements, samples) of a sheet as complex64, their spectrum corrected; the sums stay."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
@@ -148,8 +149,9 @@ class DopplerClasses(EchoClasses):
         kind, turn = arrays_of(mi.Float).Float64, None
         late = when - dr.opaque(kind, 0.5 * self.pulse.duration) / factor
         if self.glide is not None:
-            opaque = Glide(*(dr.opaque(kind, part) for part in self.glide))
-            more, turn = opaque.shift(doppler, factor)
+            # opaque, so that another pulse makes no other kernel
+            glide = Glide(*cast(list[float], [dr.opaque(kind, part) for part in self.glide]))
+            more, turn = glide.shift(doppler, factor)
             late += more
         return SortedEchoes(echoes=echoes, late=late, turn=turn,
                             sheet=number - wanted.start if len(wanted) > 1 else None)

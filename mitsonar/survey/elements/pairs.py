@@ -78,7 +78,8 @@ class ReceivedEchoes:
     def __init__(self, back: ReturnPaths, view: View, receive: Array, *, wavelength: float, method: Method,
                  towards: Triple | None):
         self.back, self.view, self.receive = back, view, receive
-        self.wavelength, self.method, self.towards = wavelength, method, towards
+        self.wavelength, self.towards = wavelength, towards
+        self.method: Method = method
         self.flat = _one_face(receive)
         self.baffle = "none" if self.flat and receive.baffle == "hard" else receive.baffle
 
