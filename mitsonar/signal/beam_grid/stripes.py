@@ -2,8 +2,8 @@
 
 Echoes are put in order of their stripe by a stable sort of these small numbers (`ordered`). A stripe belongs to one
 work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two blocks a thread; idle
-blocks make sure that it has (`add_by_stripes`). So no two threads add to the same row, and the order of additions, hence every
-bit of the result, depends on the echoes alone.
+blocks make sure that it has (`add_by_stripes`). So no two threads add to the same row, and the order of additions,
+hence every bit of the result, depends on the echoes alone.
 """
 from __future__ import annotations
 

@@ -75,12 +75,16 @@ class PingEchoes:
         self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned) or None
         self._residual = residual_doppler(survey.pulse)
         self._table: EigenrayTable | None = None
+        self._reception: tuple[int, Reception] | None = None
         dr.eval(self._kinds)
 
     def reception(self, ping: int) -> Reception:
-        """Give how the echoes of a ping are received."""
-        return Reception(self.survey, ping, axis=self.line.axis, normal=self.line.normal,
-                         receive_centre=self.line.centre, transmit_centre=self.patterns.transmit_centre)
+        """Give how the echoes of a ping are received; the last answer is kept."""
+        if self._reception is None or self._reception[0] != ping:
+            self._reception = ping, Reception(self.survey, ping, axis=self.line.axis, normal=self.line.normal,
+                                              receive_centre=self.line.centre,
+                                              transmit_centre=self.patterns.transmit_centre)
+        return self._reception[1]
 
     def doppler(self, ping: int) -> np.ndarray | None:
         """Give the Doppler factors of the grid's rows, at sines evenly from -1 to 1; None where nothing moves."""

@@ -152,14 +152,11 @@ class Reception:
         axis, ahead = self._axis, self._normal
         down = np.array([0.0, 0.0, -1.0])
         across = down - (down @ axis) * axis - (down @ ahead) * ahead
-        out = []
-        for s in sines:
-            rest = np.sqrt(max(1 - s * s, 0.0))
-            aside = np.clip(sink, -rest, rest)
-            sight = s * axis + aside * across + np.sqrt(max(rest ** 2 - aside ** 2 * (across @ across), 0.0)) * ahead
-            closing, sent = self._velocity @ sight, self._sent_velocity @ sight
-            out.append((self.speed + closing) / (self.speed - sent))
-        return np.array(out)
+        rest = np.sqrt(np.maximum(1 - sines ** 2, 0.0))
+        aside = np.minimum(sink, rest)
+        forward = np.sqrt(np.maximum(rest ** 2 - aside ** 2 * (across @ across), 0.0))
+        sight = sines[:, None] * axis + aside[:, None] * across + forward[:, None] * ahead
+        return (self.speed + sight @ self._velocity) / (self.speed - sight @ self._sent_velocity)
 
 
 def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f) -> tuple[mi.Float, mi.Vector3f]:
