@@ -103,15 +103,16 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     window, bins = sensor.film().window(speed)
     limits.check_beams(survey, 1, pings=survey.track.pings)
     steps = Steps(survey, window, bins)
+    echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
     if way == "beams":
-        power = _by_beams(survey, steps, bins, seed, progress)
+        power = _by_beams(survey, steps, echoes, bins, seed, progress)
     else:
         power = _by_elements(survey, bins, seed, progress, say)
     record = only_row(energy.record(survey, steps, seed))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
-        power, record, _mean_power(record, steps), turns=_turns(survey, sensor), sound_speed=speed,
+        power, record, _mean_power(survey, record, steps, echoes), turns=_turns(survey, sensor), sound_speed=speed,
         time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins, depth_below=survey.depth_below,
         labels=survey.labels, class_of=class_of,
         attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
@@ -120,13 +121,12 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     return objects.annotated(image, classes, class_of, survey.geometry)
 
 
-def _by_beams(survey: ArraySurvey, steps: Steps, bins: int, seed: int,
+def _by_beams(survey: ArraySurvey, steps: Steps, echoes: StepEchoes, bins: int, seed: int,
               progress: Callable[[float, float], None] | None) -> np.ndarray:
     """Powers (P, bins) [µPa²] of echoes that the beam weighs."""
     if survey.ensonification != "scatterers":
         raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
                          "out, or let picture be elements")
-    echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
     signals = StepSignals(survey, steps.beam, steps.underway, echoes, seed)
     return np.concatenate([imaging.mean_power(block, bins) for block in signals.blocks(progress)])
 
@@ -169,10 +169,13 @@ def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
                          tilt=head.tilt, sector=head.sweep.sector)
 
 
-def _mean_power(record: EnergyRecord, steps: Steps) -> np.ndarray:
-    """What the pulse makes of a record's energies, (P, bins) [µPa²]."""
+def _mean_power(survey: ArraySurvey, record: EnergyRecord, steps: Steps, echoes: StepEchoes) -> np.ndarray:
+    """Mean over speckle and noise, (P, bins) [µPa²]: of the rays' energies, and of signals that have a phase."""
     mean = steps.shown(record.intensity.astype(float))
-    return mean if record.coherent is None else mean + record.coherent.intensity
+    if record.coherent is None:
+        return mean
+    signals = StepSignals(survey, steps.beam, steps.underway, echoes, 0, by_chance=False)
+    return mean + np.concatenate([imaging.mean_power(block, steps.bins.count) for block in signals.blocks()])
 
 
 def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:

@@ -47,9 +47,12 @@ class StepSignals:
     underway : Underway
     echoes : StepEchoes
     seed : int
+    by_chance : bool
+        With scatterers, what else is drawn by chance, and noise; else of echoes that have a phase of their own alone.
     """
 
-    def __init__(self, survey: ArraySurvey, beam: StepBeam, underway: Underway, echoes: StepEchoes, seed: int):
+    def __init__(self, survey: ArraySurvey, beam: StepBeam, underway: Underway, echoes: StepEchoes, seed: int, *,
+                 by_chance: bool = True):
         trajectory = survey.voyage.trajectory
         if not isinstance(trajectory, HeadTrajectory):
             raise ValueError("signals of steps are those of a rotating head; its own plan makes its survey")
@@ -63,6 +66,7 @@ class StepSignals:
             mi.Float, pulse=survey.pulse, sampling_rate=survey.sampling_rate, samples=survey.samples,
             lead=survey.lead, start=survey.start, sound_speed=survey.sound_speed(0),
             absorption_db=survey.absorption_db)
+        self._by_chance = by_chance
         self._around: SortedEchoes | None = None
 
     def blocks(self, progress: Callable[[float, float], None] | None = None) -> Iterator[np.ndarray]:
@@ -80,7 +84,8 @@ class StepSignals:
         for pairs in self._pairs(ping):
             receiver.add(grid, pairs)
         keys = np.array([ping_key(self._seed, int(one)) for one in ping], np.uint32)
-        signals = self._signals.form(grid, doppler=receiver.doppler, noise=_noise(survey), keys=keys)
+        signals = self._signals.form(grid, doppler=receiver.doppler, keys=keys,
+                                     noise=_noise(survey) if self._by_chance else None)
         return signals * np.float32(amplitude_from_db(survey.source_level_db))
 
     def _pairs(self, ping: np.ndarray) -> Iterator[Pairs]:
@@ -94,6 +99,8 @@ class StepSignals:
             if not self._fixed:
                 for echoes in self._heard_at(number, everywhere=False):
                     yield Pairs.all_of(echoes, row)
+            if not self._by_chance:
+                continue
             below = float(self._survey.depth_below[number])
             for echoes in self._echoes.by_chance(self._position[number], self._looks[number], below,
                                                  ping_key(self._seed, number)):
@@ -107,9 +114,10 @@ class StepSignals:
         def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
             return mi.Bool(True) if everywhere else abs(dr.dot(direction, mi.Vector3f(*forward))) < reach
 
-        scatterers = self._echoes.of_scatterers(self._position[ping], self._frame[ping, :, 2], useful)
-        if scatterers is not None:
-            yield scatterers
+        if self._by_chance:
+            scatterers = self._echoes.of_scatterers(self._position[ping], self._frame[ping, :, 2], useful)
+            if scatterers is not None:
+                yield scatterers
         yield from self._echoes.coherent(self._position[ping])
 
 
