@@ -103,9 +103,9 @@ class EigenrayTable:
         self._table = dr.zeros(mi.Float, 4 * len(x))
         dr.scatter(self._table, self.lib.Array4f(*nodes), dr.arange(mi.UInt32, len(x)))
         dr.eval(self._table)
-        self._per_x, self._per_z, self._top, self._speed = (dr.opaque(kind, v) for kind, v in (
-            (mi.Float, (RANGES - 1) / reach), (mi.Float, (DEPTHS - 1) / (z1 - z0)), (mi.Float, z0),
-            (mi.Float64, self.sound_speed)))
+        self._per_x, self._per_z, self._top = (
+            dr.opaque(mi.Float, v) for v in ((RANGES - 1) / reach, (DEPTHS - 1) / (z1 - z0), z0))
+        self._speed = dr.opaque(mi.Float64, self.sound_speed)
 
     def values(self, horizontal_range: mi.Float, depth: mi.Float) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:
         """Give τ, λ, α and γ at horizontal ranges and depths [m], Float (R,)."""

@@ -175,7 +175,7 @@ class ThinnedScatterers:
             return mi.UInt32(), mi.UInt32()
         patch = upload(mi.UInt32, patches)
         centre, area, normal, radius = self._patch(patch)
-        d = centre - _opaque(density.origin)
+        d = mi.Vector3f(centre) - _opaque(density.origin)
         R = dr.norm(d)
         least = dr.maximum(dr.maximum(abs(dr.dot(d, normal)), R - radius), NEAREST)
         sight = d / dr.maximum(R, NEAREST)

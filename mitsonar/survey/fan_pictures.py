@@ -57,11 +57,13 @@ class FanPictures:
         self._survey, self._directions, self._seed = survey, directions, seed
         self.way = way or ("elements" if why_not(survey, directions[1]) else "beams")
         limits.check_beams(survey, len(directions[0]), pings=1)
-        self._beams = self._frames = None
-        if self.way == "beams":
-            self._frames = Frames(survey, directions[1], per_cell=survey.per_cell)
-        else:
-            self._beams = Beams(survey, *directions)     # refuses what is too large before the hours of signals
+        # either refuses what is too large before the hours of signals
+        self._beams = None if self.way == "beams" else Beams(survey, *directions)
+
+    @cached_property
+    def _frames(self) -> Frames:
+        """In the beam domain."""
+        return Frames(self._survey, self._directions[1], per_cell=self._survey.per_cell)
 
     def whole(self, progress: Progress | None = None, say: Say | None = None) -> xr.Dataset:
         """Make the pictures of all pings; arguments as of `mitsonar.render`.
@@ -73,7 +75,7 @@ class FanPictures:
         """
         survey, pings = self._survey, range(self._survey.track.pings)
         limits.check_beams(survey, len(self._directions[0]), pings=len(pings))
-        if self._frames is not None:
+        if self._beams is None:
             level, record = self._framed(self._frames, pings, progress)
         else:
             level, record = self._of_elements(pings, progress, say), energy.record(survey, self._beams, self._seed)
@@ -82,14 +84,12 @@ class FanPictures:
 
     def one_by_one(self) -> Iterator[xr.Dataset]:
         """Make the pictures of the pings one after the other: what is kept does not grow with their number."""
-        survey, block = self._survey, None
-        if self._beams is not None:
-            block = energy.EnergyBlock(survey, self._beams, self._seed)
+        survey = self._survey
+        block = None if self._beams is None else energy.EnergyBlock(survey, self._beams, self._seed)
         for ping in range(survey.track.pings):
-            if self._frames is not None:
+            if block is None:
                 level, record = self._framed(self._frames, [ping], None)
             else:
-                assert block is not None
                 level = self._of_elements([ping], None, None)
                 record = gathered([block.echoes(np.array([ping]))], pings=1, rows=level.shape[1])
             image = self._image([ping], level, record)

@@ -129,8 +129,8 @@ class BedHorizon:
         places = int(self.farthest / step) + 2
         base = (self._low[:2] + np.array(first) * self._step - origin[:2]) / self._step
         numbers = [dr.opaque(mi.Float, float(v)) for v in (step, *(1 / self._step), -base[0], -base[1], origin[2])]
-        sine = _walked(self.lib, heights, launch_rise, numbers, *(dr.opaque(mi.UInt32, n) for n in (*size, places)),
-                       AZIMUTHS * places)
+        columns, rows, opaque_places = (dr.opaque(mi.UInt32, n) for n in (*size, places))
+        sine = _walked(self.lib, heights, launch_rise, numbers, columns, rows, opaque_places, AZIMUTHS * places)
         return Horizon(sine=sine, places=places, step=step)
 
     def _span(self, origin: np.ndarray) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -165,7 +165,7 @@ class BedHorizon:
             ray = mi.Ray3f(mi.Point3f(x, y, top), mi.Vector3f(0, 0, -1))
             if self._sampled is None:
                 self._sampled = scene_of(self._beds)
-            met = self._sampled.ray_intersect_preliminary(ray, coherent=True)
+            met = self._sampled.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
             heights = dr.select(met.is_valid(), top - met.t, NO_BED)
             dr.eval(heights)
             self._window = key, heights

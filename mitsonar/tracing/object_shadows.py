@@ -113,14 +113,15 @@ class ObjectShadows:
         """
         angle, heading = angles(launch)
         lift = LIFT + LIFT_PER_RANGE * horizontal_range
-        end = point + dr.copysign(lift, -dr.dot(normal, arrival)) * normal
+        end = point + cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival))) * normal
         return along_fan(self._scene, sources.ray_fans, origin, mi.UInt32(0), angle, heading, end, horizontal_range,
                          active)
 
     def first(self, sources: Sources, origin: mi.Point3f, launch: mi.Vector3f, horizontal_range: mi.Float) -> mi.UInt32:
         """Give the number of the first object along rays up to a horizontal range, 0 where there is none."""
         angle, heading = angles(launch)
-        found, primitive = _first(self._scene, sources.ray_fans, origin, angle, heading, horizontal_range)
+        registry, facet = _first(self._scene, sources.ray_fans, origin, angle, heading, horizontal_range)
+        found, primitive = cast(mi.UInt32, registry), cast(mi.UInt32, facet)
         rows = self.geometry.rows
         label = dr.gather(mi.UInt32, rows, 4 * found, found != 0)
         mesh = (found != 0) & (dr.gather(mi.UInt32, rows, 4 * found + 2, found != 0) != 0)

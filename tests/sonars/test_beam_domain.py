@@ -279,3 +279,30 @@ def test_ghosts_by_way_of_a_flat_surface_are_those_of_the_element_chain():
                       for low, high in ((11.8, 12.6), (13.0, 13.8), (14.2, 15.0))]
         print(way, 10 * np.log10(power[way]))
     assert 10 * np.log10(np.divide(power["beams"], power["elements"])) == pytest.approx(np.zeros(3), abs=2.0)
+
+
+def test_materials_that_differ_from_place_to_place_stay_with_the_ground():
+    """A bed half of which is 20 dB stronger, by a texture of its mesh: the same places from two positions of the sonar."""
+    patchy = {"type": "seabed", "depth": 14.0, "length": 60.0, "width": 60.0, "spacing": 2.0, "bsdf": {
+        "type": "lambert", "mu_db": -27.0, "patchiness": 0.3, "patch_size": 3.0}}
+    shown = []
+    for north in (0.0, 4.0):
+        scene = scenes.array_sonar({"seabed": patchy}, sensor={**LINE, "start": [0.0, north, -10.0], "beams": 31},
+                                   film={"range": 22.0, "range_min": 8.0})
+        survey = opened(scene)[2].array_survey(scene, scene.sensors()[0], LEAD)
+        direction = fan.fan_directions(survey.receive, 31, np.deg2rad(120))[1]
+        truth = Frames(survey, direction, per_cell=30).frame(0, 1)[1]
+        place, power = truth.truth.seabed_place, truth.intensity
+        slant = np.linalg.norm(place - [0.0, north, 10.0], axis=-1)
+        with np.errstate(invalid="ignore"):
+            some = np.isfinite(place[..., 0]) & (np.abs(place[..., 0]) < 3) & (abs(place[..., 1] - 14) < 3)
+        table = np.full((6, 6), np.nan)
+        for i in range(6):
+            for j in range(6):
+                here = some & (np.floor(place[..., 0] + 3) == i) & (np.floor(place[..., 1] - 11) == j)
+                if here.any():
+                    table[i, j] = np.mean((power * slant ** 3)[here])
+        shown.append(10 * np.log10(table))
+    both = np.isfinite(shown[0]) & np.isfinite(shown[1])
+    assert both.sum() > 20 and np.std(shown[0][both]) > 1.5
+    assert np.corrcoef(shown[0][both], shown[1][both])[0, 1] > 0.7

@@ -62,15 +62,14 @@ class Blur:
         """Give what the picture makes of energies (b, t) of the beams from `first_beam` on: float32 (b, t)."""
         beams, bins = energy.shape
         plane = upload(mi.Float, np.ascontiguousarray(energy, np.float32))
-        numbers = [dr.opaque(mi.UInt32, n) for n in (beams, bins, first_beam)]
-        half = self.reach
-        mixed = _mixed(plane, self._band, dr.opaque(mi.UInt32, half), *numbers, dr.arange(mi.UInt32, beams * bins))
-        dr.eval(mixed)
+        half, rows, columns, first = (dr.opaque(mi.UInt32, n) for n in (self.reach, beams, bins, first_beam))
         index = dr.arange(mi.UInt32, beams * bins)
-        column = index % numbers[1]
+        mixed = _mixed(plane, self._band, half, rows, columns, first, index)
+        dr.eval(mixed)
+        column = index % columns
         total = mi.Float(0)
         for k, weight in zip(range(-REACH, REACH + 1), self._spread):
-            inside = (mi.Int32(column) + k >= 0) & (mi.Int32(column) + k < mi.Int32(numbers[1]))
+            inside = (mi.Int32(column) + k >= 0) & (mi.Int32(column) + k < mi.Int32(columns))
             beside = dr.gather(mi.Float, mixed, mi.UInt32(mi.Int32(index) + k), inside)
             total += dr.opaque(mi.Float, float(weight)) * beside
         return total.numpy().reshape(beams, bins)

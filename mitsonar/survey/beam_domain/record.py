@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import mitsuba as mi
 import numpy as np
 
-__all__ = ["FREE", "GridEchoes", "HIDDEN_BY_BED", "HIDDEN_BY_OBJECT", "TargetEchoes"]
-
-FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT = 0, 1, 2
+__all__ = ["GridEchoes", "TargetEchoes"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,7 +23,7 @@ class GridEchoes:
     energy : Float (R,)
         Mean square of the amplitude over chance, as if the way were free; 0 where there is no echo.
     state : UInt32 (R,)
-        FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT.
+        What hides it: `ground.FREE`, `HIDDEN_BY_BED` or `HIDDEN_BY_OBJECT`.
     label : UInt32 (R,)
         Number of the instance.
     launch_sine : Float (R,)

@@ -21,9 +21,10 @@ from ...device.arrays import compressed, upload
 from ...imaging.energy_record import EnergyRecord
 from ...imaging.truth import HALF, BinTruth
 from ...scene.labels import ShapeLabels
+from ..ground import FREE
 from .blur import Blur
 from .frame_bins import FrameBins
-from .record import FREE, GridEchoes, TargetEchoes
+from .record import GridEchoes, TargetEchoes
 
 __all__ = ["FrameTruth"]
 
@@ -188,8 +189,8 @@ class FrameTruth:
         for number in np.unique(label):
             mine = label == number
             key, which = np.unique(cell[mine], return_inverse=True)
-            z = np.bincount(which, pressure[mine].real) + 1j * np.bincount(which, pressure[mine].imag)
-            yield from self._planes(key, np.abs(z) ** 2, np.full(len(key), number))
+            real, imaginary = (np.bincount(which, part[mine]) for part in (np.real(pressure), np.imag(pressure)))
+            yield from self._planes(key, real ** 2 + imaginary ** 2, np.full(len(key), number))
 
     def _shadows(self, ground: _Ground, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Share of the seabed's echo that objects hide, and whose shadow a bin lies in; see `imaging.truth.shadows`."""

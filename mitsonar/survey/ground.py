@@ -1,0 +1,194 @@
+"""The scatterers of a scene as a ping finds them: how strong each echo is at the sonar, and what hides it.
+
+    thin       scatterers that the resolution asks for                                  `echoes.thinned_scatterers`
+    reach      their eigenrays, from a table of the sonar's depth                       `echoes.eigenray_table`
+    scatter    strength of the material, times the sonar equation                       `echoes.sonar_equation`
+    hide       behind the bed's horizon, or behind objects          `tracing.bed_horizon`, `tracing.object_shadows`
+
+All of it is one kernel of whoever takes it further: nothing is evaluated here but the list of candidates.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from ..echoes.eigenray_table import EigenrayTable, TableLegs
+from ..echoes.scatterers import Cells, Scatterers
+from ..echoes.sonar_equation import GRAZING, along_legs
+from ..echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
+from ..scene.labels import SEABED
+from ..scene.materials import scattering_strength
+from ..tracing.bed_horizon import BedHorizon
+from ..tracing.hits import Hits
+from ..tracing.object_shadows import ObjectShadows
+from .array_survey import ArraySurvey
+from .ensonified_ping import ensonification_of
+
+__all__ = ["FREE", "HIDDEN_BY_BED", "HIDDEN_BY_OBJECT", "Ground", "LitScatterers"]
+
+FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT = 0, 1, 2
+TOGETHER = 1 << 19                 # scatterers that are looked at by way of the surface at a time
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitScatterers:
+    """Scatterers around a sonar, on the device.
+
+    Attributes
+    ----------
+    scatterers : ThinnedSet
+    legs : TableLegs
+        To them.
+    energy : Float (R,)
+        Mean square of what comes back to the sonar for a source level of 0 dB, without beams, as if the way were free;
+        0 of those that do not exist or send nothing back.
+    state : UInt32 (R,)
+        FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT.
+    """
+
+    scatterers: ThinnedSet
+    legs: TableLegs
+    energy: mi.Float
+    state: mi.UInt32
+
+
+class Ground:
+    """Find the scatterers of a survey's scene.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+
+    Attributes
+    ----------
+    ensonification : Ensonification
+        Makes what else there is: targets, ghosts, the water.
+    nearest, farthest : float [m]
+        Distances that matter.
+    """
+
+    def __init__(self, survey: ArraySurvey):
+        geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
+        facets = Scatterers(geometry, np.inf)
+        self._survey, self._lib = survey, arrays_of(mi.Float)
+        self.ensonification = ensonification_of(survey, facets)
+        self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest
+        self._scatterers = ThinnedScatterers(facets, farthest=reach, places=survey.track.position)
+        self._horizon = BedHorizon(geometry, self.farthest)
+        self._objects = ObjectShadows(geometry, survey.water, self.farthest)
+        self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
+        self._table: EigenrayTable | None = None
+        dr.eval(self._kinds)
+
+    def lit(self, density: Density, useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> LitScatterers | None:
+        """Find the scatterers around a place.
+
+        Parameters
+        ----------
+        density : Density
+            Of the scatterers; its origin is the place.
+        useful : callable(direction, distance) -> Bool
+            Whether a direction (Vector3f, scene) is looked into at a distance (Float) [m].
+
+        Returns
+        -------
+        LitScatterers or None
+            None where there are none.
+        """
+        patch, number = self._scatterers.candidates(density, useful)
+        if not dr.width(patch):
+            return None
+        table = self._table_of(-float(density.origin[2]))
+        scatterers = self._scatterers.at(patch, number, density)
+        legs = table.legs(scatterers.offset)
+        energy = self._energy(scatterers, legs, table, density.origin)
+        return LitScatterers(scatterers=scatterers, legs=legs, energy=energy,
+                             state=self._state(scatterers, legs, table, density.origin, energy > 0))
+
+    def hiding(self, origin: np.ndarray, hidden: mi.UInt32, offset: tuple[mi.Float, mi.Float],
+               launch_sine: mi.Float) -> mi.UInt32:
+        """Give the numbers of the objects that hide scatterers, 0 where none is found.
+
+        Parameters
+        ----------
+        origin : (3,) [m]
+        hidden : UInt32 (H,)
+            Numbers of the scatterers.
+        offset : (Float, Float) (R,) [m]
+            x and y of all scatterers from the origin.
+        launch_sine : Float (R,)
+            Below the horizon, of their rays.
+        """
+        x, y, launch = (dr.gather(mi.Float, column, hidden) for column in (*offset, launch_sine))
+        across = dr.sqrt(x * x + y * y)
+        cosine = dr.sqrt(dr.maximum(1 - launch * launch, 0)) / dr.maximum(across, 1e-6)
+        return self._objects.first(self._objects.sources(-float(origin[2])), _point(origin),
+                                   mi.Vector3f(x * cosine, y * cosine, -launch), across)
+
+    def mirrored(self, density: Density,
+                 useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> Iterator[Cells]:
+        """Yield the scatterers around a place block by block, if a flat surface mirrors them and that is to count."""
+        sights = self.ensonification.sights
+        if not sights.mirror or sights.max_depth == 1:
+            return
+        patch, number = self._scatterers.candidates(density, useful)
+        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in density.origin))
+        for first in range(0, dr.width(patch), TOGETHER):
+            index = dr.arange(mi.UInt32, min(TOGETHER, dr.width(patch) - first)) + first
+            some = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, number, index),
+                                       density).where_existing()
+            if dr.width(some.area):
+                yield Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
+                            shape=some.shape, primitive=some.primitive, uv=some.uv)
+
+    def _table_of(self, depth: float) -> EigenrayTable:
+        """The table of a depth; the last one is kept."""
+        if self._table is None or self._table.depth != depth:
+            self._table = EigenrayTable(self.ensonification.connector, depth=depth, farthest=self.farthest)
+        return self._table
+
+    def _energy(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray) -> mi.Float:
+        """What comes back, without beams."""
+        lit = scatterers.exists & legs.exists
+        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
+        # materials that differ from place to place know places of the scene
+        hits = Hits.on_surface(valid=lit, point=start + scatterers.offset, normal=scatterers.normal,
+                               arrival_direction=legs.arrival_direction,
+                               sound_speed=dr.opaque(mi.Float64, table.sound_speed), shape=scatterers.shape,
+                               primitive=scatterers.primitive, uv=scatterers.uv)
+        strength, sin_grazing = scattering_strength(hits, lit, self._survey.frequency)
+        energy = along_legs(strength * scatterers.area, legs.gain, legs.gain)
+        return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)
+
+    def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
+               active: mi.Bool) -> mi.UInt32:
+        """What hides scatterers."""
+        launch, arrival = legs.launch_direction, legs.arrival_direction
+        on_bed = dr.gather(mi.UInt32, self._kinds, scatterers.label) == SEABED
+        state = dr.zeros(mi.UInt32, dr.width(scatterers.label))
+        heading = mi.Vector2f(launch.x, launch.y)
+        horizon = self._horizon.around(origin, table.launch_rise)
+        if horizon is not None:
+            hidden = horizon.hidden(heading, legs.horizontal_range, launch.z, on_bed)
+            # the far side of a crest: its normal, turned up, looks away
+            hidden |= on_bed & (dr.dot(scatterers.normal, arrival) * scatterers.normal.z > 0)
+            state = dr.select(active & hidden, HIDDEN_BY_BED, state)
+        if self._objects.exist:
+            behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
+            here = [dr.opaque(mi.Float, float(v)) for v in origin]
+            point = mi.Point3f(*(v + mi.Float(part) for v, part in zip(here, scatterers.offset)))
+            hidden = self._objects.hidden(
+                self._objects.sources(-float(origin[2])), mi.Point3f(*here), launch, arrival, point, scatterers.normal,
+                legs.horizontal_range, active & (state == FREE) & behind)
+            state = dr.select(hidden, HIDDEN_BY_OBJECT, state)
+        return state
+
+
+def _point(origin: np.ndarray) -> mi.Point3f:
+    return mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in origin))
+
