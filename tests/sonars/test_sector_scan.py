@@ -204,7 +204,7 @@ def test_speckle_stays_with_the_ground():
 @pytest.mark.parametrize("how, within", [({"turns_while_listening": False}, 0.01), ({}, 0.01),
                                          ({"speed_knots": 3.0, "roll_deg": 4.0}, 0.1)])
 def test_points_are_as_those_of_elements(how, within):
-    """In dB, down to 20 below the strongest bin, and ten times that at 40. Under way the elements' Doppler is coarse."""
+    """In dB, down to 20 below the strongest bin, ten times that at 40. Under way the elements' Doppler is coarse."""
     scenes = [sector_scan({"seabed": buried_bed(60.0), "a": point_target([1.0, 12.0, -12.0], -10.0),
                            "b": point_target([-3.0, 9.0, -11.0], -14.0)}, **DEEP, film={"bins": 800},
                           sensor={"sector_deg": 30.0, "step_deg": 1.5, "tilt_deg": 5.0, "picture": way, **how})
