@@ -20,7 +20,7 @@ import numpy as np
 from ..device.arrays import arrays_of, compressed, upload
 from ..echoes.eigenray_table import EigenrayTable, TableLegs
 from ..echoes.record import Echoes
-from ..echoes.scatterers import Scatterers
+from ..echoes.scatterers import Cells, Scatterers
 from ..echoes.sonar_equation import GRAZING, along_legs
 from ..echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
 from ..scene.labels import SEABED
@@ -33,6 +33,8 @@ from .array_survey import ArraySurvey
 from .ensonified_ping import ensonification_of
 
 __all__ = ["HeadEchoes", "StepEchoes"]
+
+GHOSTS_TOGETHER = 1 << 19          # scatterers that are looked at by way of the surface at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,10 +104,7 @@ class StepEchoes:
         useful : callable(direction, distance) -> Bool
             Whether a scene direction is looked into at a distance [m].
         """
-        density = Density(origin=origin, axis=axis, per_cell=self._per_cell, range_cell=self._cell[0],
-                          sine_cell=self._cell[1], nearest=self.ensonification.nearest, farthest=self._farthest,
-                          around=True)
-        patch, number = self._scatterers.candidates(density, useful)
+        density, patch, number = self._candidates(origin, axis, useful)
         if not dr.width(patch):
             return None
         table = self._table_of(-float(origin[2]))
@@ -127,6 +126,33 @@ class StepEchoes:
             sent=towards, towards=towards, distance=dr.gather(mi.Float, distance, index),
             delay=dr.gather(mi.Float64, delay, index), real=dr.gather(mi.Float, real, index),
             imaginary=dr.gather(mi.Float, imaginary, index)))
+
+    def mirrored(self, origin: np.ndarray, axis: np.ndarray,
+                 useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> Iterator[HeadEchoes]:
+        """Yield the echoes of the scatterers by way of a flat surface that mirrors; arguments as of `of_scatterers`."""
+        sights = self.ensonification.sights
+        if not sights.mirror or sights.max_depth == 1:
+            return
+        density, patch, number = self._candidates(origin, axis, useful)
+        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
+        for first in range(0, dr.width(patch), GHOSTS_TOGETHER):
+            index = dr.arange(mi.UInt32, min(GHOSTS_TOGETHER, dr.width(patch) - first)) + first
+            some = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, number, index),
+                                       density).where_existing()
+            if not dr.width(some.area):
+                continue
+            cells = Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
+                          shape=some.shape, primitive=some.primitive, uv=some.uv)
+            for echoes in self.ensonification.mirrored_echoes(origin, cells):
+                yield _still(echoes)
+
+    def _candidates(self, origin: np.ndarray, axis: np.ndarray, useful: Callable[[mi.Vector3f, mi.Float], mi.Bool],
+                    ) -> tuple[Density, mi.UInt32, mi.UInt32]:
+        """How densely a place needs scatterers, and which may exist: patches and numbers."""
+        density = Density(origin=origin, axis=axis, per_cell=self._per_cell, range_cell=self._cell[0],
+                          sine_cell=self._cell[1], nearest=self.ensonification.nearest, farthest=self._farthest,
+                          around=True)
+        return density, *self._scatterers.candidates(density, useful)
 
     def coherent(self, origin: np.ndarray) -> Iterator[HeadEchoes]:
         """Yield the echoes that owe no phase to chance."""

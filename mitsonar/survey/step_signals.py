@@ -115,9 +115,11 @@ class StepSignals:
             return mi.Bool(True) if everywhere else abs(dr.dot(direction, mi.Vector3f(*forward))) < reach
 
         if self._by_chance:
-            scatterers = self._echoes.of_scatterers(self._position[ping], self._frame[ping, :, 2], useful)
+            there = self._position[ping], self._frame[ping, :, 2], useful
+            scatterers = self._echoes.of_scatterers(*there)
             if scatterers is not None:
                 yield scatterers
+            yield from self._echoes.mirrored(*there)
         yield from self._echoes.coherent(self._position[ping])
 
 
