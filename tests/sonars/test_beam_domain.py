@@ -282,7 +282,7 @@ def test_ghosts_by_way_of_a_flat_surface_are_those_of_the_element_chain():
 
 
 def test_materials_that_differ_from_place_to_place_stay_with_the_ground():
-    """A bed half of which is 20 dB stronger, by a texture of its mesh: the same places from two positions of the sonar."""
+    """A bed in patches of 3 m: the same places are the strong ones from two positions of the sonar."""
     patchy = {"type": "seabed", "depth": 14.0, "length": 60.0, "width": 60.0, "spacing": 2.0, "bsdf": {
         "type": "lambert", "mu_db": -27.0, "patchiness": 0.3, "patch_size": 3.0}}
     shown = []

@@ -142,8 +142,8 @@ class PingEchoes:
         out, back = echoes.out, echoes.back
         arrival = reception.receive(
             sent=mi.Vector3f(out.sent_towards), out_distance=mi.Float(dr.norm(out.offset)),
-            out_time=echoes.arrival,
-            towards=mi.Vector3f(back.sent_towards), back_distance=mi.Float(dr.norm(back.offset)), back_time=back.travel_time)
+            out_time=echoes.arrival, towards=mi.Vector3f(back.sent_towards),
+            back_distance=mi.Float(dr.norm(back.offset)), back_time=back.travel_time)
         factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation)
         root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
         nothing = dr.zeros(mi.UInt32, echoes.count)
