@@ -39,6 +39,8 @@ from .voyage import Passage
 
 __all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows"]
 
+SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # of the work, before that of the truth: by beams, and by elements
+
 
 class SectorScanSensor(Sensor, Protocol):
     """What the sensor of a rotating head says, beside what all do.
@@ -106,10 +108,11 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
     if way == "beams":
-        power = _by_beams(survey, steps, echoes, bins, seed, progress)
+        power = _by_beams(survey, steps, echoes, bins, seed, _part_of(progress, 0.0, SIGNALS))
     else:
-        power = _by_elements(survey, bins, seed, progress, say)
-    record = only_row(energy.record(survey, steps, seed))
+        power = _by_elements(survey, bins, seed, _part_of(progress, 0.0, ELEMENT_SIGNALS), say)
+    before = SIGNALS if way == "beams" else ELEMENT_SIGNALS
+    record = only_row(energy.record(survey, steps, seed, _part_of(progress, before, 1.0)))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         power, record, _mean_power(survey, record, steps, echoes), turns=_turns(survey, sensor), sound_speed=speed,
@@ -119,6 +122,14 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
                "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
                "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
     return objects.annotated(image, classes, class_of, survey.geometry)
+
+
+def _part_of(progress: Callable[[float, float], None] | None, begin: float,
+             end: float) -> Callable[[float, float], None] | None:
+    """Make the progress of a part, from a share of the whole to another."""
+    if progress is None:
+        return None
+    return lambda done, total: progress(begin * total + (end - begin) * done, total)
 
 
 def _by_beams(survey: ArraySurvey, steps: Steps, echoes: StepEchoes, bins: int, seed: int,

@@ -348,6 +348,13 @@ def test_a_head_on_its_vehicle_sits_off_the_track_and_follows_it(tmp_path):
     assert np.rad2deg(heading + float(image["bearing"][ping]) - towards) == pytest.approx(0, abs=1.1)
 
 
+def test_progress_is_told_from_the_first_signals_to_the_last_truth():
+    told = []
+    scene = sector_scan({"seabed": buried_bed(60.0)}, **DEEP, sensor={"sector_deg": 6.0, "step_deg": 2.0})
+    mitsonar.render(scene, progress=lambda done, total: told.append(done / total))
+    assert len(told) > 1 and told == sorted(told) and 0 < told[0] < 0.5 and told[-1] == pytest.approx(1)
+
+
 # ---- what is refused
 
 @pytest.mark.parametrize("attributes, words", [
