@@ -24,6 +24,7 @@ from .voyage import Passage
 __all__ = ["ArraySensor", "frames", "picture", "plan", "plan_elements", "rows", "survey_of"]
 
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
+MOST_PULSE_SAMPLES = 100_000       # 2 s of 20 kHz; a spectrum takes seconds by then
 
 
 class ArraySensor(Sensor, Protocol):
@@ -118,9 +119,13 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
                                                   written=bins_are_samples)
     if whole_bins:
         window, bins = sensor.film().window(sound_speed)
-        samples = bins * int(np.ceil(rate * (window[1] - window[0]) / bins - 1e-9))
+        samples = bins * max(int(np.ceil(rate * (window[1] - window[0]) / bins - 1e-9)), 1)
         rate = samples / (window[1] - window[0])
         start = window[0] + 0.5 / rate
+    if pulse.duration * rate > MOST_PULSE_SAMPLES:
+        raise ValueError(f"{rate / 1000:.3g} kHz make {pulse.duration * rate:.3g} samples of the pulse's "
+                         f"{1000 * pulse.duration:g} ms, and {MOST_PULSE_SAMPLES} are the most; take fewer bins, a "
+                         "longer range or a shorter pulse")
     extra = int(np.ceil(lead * pulse.duration * rate))
     mean_depth = -float(passage.voyage.track.position[:, 2].mean())
     return ArraySurvey(

@@ -53,6 +53,8 @@ class Beams:
 
     pings_per_block = 1
 
+    hidden_in_beam = False
+
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
         geometry, bins = survey.geometry, survey.samples - survey.lead
         self._survey, self.per_ping, self.labels = survey, len(angle), len(survey.labels)

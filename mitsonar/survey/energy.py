@@ -164,8 +164,9 @@ class EnergyBlock(Generic[RaysOf]):
     def _add_hidden(self, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits, hidden: Hits) -> None:
         """Add what the seabed would send back if no object hid it, by the objects that do."""
         echoes = self._scattered(place, rays, hidden)
+        counted = echoes.response.in_beam if self._rows.hidden_in_beam else True
         origins.add_hidden(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units,
-                           active=echoes.active)
+                           active=echoes.active & counted)
 
     def _read(self, sums: EchoSums, origins: OriginSums, place: Place) -> EnergyRecord:
         """The sums in physical units, with what has a phase and with the truth."""

@@ -95,6 +95,9 @@ class Rows(Protocol[RaysOf]):
         Rows of a ping; pings that are rendered together.
     labels : int
         Number of instances that are told apart.
+    hidden_in_beam : bool
+        Whether what objects hide is told in the main lobe alone: where the bed hides itself, what side lobes miss would
+        be all there is.
     paths : Paths
         That are told apart.
     frequency : float [Hz]
@@ -104,6 +107,7 @@ class Rows(Protocol[RaysOf]):
     """
 
     per_ping: int
+    hidden_in_beam: bool
     pings_per_block: int
     labels: int
     paths: Paths

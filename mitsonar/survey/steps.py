@@ -56,7 +56,7 @@ class Steps:
     beam : StepBeam
     """
 
-    per_ping = 1
+    per_ping, hidden_in_beam = 1, True
 
     def __init__(self, survey: ArraySurvey, window: tuple[float, float], count: int):
         self._survey, self.labels, self.paths = survey, len(survey.labels), Paths(1)

@@ -27,7 +27,7 @@ from ..bells import Bell
 from ..impulses import BandLimited
 from .grids import MARGIN, BeamGrid, GridShape
 from .kernels import Noise, Sizes, by_beam, by_frequency, through_the_line
-from .line_response import FADE, OVERSAMPLING, LineResponse
+from .line_response import FADE, FINER, OVERSAMPLING, LineResponse
 from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
@@ -37,6 +37,8 @@ __all__ = ["LineBeams"]
 COARSEST = 1 / 16                  # step of the sine
 CLASH = 256                        # rows: columns of so many fall into the same lines of a cache
 EDGE = 3                           # rows beyond ±1 on either side, for taps
+MOST = 1 << 27                     # of rows by frequencies: a gigabyte for each table of them
+MOST_PLACES = 1 << 32              # of the line's pattern, times elements: half a minute
 
 
 class LineBeams:
@@ -82,6 +84,7 @@ class LineBeams:
         self.length = self.pulse.length
         wavenumber = (pulse.frequency + self.pulse.offset) / sound_speed
         steps, self.period = _rows(position, wavenumber, 1 + float(np.abs(self.sines).max()))
+        _check_size(len(position), steps, self.period, len(wavenumber))
         step = 2 / steps
         self.line = LineResponse(position, weight, wavenumber, step, self.period)
         terms = None if absorption_db is None else self.pulse.weaken(absorption_db, sound_speed, start, MARGIN)
@@ -178,10 +181,19 @@ def _check(position: np.ndarray, weight: np.ndarray, sines: np.ndarray, samples:
         raise ValueError(f"beams of a line: {lead} of {samples} samples are to be dropped; give fewer.")
 
 
+def _check_size(elements: int, steps: int, period: int, frequencies: int) -> None:
+    if period * frequencies > MOST or FINER * period * elements > MOST_PLACES:
+        raise ValueError(f"a line of {elements} elements that tells {steps:.3g} sines apart, at {frequencies} "
+                         "frequencies, is too large for pictures in the beam domain; take fewer or closer elements, a "
+                         "shorter range or pulse, or picture elements")
+
+
 def _rows(position: np.ndarray, wavenumber: np.ndarray, farthest: float) -> tuple[int, int]:
     """Choose how many steps make the sines -1 to 1, and the rows of a period that holds sines `farthest` apart."""
     finest = 0.5 / (OVERSAMPLING * max(float(np.abs(position).max() * wavenumber.max()), 1e-9))
     steps = int(np.ceil(2 / min(finest, COARSEST)))
+    if steps > MOST:                                         # no transform is as long
+        return steps, steps
     period = fft.next_fast_len(int(np.ceil(farthest * steps)) + FADE)
     while period % CLASH == 0:
         period = fft.next_fast_len(period + 1)

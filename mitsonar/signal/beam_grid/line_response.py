@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from ..bells import Bell
 
-__all__ = ["FADE", "LineResponse", "OVERSAMPLING"]
+__all__ = ["FADE", "FINER", "LineResponse", "OVERSAMPLING"]
 
 FINER = 12                         # places of the table over those that resolve the line: a spline errs by 1e-5
 TURNS = 8                          # in which a spectrum of noise is found

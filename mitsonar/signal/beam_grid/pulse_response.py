@@ -31,7 +31,8 @@ __all__ = ["PulseResponse", "RowTransfers"]
 
 TURN = 0.045                       # [rad] halfway between two nodes at the pulse's ends: interpolated within 1e-3
 DROPPED = 1e-3                     # of the sum of |P|: frequencies that are left out
-MOST_NODES = 4096                  # kept from ping to ping
+MOST_NODES = 4096                  # kept from ping to ping,
+MOST_KEPT = 1 << 27                # and numbers in them: a gigabyte
 STRETCH = 1.05                     # of a pulse by Doppler
 
 
@@ -137,7 +138,8 @@ class PulseResponse:
         Raises
         ------
         ValueError
-            If a factor is not above 0 and finite, or the sampling rate is below the band of the pulse with it.
+            If a factor is not above 0 and finite, the sampling rate is below the band of the pulse with it, or the
+            pulse is so long that the factors take too many spectra.
         """
         if not (np.isfinite(doppler).all() and np.min(doppler) > 0):
             raise ValueError(f"Doppler factors reach from {np.min(doppler):.6g} to {np.max(doppler):.6g}; give finite "
@@ -146,6 +148,10 @@ class PulseResponse:
         node = np.floor(place).astype(np.int64)
         share = place - node
         numbers = range(int(node.min()), int(node.max()) + 2)
+        if len(numbers) * max(len(self.used), MOST_KEPT // MOST_NODES) > MOST_KEPT:
+            raise ValueError(f"a pulse of {1000 * self.pulse.duration:g} ms with Doppler factors from "
+                             f"{np.min(doppler):.6g} to {np.max(doppler):.6g} takes {len(numbers)} spectra; take a "
+                             "shorter pulse or a slower platform, or picture elements")
         if len(self._nodes) + len(numbers) > MOST_NODES:
             self._nodes.clear()
         nodes = np.stack([self._node(number) for number in numbers])

@@ -19,6 +19,7 @@ PARTS = 4                          # directions in a beam that its pattern is av
 FAINTEST = 3e-5                    # of M's largest, below which it is left out
 FINER = 16                         # places of the table of the beams' pattern, over those that it needs
 WIDEST = 48                        # beams to either side at most
+BLOCK = 1 << 21                    # numbers worked on at once
 REACH = 3                          # bins to either side that the compressed pulse is followed
 
 
@@ -96,7 +97,8 @@ def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.nd
 
 def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """|Σ w e^(i2π x gap)|²."""
-    return np.abs(np.exp(2j * np.pi * gap[..., None] * place) @ weight) ** 2
+    parts = np.array_split(gap, -(-gap.size * place.size // BLOCK))
+    return np.concatenate([np.abs(np.exp(2j * np.pi * some[:, None] * place) @ weight) ** 2 for some in parts])
 
 
 @dr.syntax
