@@ -2,7 +2,7 @@
 
     level = 10 log10 of the mean of |m|² over the samples of a bin,   m -> the compressed signal [µPa]
 
-The mean level and the truth of every bin are those of an energy record of the same beam (`survey.steps`).
+The mean level and the truth of every bin are those of an energy record of the same beam (`survey.rotating_head.steps`).
 """
 from collections.abc import Mapping
 from dataclasses import dataclass

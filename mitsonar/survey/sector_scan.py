@@ -32,9 +32,9 @@ from .array_survey import ArraySurvey
 from .pressure import PressureRecord
 from .sensor import RunSettings, Sensor, slowest_speed
 from .signals import LEAD, received_signals
-from .step_echoes import StepEchoes
-from .step_signals import StepSignals
-from .steps import Steps
+from .rotating_head.echoes import StepEchoes
+from .rotating_head.signals import StepSignals
+from .rotating_head.steps import Steps
 from .voyage import Passage
 
 __all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows"]

@@ -46,9 +46,9 @@ def made(**parameters):
     from mitsonar.survey import energy
     from mitsonar.survey.pressure import PressureRecord
     from mitsonar.survey.signals import received_signals
-    from mitsonar.survey.step_echoes import StepEchoes
-    from mitsonar.survey.step_signals import StepSignals
-    from mitsonar.survey.steps import Steps
+    from mitsonar.survey.rotating_head.echoes import StepEchoes
+    from mitsonar.survey.rotating_head.signals import StepSignals
+    from mitsonar.survey.rotating_head.steps import Steps
     from mitsonar.verbs import opened
 
     scene, sensor, integrator = opened(mitsonar.load_file(ROOT / "scenes" / "sector_scan.xml", **parameters))

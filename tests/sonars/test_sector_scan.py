@@ -281,7 +281,7 @@ def test_same_bytes_whatever_the_threads_and_blocks(monkeypatch, tmp_path):
 
     threads, first = dr.thread_count(), rendered()
     assert first["turn"].values.tolist() == [0, 0, 0, 0, 0, 1, 1]
-    monkeypatch.setattr("mitsonar.survey.steps.RAYS_PER_BLOCK", 1)
+    monkeypatch.setattr("mitsonar.survey.rotating_head.steps.RAYS_PER_BLOCK", 1)
     dr.set_thread_count(threads + 1)
     try:
         again = rendered()
@@ -309,8 +309,8 @@ def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_blocks(mo
         np.testing.assert_array_equal(rendered(), first)
     finally:
         dr.set_thread_count(threads)
-    monkeypatch.setattr("mitsonar.survey.step_signals.ROWS", 4)
-    monkeypatch.setattr("mitsonar.survey.step_pairs.AT_ONCE", 1)
+    monkeypatch.setattr("mitsonar.survey.rotating_head.signals.ROWS", 4)
+    monkeypatch.setattr("mitsonar.survey.rotating_head.pairs.AT_ONCE", 1)
     np.testing.assert_allclose(rendered(), first, atol=1e-3)
 
 

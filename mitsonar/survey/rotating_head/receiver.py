@@ -11,13 +11,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..signal.beam_grid import RowGrid
-from ..signal.beam_grid.residual_doppler import residual_doppler
-from .array_survey import ArraySurvey
-from .step_beam import StepBeam
-from .step_pairs import Pairs
-from .underway import Underway
+from ...device.arrays import arrays_of, upload
+from ...signal.beam_grid import RowGrid
+from ...signal.beam_grid.residual_doppler import residual_doppler
+from ..array_survey import ArraySurvey
+from .beam import StepBeam
+from .pairs import Pairs
+from ..underway import Underway
 
 __all__ = ["StepReceiver"]
 

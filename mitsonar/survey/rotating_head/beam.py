@@ -11,14 +11,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.types import Vector
-from ..imaging.sidescan import mean_intensity, pulse_shares
-from ..signal.matched_filter import compression
-from ..sonar.directivity import Aperture, sinc
-from ..sonar.sidescan import Sidescan
-from .array_survey import ArraySurvey
-from .face_beams import BEAM_EDGE, FaceBeams
-from .places import Place
+from ...device.types import Vector
+from ...imaging.sidescan import mean_intensity, pulse_shares
+from ...signal.matched_filter import compression
+from ...sonar.directivity import Aperture, sinc
+from ...sonar.sidescan import Sidescan
+from ..array_survey import ArraySurvey
+from ..face_beams import BEAM_EDGE, FaceBeams
+from ..places import Place
 
 __all__ = ["StepBeam", "face_of"]
 

@@ -11,14 +11,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..sonar.sidescan import Sidescan
-from ..tracing.launch import CELLS, Strata, along_quantiles, draw, first_quantiles
-from .array_survey import ArraySurvey
-from .places import Place
-from .rows import Rays
-from .side_launch import drawn_across
-from .underway import Underway
+from ...device.arrays import arrays_of, upload
+from ...sonar.sidescan import Sidescan
+from ...tracing.launch import CELLS, Strata, along_quantiles, draw, first_quantiles
+from ..array_survey import ArraySurvey
+from ..places import Place
+from ..rows import Rays
+from ..side_launch import drawn_across
+from ..underway import Underway
 
 __all__ = ["StepLaunch", "StepRays"]
 

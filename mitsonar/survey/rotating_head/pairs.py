@@ -13,8 +13,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from .step_echoes import HeadEchoes
+from ...device.arrays import upload
+from .echoes import HeadEchoes
 
 __all__ = ["Pairs", "SortedEchoes"]
 

@@ -2,13 +2,13 @@
 
     y_p(t) = Σ_j a_j b_t(n_j) b_r(n'_jp) e^{-i2πf τ_jp} δ(t - τ_jp)  ─→  pulse, receiver, matched filter, noise
 
-a_j -> the echoes around the head (`step_echoes`), n_j the direction they were sent in, n'_jp and τ_jp direction and
+a_j -> the echoes around the head (`echoes`), n_j the direction they were sent in, n'_jp and τ_jp direction and
 time of their reception, as the head has moved and turned by then (`underway`). Pings are rows of a grid over time
 (`signal.beam_grid.RowSignals`); their Doppler factors are those of the beam's axis, and what an echo's own differs
 from it is a delay and a turn.
 
 A platform that stands still has the same echoes at every ping: they are made once, and pings take those about their own
-bearings (`step_pairs`).
+bearings (`pairs`).
 """
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.chance import ping_key
-from ..signal.beam_grid import NoiseDensity, RowSignals
-from ..sonar.rotating_head import HeadTrajectory
-from ..sonar.track import rotation_matrix
-from ..units import amplitude_from_db, power_from_db
-from .array_survey import ArraySurvey
-from .step_beam import StepBeam
-from .step_echoes import HeadEchoes, StepEchoes
-from .step_pairs import Pairs, SortedEchoes
-from .step_receiver import StepReceiver
-from .underway import Underway
+from ...device.chance import ping_key
+from ...signal.beam_grid import NoiseDensity, RowSignals
+from ...sonar.rotating_head import HeadTrajectory
+from ...sonar.track import rotation_matrix
+from ...units import amplitude_from_db, power_from_db
+from ..array_survey import ArraySurvey
+from .beam import StepBeam
+from .echoes import HeadEchoes, StepEchoes
+from .pairs import Pairs, SortedEchoes
+from .receiver import StepReceiver
+from ..underway import Underway
 
 __all__ = ["StepSignals"]
 

@@ -3,7 +3,7 @@
     ground     scatterers with their legs and energies, and what hides them             `ground`
     others     point targets, smooth surfaces, a flat surface overhead                  `echoes.ensonification`
 
-They are those of one place, whatever way the head looks: what its beam makes of them at every ping is `step_signals`.
+They are those of one place, whatever way the head looks: what its beam makes of them at every ping is `signals`.
 """
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import compressed
-from ..echoes.ensonification import Ensonification
-from ..echoes.record import Echoes
-from ..echoes.thinned_scatterers import Density
-from ..sonar.sidescan import Sidescan
-from .array_survey import ArraySurvey
-from .ground import FREE, Ground
+from ...device.arrays import compressed
+from ...echoes.ensonification import Ensonification
+from ...echoes.record import Echoes
+from ...echoes.thinned_scatterers import Density
+from ...sonar.sidescan import Sidescan
+from ..array_survey import ArraySurvey
+from ..ground import FREE, Ground
 
 __all__ = ["HeadEchoes", "StepEchoes"]
 

@@ -11,22 +11,22 @@ from typing import final
 import mitsuba as mi
 import numpy as np
 
-from ..device.chance import Salt
-from ..device.types import Vector
-from ..echoes.origin_sums import WORDS
-from ..echoes.paths import Paths
-from ..tracing.launch import refine_quantiles
-from .array_survey import ArraySurvey
-from .coherent_beams import CoherentBeams
-from .energy_bins import EnergyBins
-from .places import Place
-from .ray_need import ray_need
-from .rows import EchoSource, RowResponse
-from .side_launch import ray_grid
-from .sound_paths import SoundPaths
-from .step_beam import StepBeam, face_of
-from .step_launch import StepLaunch, StepRays
-from .underway import Underway
+from ...device.chance import Salt
+from ...device.types import Vector
+from ...echoes.origin_sums import WORDS
+from ...echoes.paths import Paths
+from ...tracing.launch import refine_quantiles
+from ..array_survey import ArraySurvey
+from ..coherent_beams import CoherentBeams
+from ..energy_bins import EnergyBins
+from ..places import Place
+from ..ray_need import ray_need
+from ..rows import EchoSource, RowResponse
+from ..side_launch import ray_grid
+from ..sound_paths import SoundPaths
+from .beam import StepBeam, face_of
+from .launch import StepLaunch, StepRays
+from ..underway import Underway
 
 __all__ = ["Steps"]
 
@@ -52,7 +52,7 @@ class Steps:
     Attributes
     ----------
     face : Sidescan
-        Of the head, as `step_beam.face_of` gives it.
+        Of the head, as `beam.face_of` gives it.
     beam : StepBeam
     """
 
