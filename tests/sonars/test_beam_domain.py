@@ -69,6 +69,10 @@ CASES = {
     "rows": ({"receive": "planar", "receive_rows": 5, "receive_row_pitch": 0.003, "receive_shading": "boxcar"},
              (-30, -38, -38)),
     "dead elements": ({"receive_failed": "3, 20, 41"}, (-44, -55, -55)),
+    # steered aside by 15 degrees; its pattern is that of the carrier, too
+    "steered transmit array": ({"transmit": "line", "transmit_elements": 5, "transmit_normal": "forward",
+                                "transmit_steer_deg": "15, 0"}, (-28, -31, -31)),
+    "jitter": ({"receive_jitter": 3e-5, "receive_jitter_seed": 4}, (-44, -47, -47)),
     "cw": ({"pulse": "cw", "pulse_ms": 0.1, "bandwidth_khz": None}, (-44, -54, -54)),
     "bent water": ({}, (-46, -55, -55)),
 }
