@@ -266,3 +266,13 @@ def test_a_fan_that_the_bed_has_no_part_in_is_empty():
     image = mitsonar.render(KINDS["forward_looking"].made(
         {"seabed": bed(12.0, size=20.0)}, fan=(0.001, 5), coarse=True, film={"range": 6.0}))
     assert not image["label"].values.any() and not image["layover"].values.any()
+
+
+@every_kind
+def test_a_sea_surface_of_kilometres_takes_the_memory_of_what_is_within_reach(kind):
+    """Cut all over as finely as the bed, it would make 10^8 patches and more."""
+    image = mitsonar.render(KINDS[kind].made(
+        {"seabed": bed(12.0, size=20.0), "surface": {"type": "sea_surface", "wind_speed": 5.0}}, fan=(40.0, 9),
+        coarse=True, depth=8.0, film={"range": 16.0, "bins": 860}, integrator={"cell": 0.5, "rays": 2000}))
+    surface = next(int(number) for number, name in image.attrs["labels"].items() if name == "surface")
+    assert (image["label"].values == surface).any()
