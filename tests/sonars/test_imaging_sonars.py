@@ -49,7 +49,8 @@ def half_power(axis, level):
 def pointed(name):
     """The picture of five points 5 to 6 m ahead, the widths that theory gives, and where the points are."""
     member = MEMBERS[name]
-    sensor = member.made({"seabed": buried_bed(12.0, size=4.0)}, fan=(10.0, 3)).sensors()[0]
+    window = {"range_min": 4.5, "range": 6.5}
+    sensor = member.made({"seabed": buried_bed(12.0, size=4.0)}, fan=(10.0, 3), film=window).sensors()[0]
     wide, long = member.width(sensor), pulse_width(sensor.pulse)
     wavelength = 1500.0 / sensor.frequency
     behind = (np.ceil(2 * 1.5 * long / wavelength) + 0.25) * 0.5 * wavelength
@@ -59,7 +60,7 @@ def pointed(name):
     points = {which: point_target([away * np.sin(angle), away * np.cos(angle), -DEPTH])
               for which, (angle, away) in places.items()}
     fan = np.rad2deg((DIRECTIONS - 1) / PER_WIDTH * wide), DIRECTIONS
-    film = {"range_min": 4.5, "range": 6.5, "bins": int(PER_WIDTH * 2.0 / long)}
+    film = {**window, "bins": int(PER_WIDTH * 2.0 / long)}
     scene = member.made({"seabed": buried_bed(12.0, size=4.0), **points}, fan=fan, film=film,
                         integrator={"cell": 4.0, "rays": 400})
     return mitsonar.render(scene), wide, long, places
