@@ -83,13 +83,20 @@ class FrameBins:
         energy = echoes.energy
         sums = cell_sums(cell, active, [energy, energy * echoes.x, energy * echoes.y, energy * echoes.depth],
                          rows=self.beams, columns=self.bins)
-        index = dr.arange(mi.UInt32, self.cells)
-        total, *moments = dr.gather(arrays_of(mi.Float).Array4f, sums, index)
+        index, packet = dr.arange(mi.UInt32, self.cells), arrays_of(mi.Float).Array4f
+        own = dr.gather(packet, sums, index)
+        total = own[0]
         dr.eval(total)
-        there = total > HARDLY * float(dr.max(total)[0])
-        per_energy = dr.rcp(dr.select(there, total, 1))
+        least = dr.opaque(mi.Float, HARDLY * float(dr.max(total)[0]))
+        # where a bin between others has no scatterer by chance, the places are those beside it
+        empty, column = ~(total > least), index % dr.opaque(mi.UInt32, self.bins)
+        last = dr.opaque(mi.UInt32, self.bins - 1)
+        whole = own + dr.gather(packet, sums, index - 1, empty & (column > 0)) + dr.gather(
+            packet, sums, index + 1, empty & (column < last))
+        there = whole[0] > least
+        per_energy = dr.rcp(dr.select(there, whole[0], 1))
         place = dr.empty(mi.Float, 3 * self.cells)
-        for axis, (moment, zero) in enumerate(zip(moments, (origin[0], origin[1], 0.0))):
+        for axis, (moment, zero) in enumerate(zip((whole[1], whole[2], whole[3]), (origin[0], origin[1], 0.0))):
             mean = dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero)))
             dr.scatter(place, dr.select(there, mean, dr.nan), 3 * index + axis)
         return (total.numpy().reshape(self.beams, self.bins),
@@ -109,17 +116,20 @@ class FrameBins:
         dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active)
         dr.scatter_add(count, mi.UInt32(1), cell, active)
         dr.eval(mask, count)
-        # a single sector without an echo lies between others by chance
-        mask = mask | (mask << 1) & (mask >> 1)
-        runs = mi.UInt32(dr.popcnt(mask & ~(mask << 1)))
         bins, beams = (dr.opaque(mi.Int32, n) for n in (self.bins, self.beams))
         index = dr.arange(mi.UInt32, self.cells)
         row = mi.Int32(index) // bins
-        column, around = mi.Int32(index) - row * bins, mi.UInt32(0)
+        column, around, seen = mi.Int32(index) - row * bins, mi.UInt32(0), mi.UInt64(0)
         for down in range(-CELL, CELL + 1):
             for along in range(-CELL, CELL + 1):
                 there = (row + down >= 0) & (row + down < beams) & (column + along >= 0) & (column + along < bins)
-                around += dr.gather(mi.UInt32, count, mi.UInt32(mi.Int32(index) + down * bins + along), there)
+                beside = mi.UInt32(mi.Int32(index) + down * bins + along)
+                around += dr.gather(mi.UInt32, count, beside, there)
+                # a bin shows what its neighbours hear: the few scatterers of each may miss a sector
+                seen |= dr.gather(mi.UInt64, mask, beside, there & (abs(down) + abs(along) <= CELL))
+        # a single sector without an echo lies between others by chance
+        seen = seen | (seen << 1) & (seen >> 1)
+        runs = dr.select(dr.gather(mi.UInt32, count, index) > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
         dr.eval(runs, around)
         shape = self.beams, self.bins
         return runs.numpy().astype(np.uint8).reshape(shape), around.numpy().reshape(shape)
