@@ -147,8 +147,8 @@ def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction
     return xarray.Dataset(
         {"level": (dims, level.astype(np.float32), {"units": "dB re 1 µPa", "long_name": "echo level"}),
          **truth.variables(record.truth, label, class_of, dims),
-         "shadow": (dims, shadow, {"units": "1", "long_name": "no ray arrives, after the first return"}),
-         "rays": (dims, rays, {"units": "1", "long_name": "rays of the ground truth"})},
+         "shadow": (dims, shadow, {"units": "1", "long_name": "nothing arrives, after the first return"}),
+         "rays": (dims, rays, {"units": "1", "long_name": "rays, or scatterers around, of the ground truth"})},
         coords, {"sonar": "array_sonar", **{name: pings.attrs[name] for name in kept},
                  "bin_width": float(0.5 * speed / pings.attrs["sampling_rate"]),
                  "labels": {str(number): name for number, name in labels.items()}})

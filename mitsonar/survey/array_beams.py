@@ -17,12 +17,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
 from ..device.lookups import held
 from ..device.types import Float, Vector
 from ..echoes.element_beams import ElementBeams
 from ..sonar.array import Array
 from .places import Place
+from .array_sums import ArraySum
 from .array_survey import ArraySurvey
 
 __all__ = ["ArrayBeams"]
@@ -58,10 +58,10 @@ class ArrayBeams:
         self._axis, self._normal = _axes(self._angle, np.asarray(direction, float))
         off = survey.receive.position - np.outer(survey.receive.position @ self._axis, self._axis)
         flat = np.abs(off - off.mean(0)).max() <= FLAT * self._wavelength
-        self._off_plane = None if flat else _ArrayFactor(survey.receive, self._wavelength)
+        self._off_plane = None if flat else _elements(survey.receive, self._wavelength)
         self._sent = None
         if np.count_nonzero(survey.transmit.weight) > 1:
-            self._sent = _ArrayFactor(survey.transmit, self._wavelength, survey.frequency)
+            self._sent = _elements(survey.transmit, self._wavelength, survey.frequency)
         self._mixing = self._mixed()
         share = survey.pulse.bandwidth / survey.sampling_rate
         spread = np.sinc(share * np.arange(-REACH, REACH + 1)) ** 2
@@ -98,9 +98,9 @@ class ArrayBeams:
             weight = dr.select(inside, weight, 0)
         if self._off_plane is not None:
             in_plane = dr.sqrt(1 - u * u) * normal + u * axis
-            weight *= self._off_plane.intensity(body - in_plane)
+            weight *= _intensity(self._off_plane, body - in_plane)
         if self._sent is not None:
-            weight *= self._sent.intensity(place.body(ping, sent))
+            weight *= _intensity(self._sent, place.body(ping, sent))
         if self.pattern is not None:
             weight *= self.pattern(sent, place.rotation[0])
         return beam, weight
@@ -131,21 +131,15 @@ class ArrayBeams:
         return response.reshape(self.count, self.count, PARTS).mean(2)
 
 
-class _ArrayFactor:
-    """|Σ w e^(i(k r·d - 2π f τ))|² of an array, 1 at most; τ counts where a frequency [Hz] is given."""
+def _elements(array: Array, wavelength: float, frequency: float = 0.0) -> ArraySum:
+    """The sum of an array's elements, 1 at most; their delays count where a frequency [Hz] is given."""
+    return ArraySum(array.position / wavelength, array.weight / np.abs(array.weight).sum(), frequency * array.delay)
 
-    def __init__(self, array: Array, wavelength: float, frequency: float = 0.0):
-        working = np.flatnonzero(array.weight)
-        weight = array.weight[working] / np.abs(array.weight).sum()
-        late = frequency * array.delay[working]
-        table = np.concatenate([array.position[working] / wavelength, late[:, None]], 1)
-        self._table, self._weight = (upload(mi.Float, part.astype(np.float32)) for part in (table, weight))
-        self._count = dr.opaque(mi.UInt32, len(working))
-        dr.eval(self._table, self._weight)
 
-    def intensity(self, body: mi.Vector3f) -> mi.Float:
-        """Give it for body directions."""
-        return _factor(self._table, self._weight, self._count, body)
+def _intensity(elements: ArraySum, direction: mi.Vector3f) -> mi.Float:
+    """|F|² towards body directions."""
+    real, imaginary = elements.of(direction)
+    return real * real + imaginary * imaginary
 
 
 def _even(values: np.ndarray) -> bool:
@@ -163,19 +157,3 @@ def _axes(angle: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndar
         return np.zeros(3), direction[0]
     normal, axis = np.linalg.lstsq(np.stack([np.cos(angle), np.sin(angle)], 1), direction, rcond=None)[0]
     return axis / np.linalg.norm(axis), normal / np.linalg.norm(normal)
-
-
-@dr.syntax
-def _factor(table, weight, count, direction):
-    """|Σ w e^(i2π(x·d - t))|² of `count` rows (x, t) of a table, in wavelengths and cycles."""
-    real, imaginary = mi.Float(0), mi.Float(0)
-    i = mi.UInt32(0)
-    while i < count:
-        x, y = dr.gather(mi.Float, table, 4 * i), dr.gather(mi.Float, table, 4 * i + 1)
-        z, t = dr.gather(mi.Float, table, 4 * i + 2), dr.gather(mi.Float, table, 4 * i + 3)
-        w = dr.gather(mi.Float, weight, i)
-        turns = x * direction.x + y * direction.y + z * direction.z - t
-        sine, cosine = dr.sincos((turns - dr.round(turns)) * float(2 * np.pi))
-        real, imaginary = real + w * cosine, imaginary + w * sine
-        i += 1
-    return real * real + imaginary * imaginary

@@ -19,6 +19,8 @@ import numpy as np
 
 from ...device.chance import gaussian, hashed_pair
 from ...device.types import Float, UInt32
+from ...units import power_from_db
+from ..noise import ElementNoise
 
 __all__ = ["NoiseDensity", "gaussians"]
 
@@ -48,6 +50,16 @@ class NoiseDensity:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"noise density: {name} is {value} per Hz; give a finite number of 0 or more.")
+
+
+    @classmethod
+    def of(cls, noise: ElementNoise | None, source_level_db: float) -> NoiseDensity | None:
+        """Give the density of elements' noise for echoes of a source level of 0 dB; None where there is no noise."""
+        if noise is None:
+            return None
+        ambient, own = (0.0 if level is None else float(power_from_db(level) / power_from_db(source_level_db))
+                        for level in (noise.ambient_db, noise.self_noise_db))
+        return cls(ambient=ambient, own=own)
 
 
 def gaussians(lib: ModuleType, index: UInt32, key: UInt32) -> tuple[Float, Float]:

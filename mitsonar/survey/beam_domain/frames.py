@@ -78,7 +78,7 @@ class Frames:
             mi.Float, position=line.place, weight=line.weight, pulse=survey.pulse, samples=survey.samples,
             sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sines=sines,
             sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
-        self._noise = _density(survey)
+        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
         self._truth = FrameTruth(
             Blur(sines[self._order], line.place / survey.wavelength, line.weight,
                  survey.pulse.bandwidth / survey.sampling_rate),
@@ -133,16 +133,6 @@ class Frames:
         near = (R - np.linalg.norm(point - centre, axis=-1)) / speed - far[:, None]
         turn = np.exp(-2j * np.pi * survey.frequency * near).astype(np.complex64)
         return delayed(beams, far, survey.sampling_rate, survey.frequency) * turn
-
-
-def _density(survey: ArraySurvey) -> NoiseDensity | None:
-    """The elements' noise, for a source level of 0 dB."""
-    noise, source = survey.noise, power_from_db(survey.source_level_db)
-    if noise is None:
-        return None
-    ambient, own = (0.0 if level is None else float(power_from_db(level) / source)
-                    for level in (noise.ambient_db, noise.self_noise_db))
-    return NoiseDensity(ambient=ambient, own=own)
 
 
 def _add(grid: BeamGrid, echoes: GridEchoes) -> None:

@@ -22,7 +22,7 @@ from ...device.chance import ping_key
 from ...signal.beam_grid import NoiseDensity, RowSignals
 from ...sonar.rotating_head import HeadTrajectory
 from ...sonar.track import rotation_matrix
-from ...units import amplitude_from_db, power_from_db
+from ...units import amplitude_from_db
 from ..array_survey import ArraySurvey
 from .beam import StepBeam
 from .echoes import HeadEchoes, StepEchoes
@@ -84,8 +84,8 @@ class StepSignals:
         for pairs in self._pairs(ping):
             receiver.add(grid, pairs)
         keys = np.array([ping_key(self._seed, int(one)) for one in ping], np.uint32)
-        signals = self._signals.form(grid, doppler=receiver.doppler, keys=keys,
-                                     noise=_noise(survey) if self._by_chance else None)
+        noise = NoiseDensity.of(survey.noise, survey.source_level_db) if self._by_chance else None
+        signals = self._signals.form(grid, doppler=receiver.doppler, keys=keys, noise=noise)
         return signals * np.float32(amplitude_from_db(survey.source_level_db))
 
     def _pairs(self, ping: np.ndarray) -> Iterator[Pairs]:
@@ -121,13 +121,3 @@ class StepSignals:
                 yield scatterers
             yield from self._echoes.mirrored(*there)
         yield from self._echoes.coherent(self._position[ping])
-
-
-def _noise(survey: ArraySurvey) -> NoiseDensity | None:
-    """The receiver's noise, for a source level of 0 dB."""
-    noise, source = survey.noise, power_from_db(survey.source_level_db)
-    if noise is None:
-        return None
-    ambient, own = (0.0 if level is None else float(power_from_db(level) / source)
-                    for level in (noise.ambient_db, noise.self_noise_db))
-    return NoiseDensity(ambient=ambient, own=own)
