@@ -113,7 +113,8 @@ class ObjectShadows:
         """
         angle, heading = angles(launch)
         lift = LIFT + LIFT_PER_RANGE * horizontal_range
-        end = point + cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival))) * normal
+        aside = cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival)))
+        end = point + mi.Point3f(aside * normal)
         return along_fan(self._scene, sources.ray_fans, origin, mi.UInt32(0), angle, heading, end, horizontal_range,
                          active)
 

@@ -3,7 +3,7 @@
     shown[b, t] = Σ_b' M[b, b'] Σ_τ k[τ] E[b', t - τ],     M[b, b'] = mean over beam b' of |W(s' - s_b)|²,
     k a squared sinc of the pulse's bandwidth, of sum 1
 
-M is kept where it is more than a share `FAINTEST` of a beam's own.
+M is kept where it is more than a share `FAINTEST` of a beam's own, and made larger by what is left out.
 """
 from __future__ import annotations
 
@@ -92,7 +92,11 @@ def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.nd
         band[b, half + k] = np.interp(np.abs(fine[b + k] - sines[b, None]), gaps, table).mean(1)
     worth = band.max(0) > FAINTEST * band.max()
     needed = int(np.abs(np.flatnonzero(worth) - half).max(initial=0))
-    return band[:, half - needed:half + needed + 1]
+    band = band[:, half - needed:half + needed + 1]
+    # what side lobes farther off bring on an even bed, by the middle beam
+    middle = beams // 2
+    whole = float(np.interp(np.abs(fine - sines[middle]), gaps, table).mean(1).sum())
+    return band * (whole / band[middle].sum())
 
 
 def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
