@@ -36,8 +36,8 @@ MOST_PATCHES = 2_000_000           # that large facets are cut into, about
 MOST = 1 << 26                     # scatterers of a ping
 SHARE = 1 / 64                     # of the reach, that a patch is long at most
 BLOCK = 1024                       # patches that are looked at together when a ping's are chosen
-# 1/g and 1/g² as 32-bit fractions
-STEP_U, STEP_V = 0xC13FA9A9, 0x91E10DA6
+PLASTIC = 1.324717957244746        # g
+STEP_U, STEP_V = (round(2 ** 32 / PLASTIC ** power) for power in (1, 2))        # as 32-bit fractions
 
 
 @dataclass(frozen=True, kw_only=True)

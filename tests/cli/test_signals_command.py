@@ -58,6 +58,7 @@ def test_work_of_more_than_a_moment_is_told_before_it_starts(variant, folder, sc
     from mitsonar.survey import cost as array_cost
 
     monkeypatch.setattr(array_cost, "WORTH_SAYING", 0.0)
+    scene((START, START + '<string name="picture" value="elements"/>'))
     for command in (["signals", "-o", "a.nc"], ["signals", "-o", "a.nc", "--response"], ["render", "-o", "a.exr"]):
         assert cli.main([command[0], "array.xml", *command[1:]]) == 0
         assert re.fullmatch(r"mitsonar: 1 ping to 3 elements, \d+ cells of 50 cm within reach: under 1 s; faster: "
@@ -150,5 +151,6 @@ def test_the_fan_of_an_array_is_its_picture(variant, folder, scene, refusal):
     assert dict(image["level"].sizes) | {"range": 0} == {"ping": 1, "beam": 121, "range": 0}
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
     assert cli.main(["plot", "a.exr"]) == 0
-    assert "is of a sidescan" in refusal("plot", "a.exr", "--what", "labels")
+    assert cli.main(["plot", "a.exr", "--what", "labels"]) == 0
+    assert "is of a sidescan" in refusal("plot", "a.exr", "--what", "depth")
     assert "there is no ping 3" in refusal("plot", "a.exr", "--ping", "3")

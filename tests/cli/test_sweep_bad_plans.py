@@ -89,7 +89,7 @@ def test_spoilt_plans(folder, refusal, text, says):
 
 
 @pytest.mark.parametrize("name, content, says", [
-    ("none.toml", None, "none.toml does not exist; give the path of a TOML file or one of: gallery, minefield"),
+    ("none.toml", None, "none.toml does not exist; give the path of a TOML file or one of: divers, gallery, minefield"),
     ("b.toml", b"\xff\xfe\x00", "is not a text file; give a TOML file"),
     ("d.toml", "a folder", "d.toml is no file"),
 ])

@@ -57,7 +57,7 @@ def test_durations_are_said_in_words(seconds, words):
 def test_it_is_said_before_the_work_with_what_would_be_faster(variant, monkeypatch):
     monkeypatch.setattr(array_cost, "RETURNED", 1e-2)                      # a slow machine
     said = []
-    small = scene(size=60.0, film=40.0)
+    small = scene(size=60.0, film=40.0, picture="elements")
     for verb in (mitsonar.render, mitsonar.element_signals, mitsonar.impulse_response):
         said.clear()
         verb(small, say=said.append, progress=lambda done, total: said.append(done))
