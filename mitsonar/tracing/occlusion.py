@@ -38,7 +38,8 @@ def along_fan(scene: mi.Scene, ray_fans: RayFans, origin: mi.Point3f, source: mi
     r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
     i = mi.UInt32(1)                                             # its end
     blocked = mi.Bool(False)
-    active = mi.Bool(active)
+    # a row that never comes to the scene's depths has no chords, and its first vertex was never written
+    active = mi.Bool(active) & (size > 1)
     one = dr.opaque(mi.UInt32, 1)
     while active:
         v = dr.gather(ray_fans.lib.Array4f, ray_fans.vertex, base + i, active & (i < size))

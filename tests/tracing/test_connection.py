@@ -142,3 +142,18 @@ def test_a_wall_hides_and_is_looked_round_on_request(variant):
     # a target in front of the wall is not hidden by what is within the last bit of the way
     on_wall = np.array([[19.85, 0.0, -25.0]])
     assert connect(geometry, profile, 10.0, on_wall, np.zeros((1, 3)), short=0.02).free.numpy().all()
+
+
+def test_ways_that_never_come_to_the_scene_are_free_whatever_the_memory_holds(variant, monkeypatch):
+    """Points at the sonar's own depth over a bed 80 m below: no chord of their rays is kept.
+
+    Chords that were never kept were read from memory as it was found.
+    """
+    import mitsonar.validation.scenes as scenes
+
+    monkeypatch.setattr(dr, "empty", lambda kind, count: dr.full(kind, 1000, count))
+    geometry = Geometry(scenes.array_sonar({"bed": scenes.bed(100.0, size=4000.0)}))
+    x = np.linspace(5.0, 60.0, 4000)
+    point = np.stack([x * np.cos(x), x * np.sin(x), np.full(4000, -20.0)], 1)
+    way = connect(geometry, SoundSpeedProfile(*PROFILES["constant"]), 20.0, point, np.zeros((4000, 3)))
+    assert way.free.numpy().all()
