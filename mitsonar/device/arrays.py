@@ -4,7 +4,7 @@ Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows
 may lie anywhere. Used in place, it would make the same code compile again and again, and run without packets at times.
 """
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar, cast
 
 import drjit as dr
@@ -12,7 +12,7 @@ import numpy as np
 
 from .types import ArrayTypes, Bool, DrJitArray, UInt32
 
-__all__ = ["arrays_of", "compressed", "looped", "picked", "reinterpreted", "upload"]
+__all__ = ["arrays_of", "compressed", "looped", "opaque_vector", "picked", "reinterpreted", "upload"]
 
 Kept = TypeVar("Kept")              # the type of array that goes in comes out
 ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once
@@ -36,6 +36,12 @@ def looped(state: tuple, condition: Callable[..., Bool], body: Callable[..., tup
     As `drjit.while_loop`, whose declarations allow one state variable alone.
     """
     return cast(Any, dr.while_loop)(state, condition, body, mode="symbolic", label=label)
+
+
+def opaque_vector(kind: type[Kept], vector: Iterable[float]) -> Kept:
+    """Give a vector of a Dr.Jit or Mitsuba type whose components are opaque: they change without a new kernel."""
+    component: Any = dr.value_t(cast(Any, kind))
+    return cast(Any, kind)(*(dr.opaque(component, float(part)) for part in vector))
 
 
 def picked(value: Kept, index: UInt32) -> Kept:

@@ -23,7 +23,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, compressed, reinterpreted, upload
+from ..device.arrays import arrays_of, compressed, opaque_vector, reinterpreted, upload
 from ..device.chance import Salt, gaussian, hashed, hashed_pair, uniform, uniform_inside
 from .cells import divisions, place
 from .scatterers import Scatterers
@@ -175,7 +175,7 @@ class ThinnedScatterers:
             return mi.UInt32(), mi.UInt32()
         patch = upload(mi.UInt32, patches)
         centre, area, normal, radius = self._patch(patch)
-        d = mi.Vector3f(centre) - _opaque(density.origin)
+        d = mi.Vector3f(centre) - opaque_vector(mi.Vector3f, density.origin)
         R = dr.norm(d)
         least = dr.maximum(dr.maximum(abs(dr.dot(d, normal)), R - radius), NEAREST)
         sight = d / dr.maximum(R, NEAREST)
@@ -275,7 +275,7 @@ def _balls(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _covered(density: Density, normal: mi.Vector3f, sight: mi.Vector3f) -> mi.Float:
     """|n·(l × a)| of (1) along unit vectors l."""
-    axis = _opaque(density.axis)
+    axis = opaque_vector(mi.Vector3f, density.axis)
     if not density.around:
         return abs(dr.dot(normal, dr.cross(sight, axis)))
     across = axis - dr.dot(axis, sight) * sight
@@ -300,6 +300,3 @@ def _listed(lib, patch, number, total):
         k += 1
     return patches, numbers
 
-
-def _opaque(vector: np.ndarray) -> mi.Vector3f:
-    return mi.Vector3f(*(dr.opaque(mi.Float, float(component)) for component in vector))

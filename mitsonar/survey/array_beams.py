@@ -17,6 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..device.arrays import opaque_vector
 from ..device.lookups import held
 from ..device.types import Float, Vector
 from ..echoes.element_beams import ElementBeams
@@ -87,7 +88,7 @@ class ArrayBeams:
         """
         body, weight = place.body(ping, towards), mi.Float(1)
         beam = dr.zeros(mi.UInt32, dr.width(body))
-        axis, normal = _opaque(self._axis), _opaque(self._normal)
+        axis, normal = opaque_vector(mi.Vector3f, self._axis), opaque_vector(mi.Vector3f, self._normal)
         u = dr.clip(dr.dot(body, axis), -1, 1)
         if self.count > 1:
             ends = self._angle[[0, -1]]
@@ -146,9 +147,6 @@ def _even(values: np.ndarray) -> bool:
     """Whether values (N,) have equal steps."""
     return bool(np.allclose(values, np.linspace(values[0], values[-1], len(values)), rtol=0, atol=1e-7))
 
-
-def _opaque(vector: np.ndarray) -> mi.Vector3f:
-    return mi.Vector3f(*(dr.opaque(mi.Float, float(component)) for component in vector))
 
 
 def _axes(angle: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

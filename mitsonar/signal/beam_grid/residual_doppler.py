@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
+import drjit as dr
 import numpy as np
 from scipy.fft import fftfreq
 from scipy.optimize import minimize_scalar
@@ -95,5 +96,7 @@ def _followed(pulse: Pulse, rate: float, samples: int, frequency: np.ndarray, st
 
 
 def _polynomial(powers: np.ndarray, value: Numbers) -> Numbers:
-    first, second, third = (float(power) for power in powers)
+    # opaque on the device, so that another pulse makes no other kernel
+    first, second, third = (dr.opaque(type(value), float(power)) if dr.is_jit_v(value) else float(power)
+                            for power in powers)
     return value * (first + value * (second + value * third))

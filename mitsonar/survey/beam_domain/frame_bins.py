@@ -54,8 +54,8 @@ class FrameBins:
     def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.Bool]:
         """Give the cells of echoes, computed, and which echoes lie in the picture and bring something."""
         first, last, per_sine = self._ends
-        beam = _beam(self._table, self._edges, mi.UInt32(held((echoes.sine - first) * per_sine, 0.0, self._places)),
-                     echoes.sine)
+        sine = held(echoes.sine, first, last)
+        beam = _beam(self._table, self._edges, mi.UInt32(held((sine - first) * per_sine, 0.0, self._places)), sine)
         bin = dr.round(echoes.column) - dr.opaque(mi.Float, self._lead)
         inside = (echoes.sine >= first) & (echoes.sine < last) & (bin >= 0) & (
             bin < dr.opaque(mi.Float, self.bins)) & (echoes.energy > 0)
@@ -137,7 +137,7 @@ class FrameBins:
 
 @dr.syntax
 def _beam(table, edges, place, sine):
-    """The beam of sines, from the one in which their place of the table begins."""
+    """The beam of finite sines, from the one in which their place of the table begins."""
     beam = dr.gather(mi.UInt32, table, place)
     more = sine >= dr.gather(mi.Float, edges, beam)
     while more:

@@ -26,8 +26,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ...device.arrays import opaque_vector
 from ...propagation.travel import Travel, rotated
 from ..array_survey import ArraySurvey
+from ..elements.ping_source import opaque64
 
 __all__ = ["Arrival", "Reception"]
 
@@ -83,8 +85,7 @@ class Reception:
         d, r = travel.displacement[0], travel.turn[0]
         self._moves, self._turns = (bool(len(powers)) and bool((travel.reach(powers[None]) > SMALL).any())
                                     for powers in (d, r))
-        opaque = _opaque64
-        self._travel = Travel(displacement=tuple(map(opaque, d)), turn=tuple(map(opaque, r)),
+        self._travel = Travel(displacement=tuple(map(opaque64, d)), turn=tuple(map(opaque64, r)),
                               duration=dr.opaque(mi.Float64, travel.duration))
         sender_travel = survey.travel(ping, transmit_centre)
         self._sent_velocity = sender_travel.displacement[0][0] if len(sender_travel.displacement[0]) else np.zeros(3)
@@ -117,12 +118,12 @@ class Reception:
         """
         per_speed = dr.opaque(mi.Float, 1 / self.speed)
         if np.linalg.norm(self._sender) > SMALL:
-            later, sent = _from(sent, out_distance, _opaque(self._sender))
+            later, sent = _from(sent, out_distance, opaque_vector(mi.Vector3f, self._sender))
             out_time = out_time + mi.Float64(later * per_speed)
         delay, towards = out_time + back_time, mi.Vector3f(towards)
         heard = towards
         if self._moves or np.linalg.norm(self._receiver) > SMALL:
-            start, time = _opaque(self._receiver), mi.Float(delay)
+            start, time = opaque_vector(mi.Vector3f, self._receiver), mi.Float(delay)
             for _ in range(STEPS if self._moves else 1):
                 r = start
                 if self._moves:
@@ -134,12 +135,12 @@ class Reception:
         if self._moves:
             velocity = mi.Vector3f(*(mi.Float(part) for part in self._travel.velocity(delay)))
             closing = dr.dot(heard, velocity)
-        sent_closing = dr.dot(sent, _opaque(self._sent_velocity)) if self._moves else mi.Float(0)
+        sent_closing = dr.dot(sent, opaque_vector(mi.Vector3f, self._sent_velocity)) if self._moves else mi.Float(0)
         if self._turns:
             turned = self._travel.turned(delay)
             heard = mi.Vector3f(*rotated(list(heard), [mi.Float(part) for part in turned], back=True))
         c = dr.opaque(mi.Float, self.speed)
-        sine = dr.dot(heard, _opaque(self._axis)) * c / (c + closing)
+        sine = dr.dot(heard, opaque_vector(mi.Vector3f, self._axis)) * c / (c + closing)
         if np.linalg.norm(self._receiver) > SMALL:
             along, ahead = (dr.opaque(mi.Float, part) for part in self._off)
             seen = sine * along + dr.sqrt(dr.maximum(1 - sine * sine, 0)) * ahead
@@ -165,13 +166,3 @@ def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f) -> tuple
     length = dr.norm(way)
     later = (dr.squared_norm(place) - 2 * distance * dr.dot(towards, place)) / (length + distance)
     return later, way / dr.maximum(length, 1e-6)
-
-
-def _opaque(vector: np.ndarray) -> mi.Vector3f:
-    return mi.Vector3f(*(dr.opaque(mi.Float, float(component)) for component in vector))
-
-
-def _opaque64(vector: np.ndarray) -> tuple[mi.Float64, ...]:
-    return tuple(dr.opaque(mi.Float64, float(component)) for component in vector)
-
-
