@@ -81,6 +81,9 @@ def __getattr__(name):
         module, _, attribute = _PUBLIC[name].partition(":")
         value = importlib.import_module(module)
         value = globals()[name] = getattr(value, attribute) if attribute else value
+        if "xarray" in sys.modules:
+            # It imports Dask when the first array is made, and that import fails where several threads begin it.
+            sys.modules["xarray"].DataArray(0.0)
     return value
 
 
