@@ -53,6 +53,7 @@ class Salt:
     # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
     THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43
     PATCH = 0x6A09E667             # the strength of a patch of seabed
+    GROUND_SPECKLE = 0x510E527F    # of the lattices that a sidescan's speckle comes from
     # noise in the beams of a line: on rows of sine, and on waves along the line; in rows of signals
     BEAM_AMBIENT, BEAM_NOISE, ROW_NOISE = 0x1F83D9AB, 0x5BE0CD19, 0x3C2B5A17
     NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed
@@ -160,8 +161,11 @@ def stratified(lib: ModuleType, stratum: DrJitArray, share: Float, strata: DrJit
     return dr.minimum((lib.Float(stratum) + share) / lib.Float(strata), BELOW_ONE)
 
 
-def gaussian(lib: ModuleType, first: UInt32, second: UInt32) -> tuple[Float, Float]:
-    """Complex Gaussian of unit mean square from two hashes; real and imaginary part, Float (Box and Muller 1958)."""
+def gaussian(lib: ModuleType, first: UInt32, second: UInt32, turned: Float | float = 0.0) -> tuple[Float, Float]:
+    """Complex Gaussian of unit mean square from two hashes, turned by an angle [rad], which costs nothing more here.
+
+    Real and imaginary part, Float (Box and Muller 1958).
+    """
     radius = dr.sqrt(-dr.log((lib.Float(first >> 8) + 0.5) * SMALLEST_UNIFORM))
-    sine, cosine = dr.sincos((2 * np.pi) * uniform(lib, second))
+    sine, cosine = dr.sincos((2 * np.pi) * uniform(lib, second) + turned)
     return radius * cosine, radius * sine

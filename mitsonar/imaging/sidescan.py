@@ -3,11 +3,12 @@
     p²(t) = Σ_j k_j E_j + N,      k the pulse's share of each (half) bin                     mean level
     z(t)  = Σ_j √k_j √E_j g_j + √N n,  p² = |z|²                                             one realisation
 
-E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g and n circular complex Gaussian of unit
-variance: the sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson & Richardson
-2007, ch. 16). Where a bin is longer than the pulse it holds several cells, whose intensities are averaged. What has a
-phase of its own, point targets and smooth surfaces (z_c), adds before it is squared: to the mean <|z_c|²>, and to a
-realisation so that amplitudes are Rice's (S. O. Rice, 1945): <|z + z_c|²> over each cell, z being one number there.
+E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g -> ``speckle`` and n circular complex Gaussian
+of unit variance: the sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson &
+Richardson 2007, ch. 16), which stay where they are from ping to ping (`echoes.ground_speckle`). Where a bin is longer
+than the pulse it holds several cells, whose intensities are averaged. What has a phase of its own, point targets and
+smooth surfaces (z_c), adds before it is squared: to the mean <|z_c|²>, and to a realisation so that amplitudes are
+Rice's (S. O. Rice, 1945): <|z + z_c|²> over each cell, z being one number there.
 """
 from collections.abc import Callable, Mapping, Sequence
 
@@ -21,7 +22,7 @@ from ..sonar.track import Track
 from . import truth
 from .energy_record import CoherentRecord, EnergyRecord
 
-__all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation"]
+__all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation", "speckle_gates"]
 
 NOTHING_DB = -200.0                # level where no sound arrives at all
 WORK = 1 << 18                     # bins drawn at a time
@@ -49,6 +50,11 @@ def pulse_cells(bin_length: float, pulse_length: float) -> int:
     return max(1, round(bin_length / pulse_length))
 
 
+def speckle_gates(bin_length: float, pulse_length: float) -> int:
+    """How many gates of a bin have a speckle of their own: its cells, or its halves where the pulse is longer."""
+    return pulse_cells(bin_length, pulse_length) if pulse_length <= bin_length else 2
+
+
 def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Mean level of the bins, (..., bins) [µPa²], of echoes `intensity` (..., bins) and a pulse's `shares`."""
     if len(shares) == 1:
@@ -56,8 +62,9 @@ def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
     return _gate(np.repeat(0.5 * intensity, 2, -1), shares)
 
 
-def realisation(intensity: np.ndarray, shares: np.ndarray, noise: float, random: np.random.Generator,
-                coherent: np.ndarray | None = None, coherent_intensity: np.ndarray | float = 0.0) -> np.ndarray:
+def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float,
+                random: np.random.Generator, coherent: np.ndarray | None = None,
+                coherent_intensity: np.ndarray | float = 0.0) -> np.ndarray:
     """Draw the intensity one ping would record.
 
     Parameters
@@ -65,8 +72,11 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, noise: float, random:
     intensity : (..., bins) [µPa²]
     shares : array
         See `pulse_shares`.
+    speckle : (..., gates) complex [-]
+        Of the gates of bins, see `speckle_gates`: circular Gaussian of unit variance, independent from gate to gate.
     noise : float [µPa²]
     random : numpy.random.Generator
+        Of the noise.
     coherent : (..., bins, cells) complex [µPa] or None
         Means of what has a phase of its own over the cells of bins.
     coherent_intensity : (..., bins) [µPa²]
@@ -77,24 +87,28 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, noise: float, random:
     (..., bins) [µPa²]
     """
     if len(shares) == 1:
-        cells = pulse_cells(1.0, shares[0])
+        cells = speckle.shape[-1] // intensity.shape[-1]
+        amplitude = np.sqrt(shares[0] * intensity)
+        speckle = speckle.reshape(*intensity.shape, cells)
         echo = np.zeros(intensity.shape)
         for cell in range(cells):
-            z = np.sqrt(shares[0] * intensity) * _gaussian(random, intensity.shape)
-            z += np.sqrt(noise) * _gaussian(random, intensity.shape)
+            z = amplitude * speckle[..., cell]
+            if noise:
+                z += np.sqrt(noise) * _gaussian(random, intensity.shape)
             echo += np.abs(z) ** 2 + _crossed(z, coherent, cell)
         return np.maximum(echo / cells + coherent_intensity, 0)
-    half = np.sqrt(np.repeat(0.5 * intensity, 2, -1))
-    z = _gate(half * _gaussian(random, half.shape), np.sqrt(shares))
-    # noise has the band of the pulse as well; drawn on both sides of the record, its level holds to the ends
-    drawn = _gaussian(random, (*half.shape[:-1], half.shape[-1] + len(shares) - 2))
-    z += np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))
+    z = _gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares))
+    if noise:
+        # it has the band of the pulse as well; drawn on both sides of the record, its level holds to the ends
+        drawn = _gaussian(random, (*speckle.shape[:-1], speckle.shape[-1] + len(shares) - 2))
+        z += np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))
     return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
 
 
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
-          labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None, speckle: bool, seed: int,
-          absorption_db: float, paths: Sequence[str] = ("b",)) -> xarray.Dataset:
+          labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
+          speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
+          paths: Sequence[str] = ("b",)) -> xarray.Dataset:
     """Make the dataset of a run.
 
     Parameters
@@ -113,7 +127,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         Names of the paths of ``path_intensity``, which is there where there are more than one.
     noise_db : float [dB re 1 µPa] or None
         In the receiver's band and beam; None for none.
-    speckle : bool
+    speckle : callable or None
+        Gives the speckle (B, side, gates) of pings (B,), see `realisation`; None: mean levels.
     seed : int
     absorption_db : float [dB/m]
         At the head, for display gain.
@@ -144,9 +159,10 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
                                       np.where(in_beam[some] > 0, with_phase[1], 0))
             mean = mean + with_phase[1]
         mean_level[some] = _level(mean)
-        if speckle:
+        if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
-            level[some] = _level(realisation(energy, shares, noise, random, *with_phase))
+            drawn = speckle(np.arange(pings)[some])
+            level[some] = _level(realisation(energy, shares, drawn, noise, random, *with_phase))
         else:
             level[some] = _level(mean + noise)
     # in a shadow side lobes bring what little there is: it has no label
@@ -184,7 +200,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
                "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "absorption_db": float(absorption_db),
                "noise_db": None if noise_db is None else float(noise_db),
-               "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": bool(speckle),
+               "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": speckle is not None,
                "labels": {str(number): name for number, name in labels.items()}})
     if record.path_intensity is not None:
         dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares, entry)).assign_coords(

@@ -19,6 +19,7 @@ from . import array, energy, limits
 from .array_survey import ArraySurvey
 from .sensor import RunSettings, Sensor, slowest_speed
 from .sides import Sides
+from .side_speckle import side_speckle
 from .sidescan_survey import SidescanSurvey
 from .voyage import Passage
 
@@ -113,7 +114,8 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
-        class_of=class_of, paths=survey.paths.names, noise_db=noise_db, speckle=sensor.speckle, seed=seed,
+        class_of=class_of, paths=survey.paths.names, noise_db=noise_db,
+        speckle=side_speckle(survey, seed).of if sensor.speckle else None, seed=seed,
         absorption_db=float(survey.absorption.at(head_depth)))
     return objects.annotated(image, classes, class_of, survey.geometry)
 

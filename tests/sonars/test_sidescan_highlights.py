@@ -85,7 +85,8 @@ def test_amplitudes_are_those_of_rice(rng):
     """|z_c + z|² of a steady and a random part: mean P + I, variance I² + 2 P I; 4 standard errors of 10^5 draws."""
     count, power, random = 100_000, 4.0, 1.5
     coherent = np.full((count, 1), np.sqrt(power) * np.exp(0.7j))
-    got = realisation(np.full(count, random), np.array([1.0]), 0.0, rng, coherent, np.full(count, power))
+    speckle = np.array([1, 1j]) @ rng.standard_normal((2, count)) * np.sqrt(0.5)
+    got = realisation(np.full(count, random), np.array([1.0]), speckle, 0.0, rng, coherent, np.full(count, power))
     variance = random ** 2 + 2 * power * random
     assert got.mean() == pytest.approx(power + random, abs=4 * np.sqrt(variance / count))
     assert got.var() == pytest.approx(variance, rel=0.04)

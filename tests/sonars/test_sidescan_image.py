@@ -15,6 +15,8 @@ from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALTITUDE, HEIGHT, RANGE = 20.0, 1.5, 40.0          # sonar above the bed, box, ground range of its front
 
+METRE_BY_METRE = {"speed_knots": 8 / (1852 / 3600), "ping_rate_hz": 8.0}
+
 
 def box(x, height, width=1.0, length=60.0):
     """A box on the bed at 40 m depth, its front face at ground range x, long enough to fill the beam."""
@@ -81,8 +83,9 @@ def test_adaptive_pass_feeds_the_bins_that_the_flat_bed_draw_starves():
 
 def test_speckle_is_rayleigh_with_the_mean_level():
     """Bins as long as the pulse: I / <I> is exponential. KS on 4000 values at 1 %; the scale is known, so no
-    Lilliefors."""
-    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 40, "speckle": True}, film={"range": 75.0, "bins": 1000})
+    Lilliefors. Pings a metre apart, more than the aperture, are independent."""
+    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 40, "speckle": True, **METRE_BY_METRE},
+                     film={"range": 75.0, "bins": 1000})
     dataset = mitsonar.render(scene, 3)
     part = dataset.isel(range=slice(500, 600), side=1)
     ratio = 10 ** ((part["level"].values - part["mean_level"].values) / 10)
@@ -91,7 +94,8 @@ def test_speckle_is_rayleigh_with_the_mean_level():
 
 def test_bins_finer_than_the_pulse_are_correlated_over_it():
     """Four bins a pulse: intensities of neighbours j apart correlate as the squared overlap (1 - j/4)², j = 1, 2, 3."""
-    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 60, "speckle": True}, film={"range": 75.0, "bins": 4000},
+    scene = sidescan({"bed": bed(40.0)}, sensor={"pings": 60, "speckle": True, **METRE_BY_METRE},
+                     film={"range": 75.0, "bins": 4000},
                      rays=300_000)
     part = mitsonar.render(scene, 4).isel(range=slice(1600, 3600), side=1)
     ratio = 10 ** ((part["level"].values - part["mean_level"].values).astype(float) / 10) - 1

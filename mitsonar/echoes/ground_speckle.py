@@ -1,0 +1,303 @@
+"""Speckle that stays with the ground: what a resolution cell of a sidescan makes of the scatterers that lie in it.
+
+    g(p, j) = Σ_c b(u_c) a_c exp(2ik (R_c - r_j)) / √(Σ_c b²(u_c)),        r_j <= R_c < r_j + Δr,   c on this side
+
+of ping p in the gate j, r_j away: unit variance, circular Gaussian. a_c is the complex Gaussian amplitude of a
+scatterer c, hashed from its place; R_c its distance from the phase centre, half-way between where the sonar sends and
+where it receives; u_c the cosine of its direction along the platform, half-way between the attitudes of both; b the
+complex two-way pressure of both faces at that range (`SpeckleBeam`). k -> ``wavenumber``, Δr -> ``gate``.
+
+Gates share no scatterers, so their values are independent; pings share those that both have in the gate. So
+
+    <g(p) g*(q)> = ∫ a(x) a*(x - Δ) exp(2ik δ x) dx / ∫ |a|² dx
+
+for phase centres Δ apart along the platform and a yaw of δ: the autocorrelation of the two-way aperture a, the same at
+all ranges (the theorem of Van Cittert and Zernike; e.g. Goodman 2007, Speckle phenomena in optics, ch. 4).
+
+Scatterers lie on a level plane under the sonar, at places hashed in the cells of lattices that are fixed to the scene.
+A lattice has cells 2^n m long by a gate wide. There is one for each of `LATTICES` orientations, the same for both ways
+along a line, and a ping takes that of its course, along which its footprints are long. Echoes from nearer than that
+plane, of the water, come from lattices of their own. A gate of a ping is one thread, which visits the cells it crosses,
+so nothing but the ping matters to what it finds.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, looped, upload
+from ..device.chance import Salt, gaussian, hashed, hashed_pair
+from ..device.lookups import held
+from ..device.types import Float, UInt32
+
+__all__ = ["LATTICES", "GroundSpeckle", "SpeckleBeam", "SpeckleWay"]
+
+LATTICES = 16                      # orientations over half a turn
+PER_BEAM = 5.0                     # scatterers that lie along the equivalent width of a footprint, at least
+COLUMNS = 256                      # cells that a gate's footprint is long at most
+FLOOR = 1e-4                       # part of a scatterer that every gate has for itself, should it find none
+COEFFICIENTS = 20                  # numbers of a ping's way: six quadratics in time, two to fill up rows of four
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeckleBeam:
+    """The main lobe along the platform, at some ranges.
+
+    Attributes
+    ----------
+    ranges : (K,) [m]
+        In order.
+    edge : (K,) [-]
+        Cosine u up to which it reaches.
+    pressure : (K, N) complex [-]
+        b(u) at N cosines from 0 to the edge, even in u, with the phase against a point in the middle; 1 at most.
+    """
+
+    ranges: np.ndarray
+    edge: np.ndarray
+    pressure: np.ndarray
+
+    @property
+    def width(self) -> np.ndarray:
+        """Equivalent two-way widths ∫ |b|² du (K,) [-]."""
+        power = np.abs(self.pressure) ** 2
+        return 2 * self.edge / (power.shape[1] - 1) * (power.sum(1) - 0.5 * (power[:, 0] + power[:, -1]))
+
+    def nearest(self, distance: np.ndarray) -> np.ndarray:
+        """Give the number of the range (...) whose ratio to a distance (...) [m] is nearest to 1."""
+        if len(self.ranges) == 1:
+            return np.zeros(np.shape(distance), int)
+        return np.searchsorted(np.sqrt(self.ranges[1:] * self.ranges[:-1]), distance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeckleWay:
+    """Where pings look from, as quadratics of the time since their transmission: value + rate t + half t².
+
+    Attributes
+    ----------
+    centre : (P, 3, 3) [m, m/s, m/s²]
+        Phase centre: coefficient, then x, y and height above the bed.
+    axis : (P, 3, 3) [-, 1/s, 1/s²]
+        Forward direction half-way between the attitudes: coefficient, then x, y, z.
+    lattice : (P,) int
+        Which orientation serves the ping.
+    """
+
+    centre: np.ndarray
+    axis: np.ndarray
+    lattice: np.ndarray
+
+
+class GroundSpeckle:
+    """Speckle of a survey's pings.
+
+    Parameters
+    ----------
+    way : SpeckleWay
+    beam : SpeckleBeam
+    wavenumber : float [rad/m]
+    start, gate : float [m]
+        Slant range of the first gate, and a gate's length.
+    gates : int
+    sound_speed : float [m/s]
+    seed : int
+    """
+
+    def __init__(self, *, way: SpeckleWay, beam: SpeckleBeam, wavenumber: float, start: float, gate: float, gates: int,
+                 sound_speed: float, seed: int):
+        self._lib, self._way, self._gates, self._gate = arrays_of(mi.Float), way, gates, gate
+        self._start, self._length, self._speed, self._twice = (
+            dr.opaque(mi.Float, value) for value in (start, gate, sound_speed, 2 * wavenumber))
+        self._seed = dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF)
+        nodes = beam.pressure.shape[1]
+        steps = np.diff(beam.pressure, axis=1, append=beam.pressure[:, -1:])
+        table = np.stack([np.real(beam.pressure), np.imag(beam.pressure), np.real(steps), np.imag(steps)], -1)
+        self._beam, self._edge = (upload(mi.Float, some.astype(np.float32)) for some in (table, beam.edge))
+        self._nodes = dr.opaque(mi.UInt32, nodes)
+        range_ = np.maximum(start + (np.arange(gates) + 0.5) * gate, gate)
+        seen = beam.nearest(range_)
+        level = np.floor(np.log2(range_ * beam.width[seen] / PER_BEAM)).astype(int)
+        self._coarsest = int(level.max())
+        # of every gate: by which power of two its lattice is finer than the coarsest, and which beam it has
+        self._of_gate = upload(mi.UInt32, np.c_[self._coarsest - level, seen].astype(np.uint32))
+        dr.eval(self._beam, self._edge, self._of_gate)
+
+    def of(self, ping: np.ndarray) -> np.ndarray:
+        """Give the speckle of pings (B,): complex64 (B, 2, gates), port and starboard."""
+        thread = dr.arange(mi.UInt32, 2 * len(ping) * self._gates)
+        table, place = self._pings(ping)
+        real, imaginary = self._speckle(thread, table, place)
+        dr.eval(real, imaginary)
+        return (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self._gates)
+
+    def _pings(self, ping):
+        """Ways of pings in their lattices' frames, near the lattices' anchors, and the anchors' cells."""
+        way, turn = self._way, self._way.lattice[ping] * (np.pi / LATTICES)
+        cosine, sine = np.cos(turn), np.sin(turn)
+        into = np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], -2)           # (B, 2, 2)
+        centre, axis = way.centre[ping].copy(), way.axis[ping].copy()
+        for some in (centre, axis):
+            some[..., :2] = np.einsum("pij,pkj->pki", into, some[..., :2])
+        size = np.array([2.0 ** self._coarsest, self._gate])
+        anchor = np.floor(centre[:, 0, :2] / size)
+        centre[:, 0, :2] -= anchor * size
+        rows = np.zeros((len(ping), COEFFICIENTS), np.float32)
+        rows[:, :18] = np.stack([centre, axis], 1).reshape(len(ping), 18)
+        number = np.c_[anchor.astype(np.int64) & 0xFFFFFFFF, way.lattice[ping], way.lattice[ping]].astype(np.uint32)
+        return upload(mi.Float, rows), upload(mi.UInt32, number)
+
+    def _speckle(self, thread, table, place):
+        """Real and imaginary part of g, Float (T,)."""
+        lib, U = self._lib, mi.UInt32
+        row, gate = thread // self._gates, thread % self._gates
+        words = dr.gather(lib.Array4u, place, row >> 1)
+        of_gate = dr.gather(lib.Array2u, self._of_gate, gate)
+        print_, water = self._footprint(row, gate, table, of_gate.y)
+        cells = _Cells(
+            length=2.0 ** self._coarsest / mi.Float(U(1) << of_gate.x), width=self._length,
+            first=words.x << of_gate.x, second=words.y,
+            key=hashed(lib, self._seed ^ U(Salt.GROUND_SPECKLE), words.z + LATTICES * U(water) + (of_gate.x << 8)))
+        real, imaginary, weight = self._summed(print_, cells, of_gate.y)
+        own = gaussian(lib, *hashed_pair(lib, cells.key, words.x, words.y, row & 1, gate))
+        scale = dr.rsqrt(weight + FLOOR)
+        return (real + np.sqrt(FLOOR) * own[0]) * scale, (imaginary + np.sqrt(FLOOR) * own[1]) * scale
+
+    def _footprint(self, row, gate, table, beam):
+        """Footprints of gates, and whether they lie in the water."""
+        near = dr.maximum(self._start + mi.Float(gate) * self._length, 0)
+        far = near + self._length
+        rows = [dr.gather(self._lib.Array4f, table, (row >> 1) * (COEFFICIENTS // 4) + k)
+                for k in range(COEFFICIENTS // 4)]
+        flat, time = [part for four in rows for part in four], (near + far) / self._speed
+        x, y, height, ahead_x, ahead_y, ahead_z = (flat[k] + (flat[k + 3] + flat[k + 6] * time) * time
+                                                   for k in (0, 1, 2, 9, 10, 11))
+        water = far <= height
+        height = dr.select(water, 0, height)
+        level = dr.maximum(dr.hypot(ahead_x, ahead_y), 1e-3)
+        return _Footprint(
+            x=x, y=y, height=height, along_x=ahead_x / level, along_y=ahead_y / level, level=level, steep=ahead_z,
+            side=mi.Float(row & 1) * 2 - 1, near=near, far=far, edge=dr.gather(mi.Float, self._edge, beam)), water
+
+    def _summed(self, print_, cells, beam):
+        """Sums over a footprint's scatterers: Σ b a exp(2ik (R - r)), two parts, and Σ |b|²."""
+        first, last = print_.extent()
+        begin = dr.floor((print_.x + first) / cells.length)
+        end = dr.minimum(dr.floor((print_.x + last) / cells.length), begin + COLUMNS)
+
+        def one(column, line, real, imaginary, weight):
+            b_real, b_imaginary, a_real, a_imaginary = self._scatterer(print_, cells, beam, column, line)
+            return (real + (b_real * a_real - b_imaginary * a_imaginary),
+                    imaginary + (b_real * a_imaginary + b_imaginary * a_real),
+                    weight + dr.square(b_real) + dr.square(b_imaginary))
+
+        def column_of(column, end, *sums):
+            low, high = print_.lines(column * cells.length - print_.x, cells.length)
+            line, stop = (dr.floor((print_.y + some) / cells.width) for some in (low, high))
+            _, _, *sums = looped((line, stop, *sums), lambda line, stop, *_: line <= stop,
+                                 lambda line, stop, *sums: (line + 1, stop, *one(column, line, *sums)),
+                                 "cells of a column")
+            return column + 1, end, *sums
+
+        return looped((begin, end, *(mi.Float(0) for _ in range(3))), lambda column, end, *_: column <= end, column_of,
+                      "columns of a footprint")[2:]
+
+    def _scatterer(self, print_, cells, beam, column, line):
+        """b and a exp(2ik (R - r)) of the scatterer of a cell, each in two parts; b is 0 outside the footprint."""
+        lib = self._lib
+        spot = hashed(lib, lib.UInt32(lib.Int32(column)) + cells.first, lib.UInt32(lib.Int32(line)) + cells.second,
+                      cells.key)
+        x = (column + mi.Float(spot >> 16) * 2.0 ** -16) * cells.length - print_.x
+        y = (line + mi.Float(spot & 0xFFFF) * 2.0 ** -16) * cells.width - print_.y
+        squared = dr.square(x) + dr.square(y)
+        distance = dr.sqrt(squared + dr.square(print_.height))
+        u = abs((x * print_.along_x + y * print_.along_y) * print_.level - print_.height * print_.steep) / distance
+        inside = ((squared >= print_.inner) & (squared < print_.outer) & (u < print_.edge)
+                  & (print_.side * (x * print_.along_y - y * print_.along_x) > 0))
+        last = mi.Float(self._nodes - 1)
+        node = held(u * (last / print_.edge), 0, last)
+        part = node - dr.floor(node)
+        four = dr.gather(lib.Array4f, self._beam, beam * self._nodes + mi.UInt32(node), inside)
+        b_real, b_imaginary = (dr.select(inside, four[k] + part * four[k + 2], 0) for k in (0, 1))
+        # R - r without the difference of large numbers
+        later = (squared - print_.inner) / dr.maximum(distance + print_.near, 1e-6)
+        return b_real, b_imaginary, *gaussian(lib, *hashed_pair(lib, spot), self._twice * later)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cells:
+    """Cells of a lattice: length along x and width along y [m], the numbers of that at the anchor, and their key."""
+
+    length: Float
+    width: Float
+    first: UInt32
+    second: UInt32
+    key: UInt32
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Footprint:
+    """Footprints of gates in the frames of their lattices: each a part of a ring.
+
+    Attributes
+    ----------
+    x, y, height : Float [m]
+        Of the phase centre, from the lattice's anchor and above the plane.
+    along_x, along_y : Float [-]
+        Level direction ahead, of unit length.
+    level, steep : Float [-]
+        Parts of the forward direction: along it, and upwards.
+    side : Float [-]
+        -1 port, 1 starboard.
+    near, far : Float [m]
+        Of the gate.
+    edge : Float [-]
+        Of the main lobe.
+    """
+
+    x: Float
+    y: Float
+    height: Float
+    along_x: Float
+    along_y: Float
+    level: Float
+    steep: Float
+    side: Float
+    near: Float
+    far: Float
+    edge: Float
+
+    @property
+    def inner(self) -> Float:
+        """Square of the inner radius [m²]; negative where the gate begins above the plane."""
+        return dr.square(self.near) - dr.square(self.height)
+
+    @property
+    def outer(self) -> Float:
+        """Square of the outer radius [m²]."""
+        return dr.maximum(dr.square(self.far) - dr.square(self.height), 0)
+
+    def extent(self) -> tuple[Float, Float]:
+        """Least and largest x of its corners, from the phase centre [m]."""
+        reach, middle = dr.sqrt(self.outer), self.height * self.steep / self.level
+        half = self.edge * self.far / self.level
+        corners = []
+        for end in (middle - half, middle + half):
+            s = dr.clip(end, -reach, reach)
+            corners += [s * self.along_x + self.side * self.along_y * dr.sqrt(dr.maximum(squared - dr.square(s), 0))
+                        for squared in (self.inner, self.outer)]
+        return (dr.minimum(dr.minimum(*corners[:2]), dr.minimum(*corners[2:])),
+                dr.maximum(dr.maximum(*corners[:2]), dr.maximum(*corners[2:])))
+
+    def lines(self, begin: Float, length: Float) -> tuple[Float, Float]:
+        """Least and largest y of the ring in columns from x = `begin` on, from the phase centre [m]; none: inverse."""
+        end = begin + length
+        farthest = dr.square(dr.maximum(abs(begin), abs(end)))
+        nearest = dr.select(begin * end < 0, 0, dr.square(dr.minimum(abs(begin), abs(end))))
+        low = dr.sqrt(dr.maximum(self.inner - farthest, 0))
+        high = dr.select(self.outer > nearest, dr.sqrt(dr.maximum(self.outer - nearest, 0)), low - 1e3)
+        starboard = self.side * self.along_x < 0
+        return dr.select(starboard, low, -high), dr.select(starboard, high, -low)
