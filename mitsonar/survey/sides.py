@@ -51,7 +51,7 @@ class Sides:
         If a ping has more bins and shapes than an index reaches.
     """
 
-    per_ping, hidden_in_beam = 2, False
+    per_ping, hidden_in_beam = 2, True
 
     def __init__(self, survey: SidescanSurvey):
         sonar = survey.sonar
