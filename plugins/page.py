@@ -89,6 +89,7 @@ def _group(group: Group) -> Iterator[str]:
     yield f"{_markdown(manual.partition(chr(10))[0])}\n"
     yield from _text(manual)
     yield _table(([prefix + one.name for prefix in group.prefixes], one) for one in group.attributes)
+    yield from _presets(list(group.attributes))
 
 
 def _folder(plugin: str) -> str:

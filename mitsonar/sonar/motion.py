@@ -1,4 +1,4 @@
-"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw and heave.
+"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw and heave, and the strum of a cable.
 
 Each of the four is a sum of sinusoids
 
@@ -6,20 +6,39 @@ Each of the four is a sum of sinusoids
 
 which for large N is a Gaussian process with that spectrum (Rice, Mathematical Analysis of Random Noise, 1944,
 section 2.8). One f_n stands in each N-th part of the density; the mean square over a long time is rms², whatever the
-seed.
+seed. Surge is heave times a factor: what the cable of a tow pulls up, it pulls forward.
+
+A cable sheds vortices, and shakes what it tows in heave and pitch, in a band about
+
+    f = St U / d,    St = 0.2
+
+U -> ``speed``, d -> ``diameter`` of `strum_frequency`. St holds for Reynolds numbers U d/ν of 300 to 2e5 (Blevins,
+Flow-Induced Vibration, 1990, section 3.2), that is of cables of 1 to 50 mm at 1 to 8 knots. The band is narrow, as
+shedding locks to a natural frequency of the cable.
 """
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["RandomMotion"]
+__all__ = ["RandomMotion", "strum_frequency"]
 
+STROUHAL = 0.2
 _LINES = 32
 _RELATIVE_WIDTH = 0.15             # standard deviation of the frequencies about 1 / period, relative
+_STRUM_WIDTH = 0.02                # of a strum about its frequency
+_FASTEST = 3.0                     # standard deviations above its frequency beyond which a strum has no line
 _NAMES = ("roll", "pitch", "yaw", "heave")
+_ALONG_WITH = {"surge": "heave"}   # what has the same course, times a factor
+_STRUM = {"heave": 4, "pitch": 5}  # streams of chance; the others have their place in `_NAMES`
+
+
+def strum_frequency(speed: float, diameter: float) -> float:
+    """Give the frequency f [Hz] at which a cable of a diameter [m] sheds vortices at a speed [m/s]."""
+    return STROUHAL * speed / diameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,37 +49,63 @@ class RandomMotion:
     ----------
     roll, pitch, yaw : float [rad]
         Root mean squares.
-    heave : float [m]
-        Root mean square.
+    heave, surge : float [m]
+        Root mean squares, up and forward; surge follows the course of heave.
     period : float [s]
         About which the motion's spectrum lies.
+    roll_period, pitch_period, yaw_period, heave_period : float or None [s]
+        The same of each; None: ``period``.
+    strum_heave, strum_pitch : float [m], [rad]
+        Root mean squares of a cable's strum.
+    strum_frequency : float [Hz]
+        About which that lies.
     seed : int
         The same seed gives the same motion.
 
     Raises
     ------
     ValueError
-        If a root mean square is negative, the period is not positive, or a number is not finite.
+        If a root mean square is negative, a period or the frequency not positive, or a number is not finite.
     """
 
     roll: float = 0.0
     pitch: float = 0.0
     yaw: float = 0.0
     heave: float = 0.0
+    surge: float = 0.0
     period: float = 8.0
+    roll_period: float | None = None
+    pitch_period: float | None = None
+    yaw_period: float | None = None
+    heave_period: float | None = None
+    strum_heave: float = 0.0
+    strum_pitch: float = 0.0
+    strum_frequency: float = 10.0
     seed: int = 0
 
     def __post_init__(self):
-        for name in (*_NAMES, "period"):
+        periods = [f"{name}_period" for name in _NAMES if getattr(self, f"{name}_period") is not None]
+        above = ("period", "strum_frequency", *periods)
+        for name in (*_NAMES, "surge", "strum_heave", "strum_pitch", *above):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0 and (value > 0 or name != "period")):
+            if not (np.isfinite(value) and value >= 0 and (value > 0 or name not in above)):
                 raise ValueError(f"random motion: {name} is {value!r}; give a finite number "
-                                 f"{'above 0' if name == 'period' else 'of 0 or more'}.")
+                                 f"{'above 0' if name in above else 'of 0 or more'}.")
 
     @property
     def moves(self) -> bool:
         """Whether the platform rocks at all."""
-        return any(getattr(self, name) for name in _NAMES)
+        return self.strums or any(getattr(self, name) for name in (*_NAMES, "surge"))
+
+    @property
+    def strums(self) -> bool:
+        """Whether a cable shakes it."""
+        return self.strum_heave + self.strum_pitch > 0
+
+    @property
+    def fastest(self) -> float:
+        """Highest frequency of a strum [Hz]; 0 where there is none."""
+        return self.strum_frequency * (1 + _FASTEST * _STRUM_WIDTH) if self.strums else 0.0
 
     def at(self, times: ArrayLike) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Realise the motion.
@@ -72,21 +117,36 @@ class RandomMotion:
         Returns
         -------
         values, rates : dict of array (...)
-            Of "roll", "pitch", "yaw" [rad, rad/s] and "heave" [m, m/s].
+            Of "roll", "pitch", "yaw" [rad, rad/s], "heave" and "surge" [m, m/s].
         """
-        from scipy.special import ndtri
-
         times = np.asarray(times, dtype=np.float64)
-        values, rates = {}, {}
-        for number, name in enumerate(_NAMES):
-            rng = np.random.default_rng([int(self.seed), number])
-            share = (np.arange(_LINES) + rng.uniform(0.05, 0.95, _LINES)) / _LINES
-            omega = 2 * np.pi / self.period * (1 + _RELATIVE_WIDTH * ndtri(share))
-            phase = rng.uniform(0, 2 * np.pi, _LINES)
-            values[name], rates[name] = np.zeros_like(times), np.zeros_like(times)
-            scale = getattr(self, name) * np.sqrt(2 / _LINES)
-            if scale:
-                for line, start in zip(omega, phase):      # line by line: memory as of one
-                    values[name] += scale * np.cos(line * times + start)
-                    rates[name] -= scale * line * np.sin(line * times + start)
+        values = {name: np.zeros_like(times) for name in (*_NAMES, *_ALONG_WITH)}
+        rates = {name: np.zeros_like(times) for name in values}
+        for name, stream, rms, centre, width in self._bands():
+            scale = rms * np.sqrt(2 / _LINES)
+            for line, start in zip(*_lines(int(self.seed), stream, centre, width)):     # memory as of one
+                values[name] += scale * np.cos(line * times + start)
+                rates[name] -= scale * line * np.sin(line * times + start)
         return values, rates
+
+    def _bands(self):
+        """What moves: name, stream of chance, root mean square, angular frequency [rad/s] and its relative width."""
+        for name in (*_NAMES, *_ALONG_WITH):
+            course = _ALONG_WITH.get(name, name)
+            period = getattr(self, f"{course}_period") or self.period
+            if rms := getattr(self, name):
+                yield name, _NAMES.index(course), rms, 2 * np.pi / period, _RELATIVE_WIDTH
+        for name, stream in _STRUM.items():
+            if rms := getattr(self, f"strum_{name}"):
+                yield name, stream, rms, 2 * np.pi * self.strum_frequency, _STRUM_WIDTH
+
+
+@lru_cache(maxsize=64)
+def _lines(seed: int, stream: int, centre: float, width: float) -> tuple[list[float], list[float]]:
+    """Angular frequencies [rad/s] and phases [rad] of a band's lines."""
+    from scipy.special import ndtri
+
+    rng = np.random.default_rng([seed, stream])
+    share = (np.arange(_LINES) + rng.uniform(0.05, 0.95, _LINES)) / _LINES
+    omega = centre * (1 + width * ndtri(share))
+    return omega.tolist(), rng.uniform(0, 2 * np.pi, _LINES).tolist()

@@ -9,7 +9,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # installed on Python 3.10 alone
 
-__all__ = ["TABLES", "presets"]
+__all__ = ["TABLES", "motions", "presets"]
 
 TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
           "sector_scan": "sector_scan.toml"}      # by kind of sonar
@@ -18,4 +18,14 @@ TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
 @cache
 def presets(kind: str = "sidescan") -> dict[str, dict[str, Any]]:
     """Give the settings of every preset of a kind of `TABLES`: {name: {attribute: value}}, attributes as in XML."""
-    return tomllib.loads((files("mitsonar.sonar") / TABLES[kind]).read_text(encoding="utf-8"))
+    return _table(TABLES[kind])
+
+
+@cache
+def motions() -> dict[str, dict[str, Any]]:
+    """Give how named platforms rock: {name: {attribute: value}}, attributes as in XML."""
+    return _table("motion.toml")
+
+
+def _table(name):
+    return tomllib.loads((files("mitsonar.sonar") / name).read_text(encoding="utf-8"))

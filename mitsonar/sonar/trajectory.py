@@ -11,12 +11,15 @@ While the echoes of one ping come in, the way is a polynomial in the time t sinc
     P(t) - P(0) = Σ_k d_k t^k,    R(t) R(0)ᵀ = exp([Σ_k r_k t^k]×),    k = 1 ... K
 
 d_k -> ``displacement``, r_k -> ``turn`` of `PingTravel`, fitted through Chebyshev points. For a sinusoid of angular
-frequency ω it errs by its amplitude times (ωT/4)^7 / 2520: 1e-9 of it where T is an eighth of a period.
+frequency ω it errs by its amplitude times 2 (ωT/4)^(K+1) / (K+1)!: with K = 6, 1e-9 of it where T is an eighth of a
+period, and 1 % where it is a period. K grows to 12 for a strum that swings twice, which is as fast as polynomials in
+float32 follow.
 """
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -33,8 +36,7 @@ NEGLIGIBLE = 1e-9                  # [m], [rad]: powers that stay below are none
 STEP = 2e-4                        # [s] of differences
 ROUNDED = 1.0                      # [s] over which a rate of turn grows where a course bends: no kink within a ping
 MOST_TURN = 2.0                    # [rad] that a platform may turn while the echoes of a ping come in
-_POINTS = 0.5 - 0.5 * np.cos(np.pi * (np.arange(1, 10) - 0.5) / 9)
-_FIT = np.linalg.pinv(_POINTS[:, None] ** np.arange(1, POWERS + 1))                             # (power, point)
+MOST_SWINGS = 2.0                  # of a strum while the echoes of a ping come in
 
 
 class Smooth:
@@ -207,6 +209,10 @@ class Trajectory:
             values = self.motion.at(times)[0]
             attitude = attitude + np.stack([values[name] for name in ("roll", "pitch", "yaw")], -1)
             position = position + np.multiply.outer(values["heave"], [0.0, 0.0, 1.0])
+            if self.motion.surge:
+                ahead = attitude[..., 2]
+                forward = np.stack([np.sin(ahead), np.cos(ahead), np.zeros_like(ahead)], -1)
+                position = position + values["surge"][..., None] * forward
         if self.offset.any():
             position = position + rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ self.offset
         return position, attitude
@@ -238,16 +244,23 @@ class Trajectory:
         return velocity, (4 * near - far) / (2 * STEP)
 
     def during(self, times: np.ndarray, duration: float) -> PingTravel:
-        """Give the way on after transmissions at times (P,) [s] for a duration [s]: K = 6 powers.
+        """Give the way on after transmissions at times (P,) [s] for a duration [s]: K = 6 powers, of a strum to 12.
 
         Raises
         ------
         ValueError
-            If the platform turns by more than 2 rad meanwhile.
+            If the platform turns by more than 2 rad meanwhile, or a strum swings more than twice.
         """
         times, duration = np.asarray(times, float), max(float(duration), 1e-6)
+        swings = self.motion.fastest * duration
+        if swings > MOST_SWINGS:
+            raise ValueError(f"strum: the cable swings {swings:.1f} times while the echoes of a ping come in, "
+                             f"{duration:.3g} s, and the motion within a ping is followed for {MOST_SWINGS:g}; give a "
+                             f"strum_hz of at most {self.motion.strum_frequency * MOST_SWINGS / swings:.3g} or a "
+                             "shorter range")
+        points, fit = _fitted(POWERS + max(0, int(np.ceil(POWERS * (swings - 1)))))
         since = times[:, None]
-        position, attitude = self.pose(since + np.append(0.0, duration * _POINTS), since)
+        position, attitude = self.pose(since + np.append(0.0, duration * points), since)
         rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0))
         turn = _rotation_vector(rotation[:, 1:] @ np.swapaxes(rotation[:, :1], -1, -2))
         fastest = np.linalg.norm(turn, axis=-1).max(1, initial=0)
@@ -256,7 +269,7 @@ class Trajectory:
             raise ValueError(f"track: the sonar turns by {np.rad2deg(fastest[ping]):.0f} degrees while the echoes of "
                              f"ping {ping} come in, {duration:.3g} s; smooth the recorded attitude or take a shorter "
                              "range")
-        fit = _FIT / duration ** np.arange(1, POWERS + 1)[:, None]
+        fit = fit / duration ** np.arange(1, len(fit) + 1)[:, None]
         return PingTravel(displacement=np.einsum("kj,pjx->pkx", fit, position[:, 1:] - position[:, :1]),
                           turn=np.einsum("kj,pjx->pkx", fit, turn), duration=duration)
 
@@ -288,6 +301,14 @@ class Voyage:
     def turn_rate(self) -> np.ndarray:
         """Angular velocity at the transmissions, (P, 3) [rad/s], scene frame."""
         return self.trajectory.rates(self.track.time)[1]
+
+
+@cache
+def _fitted(powers: int) -> tuple[np.ndarray, np.ndarray]:
+    """Chebyshev points (N,) of a unit of time, and the matrix (K, N) that makes K powers of what is known there."""
+    count = powers + 3
+    points = 0.5 - 0.5 * np.cos(np.pi * (np.arange(1, count + 1) - 0.5) / count)
+    return points, np.linalg.pinv(points[:, None] ** np.arange(1, powers + 1))
 
 
 def _rotation_vector(matrix: np.ndarray) -> np.ndarray:

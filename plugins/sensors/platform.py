@@ -15,20 +15,37 @@ Frames: x and y of files and way points are the scene's, or with ``georeferenced
 bathymetry's file has them. Degrees are projected to the bathymetry's coordinate system or, where the scene has none, to
 metres about ``origin``.
 
-A recorded track has its own motion. Else the motion is random; ``roll_deg``, ``pitch_deg``, ``yaw_deg`` and ``heave``
-are its root mean squares.
+A recorded track has its own motion. Else the motion is random, and ``motion`` says of what kind of platform;
+``roll_deg``, ``pitch_deg``, ``yaw_deg``, ``heave`` and ``surge`` are root mean squares. The cable of a tow may strum,
+also on a recorded track, which knows nothing of it: a narrow band about ``strum_hz``.
 """
 from dataclasses import replace
 
 from mitsonar.io import tracks
 from mitsonar.io.navigation import Frame, Waypoints, middle
-from mitsonar.sonar.motion import RandomMotion
+from mitsonar.sonar.motion import RandomMotion, strum_frequency
+from mitsonar.sonar.presets import motions
 from mitsonar.survey.voyage import MOST_PINGS, Route
 from mitsonar.units import metres_per_second_from_knots
 
-from ..attributes import Angle, Attributes, Boolean, File, Group, Integer, Number, Numbers, Point, Text
+from ..attributes import (
+    Angle,
+    Attributes,
+    Boolean,
+    Choice,
+    File,
+    FromTable,
+    Group,
+    Integer,
+    Number,
+    Numbers,
+    Point,
+    Text,
+)
 
 TURN_RADIUS = 10.0                 # [m]
+MOTION = FromTable(table=motions(), by="motion")
+PERIODS = "roll_period", "pitch_period", "yaw_period", "heave_period"
 
 ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
     Number("ping_rate_hz", default=None, above=0, unit="Hz", otherwise="as the range allows", text="pings a second"),
@@ -54,12 +71,25 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
     Numbers("origin", default=None, count=2, unit="degrees", otherwise="middle of the track",
             text='"latitude, longitude" of x = y = 0, for a track in degrees over a seabed without a coordinate '
                  "system"),
-    Angle("roll_deg", default=0.0, minimum=0, maximum=30,
-          text="random roll, root mean square; not with a recorded track"),
-    Angle("pitch_deg", default=0.0, minimum=0, maximum=30, text="pitch, likewise"),
-    Angle("yaw_deg", default=0.0, minimum=0, maximum=30, text="yaw, likewise"),
-    Number("heave", default=0.0, minimum=0, unit="m", text="heave, likewise"),
-    Number("motion_period", default=8.0, above=0, unit="s", text="period about which random motion lies"),
+    Choice("motion", default="none", choices=tuple(motions()),
+           text="where the defaults marked *motion* come from, of a straight track or way points: `tow` of a fish on a "
+                "cable, `auv` of a vehicle, `hull` of a launch; a recorded track has its own"),
+    Angle("roll_deg", default=MOTION, minimum=0, maximum=30,
+          text="random roll, root mean square; not with a recorded track, as all random motion but strum"),
+    Angle("pitch_deg", default=MOTION, minimum=0, maximum=30, text="pitch, likewise"),
+    Angle("yaw_deg", default=MOTION, minimum=0, maximum=30, text="yaw, likewise"),
+    Number("heave", default=MOTION, minimum=0, unit="m", text="heave, likewise"),
+    Number("surge", default=MOTION, minimum=0, unit="m", text="surge, likewise; forward as heave goes up"),
+    Number("motion_period", default=None, above=0, unit="s", otherwise="those below",
+           text="one period about which all random motion lies"),
+    *(Number(name, default=MOTION, above=0, unit="s", text=f"period about which {name.partition('_')[0]} lies"
+             + (", and surge" if name == "heave_period" else "")) for name in PERIODS),
+    Number("strum_heave", default=0.0, minimum=0, maximum=0.1, unit="m",
+           text="strum of the cable, root mean square of its heave; usual: up to 0.003"),
+    Angle("strum_pitch_deg", default=0.0, minimum=0, maximum=5, text="its pitch, likewise; usual: up to 0.2"),
+    Number("strum_hz", default=None, above=0, unit="Hz", otherwise="0.2 speed / `cable_diameter`",
+           text="frequency about which it lies; a cable may swing twice while echoes of a ping come in"),
+    Number("cable_diameter", default=0.02, above=0, unit="m", text="of the bare cable; usual: 0.008 to 0.025"),
     Integer("motion_seed", default=0, minimum=0, text="which realisation of it"),
     Numbers("offset", default=(0.0, 0.0, 0.0), count=3, unit="m",
             text='"forward, starboard, down" of the sonar from where the track leads, turned by the attitude'),
@@ -90,12 +120,13 @@ def read_route(attributes: Attributes) -> Route:
         record = tracks.load(path) if path is not None else tracks.waypoints(text) if text else None
     except ValueError as error:
         raise attributes.error(error) from None
-    random_motion = RandomMotion(
-        roll=attributes.roll_deg, pitch=attributes.pitch_deg, yaw=attributes.yaw_deg, heave=attributes.heave,
-        period=attributes.motion_period, seed=attributes.motion_seed)
+    speed = float(metres_per_second_from_knots(attributes.speed_knots))
+    recorded = record is not None and not isinstance(record, Waypoints)
+    random_motion = RandomMotion(**{} if recorded else _rocking(attributes), **_strum(attributes, speed, recorded),
+                                 seed=attributes.motion_seed)
     route = Route(
         pings=attributes.pings, bounded=bool(attributes.given("pings")), ping_rate=attributes.ping_rate_hz,
-        speed=float(metres_per_second_from_knots(attributes.speed_knots)), start=attributes.start,
+        speed=speed, start=attributes.start,
         heading=attributes.heading_deg, altitude=attributes.altitude, depth=attributes.depth,
         georeferenced=attributes.georeferenced, turn_radius=attributes.turn_radius, origin=origin,
         offset=attributes.offset, random_motion=random_motion, record=record, frame=None)
@@ -103,6 +134,33 @@ def read_route(attributes: Attributes) -> Route:
     if record is not None and record.geographic:
         route = replace(route, frame=middle(record) if origin is None else Frame.about(*origin))
     return route
+
+
+def _rocking(attributes):
+    """Root mean squares and periods of random motion, by the names of `RandomMotion`."""
+    one = {} if attributes.motion_period is None else {
+        name: attributes.motion_period for name in PERIODS if not attributes.given(name)}
+    return {"roll": attributes.roll_deg, "pitch": attributes.pitch_deg, "yaw": attributes.yaw_deg,
+            "heave": attributes.heave, "surge": attributes.surge,
+            **{name: getattr(attributes, name) for name in PERIODS}, **one}
+
+
+def _strum(attributes, speed, recorded):
+    """The strum of a cable, likewise; `speed` [m/s] is that of the water along it, unless the track is recorded."""
+    if not attributes.strum_heave + attributes.strum_pitch_deg:
+        if written := attributes.given("strum_hz", "cable_diameter"):
+            raise attributes.error(f"{written[0]} is given without strum_heave or strum_pitch_deg; give one of them "
+                                   "too, or leave it out.")
+        return {}
+    attributes.only_one("strum_hz", "cable_diameter")
+    frequency = attributes.strum_hz
+    if frequency is None:
+        if recorded or not speed:
+            raise attributes.error("a strum's frequency follows from speed_knots, which "
+                                   f"{'a recorded track does not take' if recorded else 'is 0'}; give strum_hz.")
+        frequency = strum_frequency(speed, attributes.cable_diameter)
+    return {"strum_heave": attributes.strum_heave, "strum_pitch": attributes.strum_pitch_deg,
+            "strum_frequency": frequency}
 
 
 def _check(attributes, route, path, text):
@@ -129,7 +187,8 @@ def _check(attributes, route, path, text):
     if sailed and not route.speed:
         raise attributes.error("speed_knots is 0, but there are way points to reach; give a speed above 0.")
     if record is not None and not sailed:
-        motion = attributes.given("roll_deg", "pitch_deg", "yaw_deg", "heave", "motion_period", "motion_seed")
+        motion = attributes.given("roll_deg", "pitch_deg", "yaw_deg", "heave", "surge", "motion_period", *PERIODS,
+                                  *() if route.random_motion.strums else ("motion_seed",))
         if motion:
             raise attributes.error(f"{', '.join(motion)} and a recorded track are both given; a recorded track has "
                                    "its own motion, leave them out.")

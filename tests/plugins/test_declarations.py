@@ -133,8 +133,19 @@ def test_presets_are_those_of_the_sonar(reference):
     from mitsonar.sonar.presets import TABLES, presets
 
     for kind in TABLES:
-        taken = {one.name for one in reference.attributes(kind) if isinstance(one.default, FromTable)}
+        taken = {one.name for one in reference.attributes(kind)
+                 if isinstance(one.default, FromTable) and one.default.by == "preset"}
         assert all(set(values) == taken for values in presets(kind).values())
+
+
+def test_named_motions_are_those_of_every_sensor(reference):
+    from mitsonar.plugins.attributes import FromTable
+    from mitsonar.sonar.presets import motions
+
+    for plugin in ("sidescan", "array_sonar", "forward_looking", "sector_scan"):
+        taken = {one.name for one in reference.attributes(plugin)
+                 if isinstance(one.default, FromTable) and one.default.by == "motion"}
+        assert all(set(values) == taken for values in motions().values())
 
 
 def test_the_page_is_what_the_declarations_make():

@@ -221,6 +221,40 @@ def test_random_motion(sensor, kind):
     assert np.count_nonzero(np.diff(np.sign(other.roll))) == pytest.approx(2 * 200 / 4, rel=0.15)
 
 
+def test_a_named_motion_and_what_is_written_in_its_place(sensor):
+    from mitsonar.sonar.presets import motions
+
+    line = {"start": [0.0, -100.0, -10.0], "pings": 8000, "speed_knots": 0.1}
+    tow = motions()["tow"]
+    track = voyage(sensor(**line, motion="tow")).track
+    for name, values in (("roll", track.roll), ("pitch", track.pitch), ("yaw", track.heading)):
+        assert np.rad2deg(values.std()) == pytest.approx(tow[f"{name}_deg"], rel=0.2)
+        crossings = np.count_nonzero(np.diff(np.sign(values)))
+        assert crossings == pytest.approx(2 * track.time[-1] / tow[f"{name}_period"], rel=0.15)
+    assert track.position[:, 2].std() == pytest.approx(tow["heave"], rel=0.2)
+    other = voyage(sensor(**line, motion="tow", roll_deg=4.0, yaw_period=8.0)).track
+    assert np.rad2deg(other.roll.std()) == pytest.approx(4, rel=0.2) and np.array_equal(other.pitch, track.pitch)
+    assert np.count_nonzero(np.diff(np.sign(other.heading))) == pytest.approx(2 * track.time[-1] / 8, rel=0.15)
+    assert not voyage(sensor(**line)).track.roll.any()
+
+
+def test_a_recorded_track_has_its_own_motion_and_may_strum(sensor, file):
+    path = file(HEADER + "0,0,0,-10,0,0,90\n60,30,0,-10,0,0,90\n")
+    plain, named = (voyage(sensor(track=path, **more)).track for more in ({}, {"motion": "tow"}))
+    assert plain == named
+    shaken = voyage(sensor(track=path, strum_heave=0.002, strum_hz=9.0)).track
+    assert (shaken.position - plain.position)[:, 2].std() == pytest.approx(0.002, rel=0.2)
+
+
+def test_the_frequency_of_a_strum_follows_from_speed_and_cable(sensor):
+    def frequency(**attributes):
+        return sensor(strum_pitch_deg=0.1, **attributes).route.random_motion.strum_frequency
+
+    assert frequency(speed_knots=3.0) == pytest.approx(0.2 * 3 * KNOT / 0.02)
+    assert frequency(speed_knots=3.0, cable_diameter=0.01) == pytest.approx(0.2 * 3 * KNOT / 0.01)
+    assert frequency(strum_hz=7.0) == 7.0
+
+
 def test_the_offset_turns_with_the_platform(sensor, file):
     path = file(HEADER + "0,0,0,-10,0,0,90\n10,0,0,-10,90,0,90\n")
     still, laid = (voyage(sensor(track=path, ping_rate_hz=0.1, **more)) for more in ({}, {"offset": "2, 1, 3"}))
@@ -257,6 +291,10 @@ COURSE = "0 0, 0 50"
     ({"roll_deg": -1.0}, "at least 0 and at most 30"),
     ({"motion_period": 0.0}, "expected a number [s] above 0"),
     ({"offset": "1, 2"}, "expected 3 numbers [m]"),
+    ({"motion": "towed"}, 'motion is the string "towed"'),
+    ({"strum_hz": 9.0}, "strum_hz is given without strum_heave or strum_pitch_deg"),
+    ({"strum_heave": 0.001, "strum_hz": 9.0, "cable_diameter": 0.01}, "strum_hz and cable_diameter are given"),
+    ({"strum_heave": 0.001, "speed_knots": 0.0}, "follows from speed_knots, which is 0; give strum_hz"),
 ])
 def test_refusals(refused, attributes, words):
     assert words in refused(**attributes)

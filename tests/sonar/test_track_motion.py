@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitsonar.sonar import Track
-from mitsonar.sonar.motion import RandomMotion
+from mitsonar.sonar.motion import RandomMotion, strum_frequency
 from mitsonar.sonar.trajectory import Recorded, Sailed, Smooth, Trajectory, Voyage
 from mitsonar.sonar.waypoints import Course
 
@@ -80,7 +80,66 @@ def test_the_offset_is_forward_starboard_down(heading, place):
     np.testing.assert_allclose(there, place, atol=1e-12)
 
 
-@pytest.mark.parametrize("change", [{"roll": -0.1}, {"period": 0}, {"heave": np.nan}, {"pitch": np.inf}])
+def crossings(values, step):
+    """Mean period [s] by the changes of sign."""
+    return 2 * len(values) * step / np.count_nonzero(np.diff(np.sign(values)))
+
+
+def test_every_axis_has_its_own_period():
+    motion = RandomMotion(roll=0.02, pitch=0.01, yaw=0.03, heave=0.1, roll_period=4.0, yaw_period=15.0, period=7.0,
+                          seed=1)
+    values, _ = motion.at(np.arange(0, 20_000, 0.25))
+    for name, period in (("roll", 4.0), ("pitch", 7.0), ("yaw", 15.0), ("heave", 7.0)):
+        assert crossings(values[name], 0.25) == pytest.approx(period, rel=0.03)
+
+
+def test_surge_goes_forward_as_heave_goes_up():
+    motion = RandomMotion(heave=0.2, surge=0.1, seed=5)
+    values, rates = motion.at(np.arange(50.0))
+    np.testing.assert_allclose(values["surge"], 0.5 * values["heave"], atol=1e-15)
+    np.testing.assert_allclose(rates["surge"], 0.5 * rates["heave"], atol=1e-15)
+    still, moved = voyage(50, 0.2, heading=1.0), voyage(50, 0.2, heading=1.0, motion=motion)
+    shift, surge = moved.track.position - still.track.position, motion.at(still.track.time)[0]["surge"]
+    np.testing.assert_allclose(shift[:, :2], np.outer(surge, [np.sin(1.0), np.cos(1.0)]), atol=1e-12)
+
+
+def test_a_strum_is_a_narrow_band_at_strouhals_frequency():
+    frequency = strum_frequency(1.5, 0.02)
+    assert frequency == pytest.approx(15.0)                                   # 0.2 x 1.5 m/s / 20 mm
+    motion = RandomMotion(heave=0.1, strum_heave=0.002, strum_pitch=1e-3, strum_frequency=frequency)
+    values = motion.at(np.arange(0, 400, 0.01))[0]
+    assert values["pitch"].std() == pytest.approx(1e-3, rel=0.05)
+    window = np.hanning(40_000) / np.sqrt(3 / 8)                              # of mean square 1
+    spectrum, at = np.abs(np.fft.rfft(values["heave"] * window)) ** 2, np.fft.rfftfreq(40_000, 0.01)
+    near, fast = np.abs(at / frequency - 1) < 0.08, at > 2
+    assert spectrum[near].sum() > 0.99 * spectrum[fast].sum()
+    assert np.sqrt(2 * spectrum[near].sum()) / 40_000 == pytest.approx(0.002, rel=0.1)
+    assert np.array_equal(RandomMotion(heave=0.1).at(np.arange(9.0))[0]["roll"], np.zeros(9))
+
+
+@pytest.mark.parametrize("swings", [0.5, 1.0, 1.5, 1.85])
+def test_a_strum_is_followed_while_echoes_come_in(swings):
+    """To 2 % of its root mean square, in float32 as on the device."""
+    motion = RandomMotion(strum_heave=0.002, strum_pitch=1e-3, strum_frequency=swings / 0.1)
+    trajectory, elapsed = voyage(40, 0.5, motion=motion).trajectory, np.linspace(0, 0.1, 41)
+    travel = trajectory.during(np.array([3.0]), 0.1).trimmed()
+    powers = travel.displacement[0].astype(np.float32)
+    moved = np.zeros((41, 3), np.float32)
+    for row in powers[::-1]:
+        moved = (moved + row) * elapsed[:, None].astype(np.float32)
+    place = trajectory.position(3.0 + elapsed)
+    np.testing.assert_allclose(moved, place - place[0], atol=0.02 * 0.002)
+    assert np.ptp(place[:, 2]) > 0.001
+
+
+def test_a_strum_too_fast_to_follow_is_refused():
+    motion = RandomMotion(strum_heave=0.002, strum_frequency=30.0)
+    with pytest.raises(ValueError, match="swings 3.2 times .* give a strum_hz of at most 18.9 or a shorter range"):
+        voyage(40, 0.5, motion=motion).trajectory.during(np.zeros(1), 0.1)
+
+
+@pytest.mark.parametrize("change", [{"roll": -0.1}, {"period": 0}, {"heave": np.nan}, {"pitch": np.inf},
+                                    {"yaw_period": 0.0}, {"strum_frequency": 0.0}, {"surge": -1.0}])
 def test_motion_that_is_none(change):
     with pytest.raises(ValueError, match=f"random motion: {next(iter(change))} is"):
         RandomMotion(**change)
