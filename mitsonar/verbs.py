@@ -30,7 +30,7 @@ RETURN_PATHS = (*DIFFERENCES, "eigenray")
 SEEDS = 1 << 32                    # seeds that Mitsuba takes, and that tell rays apart
 
 
-def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
+def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
            progress: Callable[[int, int], None] | None = None, say: Callable[[str], None] | None = None) -> SonarImage:
     """Render a sonar scene.
 
@@ -41,8 +41,8 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
     seed : int
         Of everything random: ray directions, speckle, noise. The same scene and seed give the same bytes.
         From 0 to 4294967295.
-    sensor : int
-        Which of the scene's sensors.
+    sensor : int or str
+        Which of the scene's sensors: its number or its id.
     progress : callable(done, total) or None
         Called after every block with the number of pings done, which for arrays may have a fractional part.
     say : callable(text) or None
@@ -64,7 +64,7 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
     ValueError
         If scene, sensor and integrator do not make a sonar survey, or the seed is out of range.
     TypeError
-        If `scene` is neither a file's name nor a scene of the present variant, or `seed` or `sensor` no whole number.
+        If `scene` is neither a file's name nor a scene of the present variant, or `seed` no whole number.
     """
     seed = checked_seed(seed)
     scene, sensor, integrator = opened(scene, sensor)
@@ -76,7 +76,7 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0,
     return SonarImage.of(image.assign_attrs(provenance(scene, sensor, survey)))
 
 
-def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0) -> Iterator[SonarImage]:
+def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) -> Iterator[SonarImage]:
     """Render the pings of a sonar with a fan of beams one after the other, as many as the scene has.
 
     What is kept does not grow with their number: for videos, and for data sets of long runs.
@@ -108,8 +108,8 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int = 0) -> Ite
 
 
 def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
-                     return_path: str = "vector", seed: int = 0, *, sensor: int = 0, paths: Sequence[str] | None = None,
-                     progress: Callable[[float, int], None] | None = None,
+                     return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
+                     paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
                      say: Callable[[str], None] | None = None) -> SonarSignals:
     """Compute the response of every pair of transmit and receive elements.
 
@@ -127,8 +127,8 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
         element; slow).
     seed : int
         Of rays, where they ensonify the scatterers; the scatterers themselves belong to the scene.
-    sensor : int
-        Which of the scene's sensors.
+    sensor : int or str
+        Which of the scene's sensors: its number or its id.
     paths : sequence of str or None
         Only echoes along these, such as ("b", "bs"), see `paths`; None: all.
     progress : callable(done, total) or None
@@ -163,8 +163,8 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
 
 
 def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
-                    return_path: str = "vector", seed: int = 0, *, sensor: int = 0, paths: Sequence[str] | None = None,
-                    progress: Callable[[float, int], None] | None = None,
+                    return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
+                    paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
                     say: Callable[[str], None] | None = None) -> SonarSignals:
     """Compute what every receive element records of a ping: echoes of the pulse, and noise.
 
@@ -198,29 +198,31 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
         record.
     """
     _check_names(kernel, return_path)
+    seed = checked_seed(seed)
     scene, sensor, integrator = opened(scene, sensor)
     survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
-    record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
+    record = PressureRecord(survey, seed=sensor.own_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = received_signals(record, chosen, progress=progress, say=say)
-    return _with_attributes(array, kernel=kernel, return_path=return_path, **provenance(scene, sensor, survey))
+    return _with_attributes(array, seed=seed, kernel=kernel, return_path=return_path,
+                            **provenance(scene, sensor, survey))
 
 
-def pings(scene: mi.Scene | FilePath, *, sensor: int = 0) -> int:
+def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
     """Number of pings of a scene's sensor with arrays."""
     scene, sensor, integrator = opened(scene, sensor)
     return integrator.array_survey(scene, sensor).track.pings
 
 
-def opened(scene: mi.Scene | FilePath, sensor: int = 0) -> tuple[mi.Scene, Any, Any]:
-    """Give a scene (loaded if it is a path), the sensor of that number, and an integrator that renders sound.
+def opened(scene: mi.Scene | FilePath, sensor: int | str = 0) -> tuple[mi.Scene, Any, Any]:
+    """Give a scene (loaded if it is a path), the sensor of that number or id, and an integrator that renders sound.
 
     Raises
     ------
     ValueError, TypeError, FileNotFoundError
         As `render`.
     """
-    sensor = operator.index(sensor)
+    sensor = sensor if isinstance(sensor, str) else operator.index(sensor)
     prepare()
     if not isinstance(scene, mi.Scene):
         if not isinstance(scene, (str, os.PathLike)):
@@ -230,6 +232,11 @@ def opened(scene: mi.Scene | FilePath, sensor: int = 0) -> tuple[mi.Scene, Any, 
     sensors, integrator = scene.sensors(), scene.integrator()
     if not sensors:
         raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")
+    if isinstance(sensor, str):
+        ids = [one.id() for one in sensors]
+        if sensor not in ids:
+            raise ValueError(f'sensor "{sensor}" was asked for{meant(sensor, ids)}; the scene has {", ".join(ids)}')
+        sensor = ids.index(sensor)
     if not 0 <= sensor < len(sensors):
         raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
     if not hasattr(integrator, "picture"):

@@ -9,6 +9,7 @@ from .words import announce, warn
 
 __all__ = ["DEMO", "add"]
 
+EVERY = "all"                      # of the sensors
 DEMO = {"rays": 60_000}            # a ping: 32 a bin, whose noise is a fourteenth of the speckle's
 
 
@@ -21,6 +22,7 @@ def add(commands: Commands) -> None:
     complete_with(preview, FILES)
     render.add_argument("--each-ping", action="store_true",
                         help="of a fan of beams: a file a ping, OUT_0000.exr and so on, whatever their number")
+    _add_sensor(render, "or all, each to a file of its own: OUT_ID.exr; ")
     render.set_defaults(run=_render)
 
     signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
@@ -34,6 +36,7 @@ def add(commands: Commands) -> None:
     signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
     signals.add_argument("--path", action="append", metavar="NAME",
                          help="only echoes along this path, such as b, bs or v; may be repeated; default: all")
+    _add_sensor(signals)
     signals.set_defaults(run=_signals)
 
     demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
@@ -46,7 +49,7 @@ def _render(arguments):
         _render_pings(arguments)
         return
     _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
-               arguments.preview, arguments.threads)
+               arguments.preview, arguments.threads, arguments.sensor)
 
 
 def _signals(arguments):
@@ -64,9 +67,10 @@ def _signals(arguments):
     scene = load_file(path, **parameters(arguments))
     compute = impulse_response if arguments.response else element_signals
     with Progress() as progress:
-        recorded = compute(scene, arguments.ping or range(pings(scene)), kernel=arguments.kernel,
-                       return_path=arguments.return_path, seed=arguments.seed, paths=arguments.path,
-                       progress=progress, say=warn)
+        which = arguments.sensor
+        recorded = compute(scene, arguments.ping or range(pings(scene, sensor=which)), kernel=arguments.kernel,
+                           return_path=arguments.return_path, seed=arguments.seed, sensor=which,
+                           paths=arguments.path, progress=progress, say=warn)
     netcdf.write(arguments.output, recorded)
     announce(arguments.output)
 
@@ -75,22 +79,47 @@ def _demo(arguments):
     _render_to(scenes.find("sidescan_targets"), DEMO, arguments.seed, "demo.exr", "demo.png", None)
 
 
-def _render_to(path, values, seed, output, preview, threads):
+def _render_to(path, values, seed, output, preview, threads, sensor=0):
     _check_outputs(output, preview)
     from .. import load_file, render
     from ..io import exr
 
     set_up(threads)
     scene = load_file(path, **values)
-    with Progress() as progress:
-        dataset = render(scene, seed=seed, progress=progress, say=warn)
-    exr.write(dataset, output)
-    announce(output)
-    if preview is not None:
-        from .. import plots
+    for which, suffix in _sensors(scene, sensor):
+        image, picture = (_with_suffix(name, suffix) for name in (output, preview))
+        with Progress() as progress:
+            dataset = render(scene, seed=seed, sensor=which, progress=progress, say=warn)
+        exr.write(dataset, image)
+        announce(image)
+        if picture is not None:
+            from .. import plots
 
-        plots.preview(dataset, preview)
-        announce(preview)
+            plots.preview(dataset, picture)
+            announce(picture)
+
+
+def _sensors(scene, asked):
+    """The sensors that are asked for, by number or id, each with what its file's name has in addition."""
+    ids = [one.id() for one in scene.sensors()]
+    if asked == EVERY and EVERY not in ids:
+        return [(number, f"_{name}".replace(os.sep, "_")) for number, name in enumerate(ids)]
+    if asked == 0 and len(ids) > 1:
+        warn(f"the scene has {len(ids)} sonars, and {ids[0]} is rendered; --sensor all renders "
+             f"{'both' if len(ids) == 2 else 'each'} to a file of its own")
+    return [(asked, "")]
+
+
+def _with_suffix(path, suffix):
+    if path is None:
+        return None
+    base, ending = os.path.splitext(path)
+    return f"{base}{suffix}{ending}"
+
+
+def _add_sensor(command, more=""):
+    command.add_argument("--sensor", default=0, metavar="ID",
+                         help=f"which of the scene's sonars: its id, {more}default: the first")
 
 
 def _render_pings(arguments):
@@ -104,9 +133,12 @@ def _render_pings(arguments):
 
     set_up(arguments.threads)
     scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
-    images, base = frames(scene, seed=arguments.seed), os.path.splitext(arguments.output)[0]
+    if arguments.sensor == EVERY:
+        raise ValueError("--sensor all and --each-ping are both given; name one sonar, or leave one of them out.")
+    images = frames(scene, seed=arguments.seed, sensor=arguments.sensor)
+    base = os.path.splitext(arguments.output)[0]
     with Progress() as progress:
-        total = pings(scene)
+        total = pings(scene, sensor=arguments.sensor)
         for number, image in enumerate(images):
             exr.write(image, f"{base}_{number:04d}.exr")
             progress(number + 1, total)

@@ -26,7 +26,7 @@ import numpy as np
 from .types import DrJitArray, Float, Float64, UInt32
 
 __all__ = ["Salt", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "ping_key", "row_keys", "salted",
-           "seeded", "shape_key", "stratified", "uniform", "uniform_inside"]
+           "seeded", "shape_key", "sonar_seed", "stratified", "uniform", "uniform_inside"]
 
 WORD = 0xFFFFFFFF
 SEED_FACTOR, PING_FACTOR, NUMBER_FACTOR = 0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35     # odd: each number has its own key
@@ -56,6 +56,7 @@ class Salt:
     GROUND_SPECKLE = 0x510E527F    # of the lattices that a sidescan's speckle comes from
     # noise in the beams of a line: on rows of sine, and on waves along the line; in rows of signals
     BEAM_AMBIENT, BEAM_NOISE, ROW_NOISE = 0x1F83D9AB, 0x5BE0CD19, 0x3C2B5A17
+    SONAR = 0x510E527F             # of a sonar that shares the track of another
     NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed
 
 
@@ -69,6 +70,11 @@ def shape_key(name: str) -> int:
 def ping_key(seed: int, ping: int, number: int = 0, salt: int = 0) -> int:
     """Give the key of a ping; `number` tells apart sources, or passes, of the same ping."""
     return (int(seed) * SEED_FACTOR + int(ping) * PING_FACTOR + int(number) * NUMBER_FACTOR + salt) & WORD
+
+
+def sonar_seed(seed: int, name: str) -> int:
+    """Give the seed of a sonar of that id that works beside another one: rays, speckle and noise are its own."""
+    return ping_key(seed, 0, shape_key(name), Salt.SONAR)
 
 
 def row_keys(row: np.ndarray) -> np.ndarray:

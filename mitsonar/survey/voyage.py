@@ -77,6 +77,8 @@ class Route:
         A recorded track, a course, or a straight line.
     frame : Frame or None
         Where a record in degrees lays the origin of a scene that does not say it itself.
+    interval : float or None [s]
+        Between pings, where another sonar on the same track says it.
     """
 
     pings: int
@@ -94,6 +96,7 @@ class Route:
     random_motion: RandomMotion
     record: Navigation | Waypoints | None
     frame: Frame | None
+    interval: float | None = None
 
     def lay(self, geometry: Geometry, shortest: float) -> Passage:
         """Lay the route over a scene.
@@ -193,6 +196,8 @@ class Route:
 
     def _interval(self, shortest):
         """Time between pings [s]; the last echo of one must be in before the next."""
+        if self.interval is not None:
+            return self.interval
         if self.ping_rate is None:
             return shortest
         if 1 / self.ping_rate < shortest * (1 - 1e-9):

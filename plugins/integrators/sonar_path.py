@@ -95,11 +95,13 @@ class SonarPath(mi.SamplingIntegrator):
                 progress: Callable[[float, float], None] | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
         """Render a planned run; see `mitsonar.render`."""
-        return kind_of(sensor).picture(survey, sensor, seed, progress, say)
+        image = kind_of(sensor).picture(survey, sensor, sensor.own_seed(seed), progress, say)
+        return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
 
     def frames(self, survey: Survey, sensor: mi.Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
         """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
-        return frame_kind_of(sensor).frames(survey, sensor, seed)
+        images = frame_kind_of(sensor).frames(survey, sensor, sensor.own_seed(seed))
+        return images if sensor.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
 
     def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
                evaluate: bool = True) -> mi.TensorXf:

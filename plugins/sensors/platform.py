@@ -94,6 +94,7 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
     Numbers("offset", default=(0.0, 0.0, 0.0), count=3, unit="m",
             text='"forward, starboard, down" of the sonar from where the track leads, turned by the attitude'),
 ))
+OF_THE_TRACK = ("pings", *(one.name for one in ROUTE.attributes if one.name != "offset"))      # not of the lever arm
 
 
 def pings(usual: int) -> Integer:

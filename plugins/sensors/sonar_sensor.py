@@ -1,12 +1,16 @@
 """What sensors of all kinds of sonar share."""
+from dataclasses import replace
 from typing import Any, NoReturn
 
 import mitsuba as mi
 
+from mitsonar.device.chance import sonar_seed
+from mitsonar.survey.sensor import slowest_speed
+from mitsonar.survey.voyage import Route
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from ..attributes import Attribute, Attributes, Boolean, Group, Nested, Number
-from .platform import read_route
+from .platform import OF_THE_TRACK, read_route
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # what energies in float32 can hold
 
@@ -23,6 +27,9 @@ SELF_NOISE = Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HI
 NESTED = (
     Nested("medium", default=None, otherwise="needed", text="a `seawater`, the water it works in"),
     Nested("film", default=None, otherwise="needed", text="a `sonar_film`, the record it makes"),
+    Nested("sensor", default=None,
+           text="another sonar, by `<ref>`: this one pings at the same places and times, and takes none of the track's "
+                "attributes but `offset`; its last echo must be in before the other one's next ping"),
 )
 
 
@@ -46,6 +53,8 @@ class SonarSensor(mi.Sensor):
         At the sonar; None: the profile's there.
     noise : bool
         Whether the sea's noise is added.
+    leader : SonarSensor or None
+        Whose track it shares.
     provenance : dict or None
         File, resolved text and parameters, told by `mitsonar.load_file`.
     loaded : dict or None
@@ -60,7 +69,8 @@ class SonarSensor(mi.Sensor):
         attributes = Attributes(props, self.declared)
         self.provenance = self.loaded = None
         self.sound_speed = attributes.sound_speed
-        self.route = read_route(attributes)
+        self.leader = attributes.sensor
+        self.route = read_route(attributes) if self.leader is None else self._shared(attributes)
         self.noise, self.given_noise_level_db = attributes.noise, attributes.noise_level_db
         self.water = attributes.medium
         if not hasattr(self.water, "profile"):
@@ -69,6 +79,32 @@ class SonarSensor(mi.Sensor):
             raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
         self.read(attributes)
         super().__init__(props)
+        self._check_in_time(attributes)
+
+    def _shared(self, attributes: Attributes) -> Route:
+        """Take the track of another sonar, ping by ping."""
+        leader = self.leader
+        if not isinstance(leader, SonarSensor) or "sector_scan" in (self.kind, leader.kind):
+            raise attributes.error("the nested <sensor> is the sonar whose track it shares, and must be one that does "
+                                   "not turn, nor may this one; name a sidescan or an array by <ref>.")
+        if written := attributes.given(*OF_THE_TRACK):
+            raise attributes.error(f"{', '.join(written)} and a nested <sensor> are both given; the track is that of "
+                                   f'"{leader.id()}", leave one of them out.')
+        # as fast as the range of the other one allows: its own range must not change where both are
+        interval = None if leader.route.ping_rate else leader.route.interval or _shortest(leader)
+        offset = attributes.offset if attributes.given("offset") else leader.route.offset
+        return replace(leader.route, interval=interval, offset=offset)
+
+    def _check_in_time(self, attributes: Attributes) -> None:
+        interval, needed = self.route.interval, _shortest(self) if self.leader is not None else 0.0
+        if interval is not None and needed > interval * (1 + 1e-9):
+            raise attributes.error(f"echoes from the range of its film take {needed:.4f} s, and the pings of "
+                                   f'"{self.leader.id()}", whose track it shares, come every {interval:.4f} s; give '
+                                   "the track to the sonar of the longer range, or write its ping_rate_hz.")
+
+    def own_seed(self, seed: int) -> int:
+        """Give the seed of its rays, speckle and noise: beside another sonar on its track, one of its own."""
+        return seed if self.leader is None else sonar_seed(seed, self.id())
 
     def read(self, attributes: Attributes) -> None:
         """Take what this kind of sonar alone has."""
@@ -94,3 +130,9 @@ class SonarSensor(mi.Sensor):
 
     def to_string(self) -> str:
         return f"{type(self).__name__}[{self.frequency / 1000:g} kHz, {self.route.pings} pings]"
+
+
+def _shortest(sonar: SonarSensor) -> float:
+    """Time [s] until the last echo of a ping is in."""
+    film: Any = sonar.film()
+    return float(film.window(slowest_speed(sonar))[0][1])

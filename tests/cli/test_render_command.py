@@ -237,6 +237,27 @@ def coarse_ball():
             + "".join("3 %d %d %d\n" % face for face in faces))
 
 
+def test_all_sonars_of_a_scene_become_files_each(folder, accepted, capfd):
+    from small_scene import spoilt
+
+    second = """<sensor type="sidescan" id="high"><string name="preset" value="towed_400khz"/><ref id="sonar"/>
+        <medium type="seawater"/><film type="sonar_film"><float name="range" value="40"/></film></sensor></scene>"""
+    (folder / "scene.xml").write_text(spoilt(("</scene>", second)))
+    assert accepted("render", "scene.xml", "-o", "o.exr", "--preview", "p.png", "--sensor", "all") == [
+        "o_sonar.exr", "p_sonar.png", "o_high.exr", "p_high.png"]
+    assert accepted("render", "scene.xml", "-o", "one.exr", "--sensor", "high") == ["one.exr"]
+    assert (folder / "one.exr").read_bytes() == (folder / "o_high.exr").read_bytes()
+    assert cli.main(["render", "scene.xml", "-o", "first.exr"]) == 0
+    said = capfd.readouterr().err
+    assert "the scene has 2 sonars, and sonar is rendered; --sensor all renders both" in said and said.count("\n") == 1
+    assert (folder / "first.exr").read_bytes() == (folder / "o_sonar.exr").read_bytes()
+    for arguments, words in ((("--sensor", "hihg"), 'did you mean "high"'),
+                             (("--sensor", "all", "--each-ping"), "--sensor all and --each-ping")):
+        assert cli.main(["render", "scene.xml", "-o", "n.exr", *arguments]) == 2
+        said = capfd.readouterr().err
+        assert words in said and said.count("\n") == 1
+
+
 FAN = """<scene version="3.0.0"><integrator type="sonar_path"/>
 <sensor type="forward_looking"><string name="preset" value="multibeam_720khz"/><integer name="pings" value="2"/>
 <integer name="beams" value="9"/><point name="start" x="0" y="0" z="-6"/><medium type="seawater"/>
