@@ -4,7 +4,8 @@
 
 L -> ``length`` along u, H -> ``height`` along v [m], λ -> ``wavelength`` [m]; u and v are the direction's cosines along
 the two sides. The full width at -3 dB (one way) is 2 asin(0.44294647 λ / L) (e.g. Urick 1983, ch. 3; physics of line
-arrays), and an aperture of zero height is a line, omnidirectional around its axis.
+arrays), and an aperture of zero height is a line, omnidirectional around its axis. Faces that are shaded, curved,
+measured or built with errors have another beam in either plane (`beam_shapes`).
 """
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ import drjit as dr
 import numpy as np
 
 from ..device.types import Numbers
+from .beam_shapes import EVEN, BeamShape
 
 __all__ = ["Aperture", "length_for_beam_width"]
 
@@ -26,11 +28,14 @@ def sinc(x: Numbers) -> Numbers:
     return dr.select(abs(x) < 1e-3, 1 - x * x / 6, dr.sin(x) / x)
 
 
-def length_for_beam_width(beam_width: float, wavelength: float) -> float:
-    """Give the side [m] whose full one-way -3 dB beam is `beam_width` [rad]; 0 for π or more (no beam)."""
+def length_for_beam_width(beam_width: float, wavelength: float, half_power: float = HALF_POWER) -> float:
+    """Give the side [m] whose full one-way -3 dB beam is `beam_width` [rad]; 0 for π or more (no beam).
+
+    `half_power` is the x = L s / λ where the power of its beam is a half, see `beam_shapes.half_power`.
+    """
     if beam_width >= np.pi:
         return 0.0
-    return HALF_POWER * wavelength / np.sin(0.5 * beam_width)
+    return half_power * wavelength / np.sin(0.5 * beam_width)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,10 +48,14 @@ class Aperture:
         Side along the platform.
     height : float [m]
         Side across.
+    along_shape, across_shape : BeamShape
+        Beams in the planes of either side; by default those of an even face.
     """
 
     length: float
     height: float = 0.0
+    along_shape: BeamShape = EVEN
+    across_shape: BeamShape = EVEN
 
     def __post_init__(self):
         for name in ("length", "height"):
@@ -56,14 +65,14 @@ class Aperture:
 
     def along(self, u: Numbers, wavelength: Numbers) -> Numbers:
         """Give the pressure pattern along the platform, of the direction cosine u [-]."""
-        return sinc(u * (self.length / wavelength))
+        return self.along_shape.pressure(u, self.length / wavelength)
 
     def across(self, v: Numbers, wavelength: Numbers) -> Numbers:
         """Give the pressure pattern across, of the direction cosine v [-]."""
-        return sinc(v * (self.height / wavelength))
+        return self.across_shape.pressure(v, self.height / wavelength)
 
     def beam_widths(self, wavelength: float) -> tuple[float, float]:
-        """Give the full one-way -3 dB widths along and across [rad]; π where a side is too short to make a beam."""
+        """Give the full one-way -3 dB widths along and across of an even face [rad]; π where a side makes no beam."""
         along, across = (2 * np.arcsin(min(1.0, HALF_POWER * wavelength / side)) if side > 0 else np.pi
                          for side in (self.length, self.height))
         return along, across

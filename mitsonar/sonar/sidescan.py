@@ -74,6 +74,11 @@ class Sidescan:
         """Length of the longer face [m], a wavelength at least."""
         return max(self.transmit.length, self.receive.length, self.wavelength)
 
+    @property
+    def one_face(self) -> bool:
+        """Whether one and the same face of a side sends and receives."""
+        return self.transmit == self.receive
+
     def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:
         """Give the two-way intensity pattern along the platform, of the cosine u, at reception of `u_back` if given."""
         back = u if u_back is None else u_back

@@ -24,7 +24,6 @@ from ..echoes.point_targets import PointTargets
 from ..echoes.record import Echoes
 from ..echoes.smooth.targets import SmoothTargets
 from ..imaging.energy_record import CoherentSums, joined
-from ..sonar.directivity import sinc
 from .coherent_pulses import Arrivals, CoherentPulses
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
@@ -95,15 +94,15 @@ class CoherentSidescan:
     def _within_beams(self, position: np.ndarray, rotation: np.ndarray) -> Callable[..., np.ndarray]:
         """Which facets lie in the beams, for each ping: by the envelope of their side lobes along the platform."""
         sonar = self._survey.sonar
-        lengths = np.array([sonar.transmit.length, sonar.receive.length]) / sonar.wavelength
-        turned = np.array([0.0, self._shift])[:, None]
+        faces = ((sonar.transmit, 0.0), (sonar.receive, self._shift))
 
         def choose(number, centre, radius):
             towards = (centre - position[number]) @ rotation[number]
             distance = np.linalg.norm(towards, axis=1)
-            u = np.maximum(np.abs(towards[:, 0]) - radius, 0) / np.maximum(distance, 1e-9) - turned
-            envelope = np.minimum(1 / np.maximum(np.pi * lengths[:, None] * u, 1e-9), 1)
-            return np.prod(envelope, axis=0) ** 2 > FAINT
+            u = np.maximum(np.abs(towards[:, 0]) - radius, 0) / np.maximum(distance, 1e-9)
+            pressure = np.prod([face.along_shape.envelope(np.maximum(u - turned, 0), face.length / sonar.wavelength)
+                                for face, turned in faces], axis=0)
+            return pressure ** 2 > FAINT
 
         return choose
 
@@ -133,19 +132,19 @@ class CoherentSidescan:
         still = echoes.out.travel_time + echoes.between + echoes.back.travel_time
         received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, still)
         delay, pressure, along, sides, cosines = received.delay, self._source_pressure, mi.Float(1), [], []
-        for towards, (length, height) in ((echoes.out.sent_towards, self._beams.transmit),
-                                          (received.towards, self._beams.receive)):
+        for towards, face in ((echoes.out.sent_towards, self._beams.transmit),
+                              (received.towards, self._beams.receive)):
             body = place.body(ping, towards)
-            along *= sinc(body.x * length)
-            pressure = pressure * sinc(self._beams.across(body) * height)
+            along *= face.along.pressure(body.x)
+            pressure = pressure * face.across.pressure(self._beams.across(body))
             sides.append(body.y > 0 if side is None else dr.full(mi.Bool, side > 0, dr.width(body)))
             cosines.append(body.x)
         lobe = along
         if not place.still:
             # half-way between the lobes, see `FaceBeams.lobe`
             half = 0.5 * (cosines[1] - place.body(ping, echoes.back.sent_towards).x)
-            lobe = (sinc((cosines[0] + half) * self._beams.transmit[0])
-                    * sinc((cosines[1] - half) * self._beams.receive[0]))
+            lobe = (self._beams.transmit.along.pressure(cosines[0] + half)
+                    * self._beams.receive.along.pressure(cosines[1] - half))
         cycles = delay * self._turns_per_second
         sine, cosine = dr.sincos(mi.Float(cycles - dr.floor(cycles)) * float(-2 * np.pi))
         real, imaginary = echoes.amplitude

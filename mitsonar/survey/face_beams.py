@@ -1,23 +1,95 @@
 """Beams of a sidescan's faces on the device.
 
-    b(u, v) = sinc(L u / λ) sinc(H v / λ)
+    b(u, v) = b_along(u) b_across(v)
 
 u is the cosine of a direction along the platform, v the sine of its angle to the face's normal, downwards: symbols as
-in `sonar.sidescan` and `sonar.directivity`. Directions are those of the body, whose faces may have moved and turned
-between transmission and reception.
+in `sonar.sidescan`; the two factors are `sonar.beam_shapes`. Directions are those of the body, whose faces may have
+moved and turned between transmission and reception.
 """
 from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from ..device.arrays import upload
+from ..device.lookups import held
 from ..device.types import DrJitArray
-from ..sonar.directivity import sinc
+from ..sonar.beam_shapes import BeamShape
+from ..sonar.directivity import Aperture, sinc
 from ..sonar.sidescan import Sidescan
 
-__all__ = ["BEAM_EDGE", "FaceBeams"]
+__all__ = ["BEAM_EDGE", "Face", "FaceBeams", "Lobes"]
 
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe (-6 dB)
+
+
+class Lobes:
+    """A `BeamShape` of a side on the device.
+
+    Parameters
+    ----------
+    shape : BeamShape
+    size : float [wavelengths]
+        Of the side.
+    """
+
+    def __init__(self, shape: BeamShape, size: float):
+        self._floor = dr.opaque(mi.Float, shape.floor) if shape.floor else None
+        self._size, self._table = dr.opaque(mi.Float, size), None
+        if shape.table is not None:
+            last = len(shape.table) - 1
+            self._table = upload(mi.Float, shape.table.astype(np.float32))
+            self._end, self._last = dr.opaque(mi.Float, last), dr.opaque(mi.UInt32, last - 1)
+            self._per_sine = dr.opaque(mi.Float, 0.5 * last)
+            dr.eval(self._table)
+
+    def intensity(self, s: DrJitArray) -> DrJitArray:
+        """Give b² of sines s."""
+        lobes = dr.square(self._lobes(s))
+        return lobes if self._floor is None else dr.fma(lobes, 1 - self._floor, self._floor)
+
+    def pressure(self, s: DrJitArray) -> DrJitArray:
+        """Give b of sines s, with the sign of p."""
+        lobes = self._lobes(s)
+        if self._floor is None:
+            return lobes
+        return dr.copysign(dr.sqrt(dr.fma(dr.square(lobes), 1 - self._floor, self._floor)), lobes)
+
+    def _lobes(self, s):
+        """p of sines s."""
+        if self._table is None:
+            return sinc(s * self._size)
+        place = held((s + 1) * self._per_sine, 0.0, self._end)
+        below = dr.minimum(mi.UInt32(place), self._last)
+        low, high = (dr.gather(mi.Float, self._table, below + end) for end in (0, 1))
+        return dr.fma(place - mi.Float(below), high - low, low)
+
+
+class Face:
+    """The beam of a face on the device.
+
+    Parameters
+    ----------
+    face : Aperture
+    wavelength : float [m]
+
+    Attributes
+    ----------
+    along, across : Lobes
+    """
+
+    def __init__(self, face: Aperture, wavelength: float):
+        self.along = Lobes(face.along_shape, face.length / wavelength)
+        self.across = Lobes(face.across_shape, face.height / wavelength)
+
+    def intensity(self, u: DrJitArray, v: DrJitArray) -> DrJitArray:
+        """Give the one-way intensity of directions."""
+        return self.along.intensity(u) * self.across.intensity(v)
+
+    def pressure(self, u: DrJitArray, v: DrJitArray) -> DrJitArray:
+        """Give the one-way pressure of directions."""
+        return self.along.pressure(u) * self.across.pressure(v)
 
 
 class FaceBeams:
@@ -29,15 +101,13 @@ class FaceBeams:
 
     Attributes
     ----------
-    transmit, receive : (Float, Float) [-]
-        Length and height of each face, in wavelengths.
+    transmit, receive : Face
     depression : Float [rad]
     """
 
     def __init__(self, sonar: Sidescan):
-        self.transmit, self.receive = ([dr.opaque(mi.Float, side / sonar.wavelength)
-                                        for side in (face.length, face.height)]
-                                       for face in (sonar.transmit, sonar.receive))
+        self.transmit = Face(sonar.transmit, sonar.wavelength)
+        self.receive = self.transmit if sonar.one_face else Face(sonar.receive, sonar.wavelength)
         self.depression = dr.opaque(mi.Float, sonar.depression_angle)
 
     def across(self, body: mi.Vector3f) -> mi.Float:
@@ -47,12 +117,12 @@ class FaceBeams:
     def two_way(self, u: DrJitArray, v: DrJitArray, back_u: DrJitArray,
                 back_v: DrJitArray) -> tuple[DrJitArray, DrJitArray]:
         """Give the two-way intensity along and across the platform, of what is sent to (u, v) and comes from others."""
-        return (dr.square(sinc(u * self.transmit[0]) * sinc(back_u * self.receive[0])),
-                dr.square(sinc(v * self.transmit[1]) * sinc(back_v * self.receive[1])))
+        return (_both(self.transmit.along, self.receive.along, u, back_u),
+                _both(self.transmit.across, self.receive.across, v, back_v))
 
-    def one_way(self, body: mi.Vector3f, face: list[mi.Float]) -> mi.Float:
+    def one_way(self, body: mi.Vector3f, face: Face) -> mi.Float:
         """Give the intensity of one face, `transmit` or `receive`, towards body directions."""
-        return dr.square(sinc(body.x * face[0]) * sinc(self.across(body) * face[1]))
+        return face.intensity(body.x, self.across(body))
 
     def lobe(self, u: DrJitArray, back_u: DrJitArray) -> DrJitArray:
         """Give the two-way intensity along the platform by which the main lobe is told from side lobes.
@@ -61,4 +131,10 @@ class FaceBeams:
         lies half-way.
         """
         middle = 0.5 * (u + back_u)
-        return dr.square(sinc(middle * self.transmit[0]) * sinc(middle * self.receive[0]))
+        return _both(self.transmit.along, self.receive.along, middle, middle)
+
+
+def _both(transmit: Lobes, receive: Lobes, s: DrJitArray, back_s: DrJitArray) -> DrJitArray:
+    """The product of intensities; one face that sends and receives in one direction is looked at once."""
+    sent = transmit.intensity(s)
+    return dr.square(sent) if receive is transmit and back_s is s else sent * receive.intensity(back_s)

@@ -14,7 +14,7 @@ import numpy as np
 from ...device.types import Vector
 from ...imaging.sidescan import mean_intensity, pulse_shares
 from ...signal.matched_filter import compression
-from ...sonar.directivity import Aperture, sinc
+from ...sonar.directivity import Aperture
 from ...sonar.sidescan import Sidescan
 from ..array_survey import ArraySurvey
 from ..face_beams import BEAM_EDGE, FaceBeams
@@ -68,9 +68,8 @@ class StepBeam:
     def pressure(self, sent: mi.Vector3f, back: mi.Vector3f) -> mi.Float:
         """Give the two-way pressure pattern of directions of the head's frame."""
         pressure = mi.Float(1)
-        for (length, height), direction in ((self._faces.transmit, sent), (self._faces.receive, back)):
-            lobes = sinc(direction.y * length) * sinc(direction.z * height)
-            pressure *= dr.select(direction.x >= 0, lobes, 0)
+        for face, direction in ((self._faces.transmit, sent), (self._faces.receive, back)):
+            pressure *= dr.select(direction.x >= 0, face.pressure(direction.y, direction.z), 0)
         return pressure
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
