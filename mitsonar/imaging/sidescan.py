@@ -21,6 +21,7 @@ from ..sonar.sidescan import Sidescan
 from ..sonar.track import Track
 from . import truth
 from .energy_record import CoherentRecord, EnergyRecord
+from .recorder import Recorder, leaked, leaked_pressure, recorded
 
 __all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation", "speckle_gates"]
 
@@ -108,7 +109,7 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",)) -> xarray.Dataset:
+          paths: Sequence[str] = ("b",), recorder: Recorder | None = None) -> xarray.Dataset:
     """Make the dataset of a run.
 
     Parameters
@@ -132,6 +133,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     seed : int
     absorption_db : float [dB/m]
         At the head, for display gain.
+    recorder : Recorder or None
+        What receiver and recorder make of the echoes; None: nothing.
 
     Returns
     -------
@@ -143,6 +146,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
     shares = pulse_shares(bin_length, sonar.pulse_length)
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
+    recorder = recorder or Recorder()
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
     in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
@@ -150,19 +154,19 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
     for start in range(0, pings, step):
         some = slice(start, start + step)
-        energy = record.intensity[some].astype(float)
+        energy = leaked(record.intensity[some].astype(float), recorder)
         mean, with_phase = mean_intensity(energy, shares), ()
         if coherent is not None:
             pressure, coherent_mean, coherent_depth = (array[some] for array in coherent)
-            with_phase = pressure, coherent_mean.astype(float)
+            with_phase = leaked_pressure(pressure, recorder), leaked(coherent_mean.astype(float), recorder)
             depth[some] = _mean_depth(depth[some], mean, coherent_depth,
-                                      np.where(in_beam[some] > 0, with_phase[1], 0))
+                                      np.where(in_beam[some] > 0, coherent_mean, 0))
             mean = mean + with_phase[1]
         mean_level[some] = _level(mean)
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
-            drawn = speckle(np.arange(pings)[some])
-            level[some] = _level(realisation(energy, shares, drawn, noise, random, *with_phase))
+            drawn = realisation(energy, shares, speckle(np.arange(pings)[some]), noise, random, *with_phase)
+            level[some] = _level(recorded(drawn, recorder, time))
         else:
             level[some] = _level(mean + noise)
     # in a shadow side lobes bring what little there is: it has no label

@@ -7,14 +7,15 @@ import numpy as np
 import xarray as xr
 
 from ..imaging import sidescan as imaging
+from ..imaging.recorder import Recorder
 from ..scene import materials, objects
 from ..scene.geometry import Geometry
 from ..scene.labels import classes_of
 from ..sonar.array_makers import element_array
-from ..sonar.directivity import Aperture, length_for_beam_width
+from ..sonar.faces import BuiltFace
 from ..sonar.pulses import cw
 from ..sonar.sidescan import Sidescan
-from ..units import db_from_amplitude, db_from_power
+from ..units import db_from_amplitude, db_from_power, power_from_db
 from . import array, energy, limits
 from .array_survey import ArraySurvey
 from .sensor import RunSettings, Sensor, slowest_speed
@@ -35,20 +36,27 @@ class SidescanSensor(Sensor, Protocol):
     source_level_db : float [dB re 1 µPa @ 1 m]
     pulse_length : float [s]
         Effective, after compression.
-    transmit_widths, receive_widths : (float, float) [rad]
-        Full one-way -3 dB widths along and across the platform.
+    chirp_length : float [s]
+        Of the pulse as it is sent, at least that.
+    transmit_face, receive_face : BuiltFace
     depression_angle : float [rad]
         Of the faces' normals below horizontal.
     speckle : bool
+    recorder : Recorder
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each side's receiver.
     """
 
     frequency: float
     source_level_db: float
     pulse_length: float
-    transmit_widths: tuple[float, float]
-    receive_widths: tuple[float, float]
+    chirp_length: float
+    transmit_face: BuiltFace
+    receive_face: BuiltFace
     depression_angle: float
     speckle: bool
+    recorder: Recorder
+    self_noise_db: float | None
 
 
 def plan(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings) -> SidescanSurvey:
@@ -75,7 +83,8 @@ def plan(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings) -> Si
 def plan_elements(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
     """Plan the same run with each side's faces as elements, port and starboard.
 
-    The pulse is a cw of the sidescan's effective length. A face hears nothing from behind its own plane.
+    The pulse is a cw of the sidescan's effective length. Faces are even and flat, whatever the sensor's are, and hear
+    nothing from behind their own planes; `survey.signals` knows no recorder.
 
     Parameters
     ----------
@@ -99,7 +108,7 @@ def plan_elements(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettin
     return array.survey_of(
         geometry, sensor, settings, passage, lead=lead, sound_speed=sonar.sound_speed, transmit=transmit,
         receive=receive, pulse=cw(sonar.frequency, sonar.pulse_length), source_level_db=float(source_level_db),
-        bins_are_samples=False, self_noise_db=None)
+        bins_are_samples=False, self_noise_db=_self_noise_db(sensor))
 
 
 def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
@@ -107,16 +116,13 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the image, with its truth; see `mitsonar.render`."""
     record, sonar, track = energy.record(survey, Sides(survey), seed, progress), survey.sonar, survey.track
-    noise_db = None
-    if sensor.noise:
-        noise_db = float(sensor.noise_level_db() + db_from_power(sonar.bandwidth) - sonar.directivity_index_db())
     head_depth = float(np.mean(-track.position[:, 2]))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
-        class_of=class_of, paths=survey.paths.names, noise_db=noise_db,
+        class_of=class_of, paths=survey.paths.names, noise_db=_noise_db(sensor, sonar),
         speckle=side_speckle(survey, seed).of if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.absorption.at(head_depth)))
+        absorption_db=float(survey.absorption.at(head_depth)), recorder=sensor.recorder)
     return objects.annotated(image, classes, class_of, survey.geometry)
 
 
@@ -129,12 +135,36 @@ def sonar_at(sensor: SidescanSensor, head_depth: float) -> Sidescan:
     """The sonar as its head meets the water at a depth [m]."""
     speed = sensor.sound_speed or float(sensor.water.profile.at(head_depth))
     wavelength = speed / sensor.frequency
-    transmit, receive = (Aperture(length=length_for_beam_width(along, wavelength),
-                                  height=length_for_beam_width(across, wavelength))
-                         for along, across in (sensor.transmit_widths, sensor.receive_widths))
+    transmit = sensor.transmit_face.aperture(wavelength)
+    receive = transmit if sensor.receive_face == sensor.transmit_face else sensor.receive_face.aperture(wavelength)
     return Sidescan(frequency=sensor.frequency, source_level_db=sensor.source_level_db,
                     pulse_length=sensor.pulse_length, transmit=transmit, receive=receive,
                     depression_angle=sensor.depression_angle, sound_speed=speed)
+
+
+def _self_noise_db(sensor: SidescanSensor) -> float | None:
+    """Noise of a receiver [dB re 1 µPa²/Hz], less what compression of the pulse gains."""
+    if sensor.self_noise_db is None:
+        return None
+    return float(sensor.self_noise_db - _compression_db(sensor))
+
+
+def _compression_db(sensor: SidescanSensor) -> float:
+    """Gain of compression over noise [dB]: how much longer the pulse is when it is sent."""
+    return float(db_from_power(sensor.chirp_length / sensor.pulse_length))
+
+
+def _noise_db(sensor: SidescanSensor, sonar: Sidescan) -> float | None:
+    """Noise of the sea and of the receiver in the compressed pulse's band [dB re 1 µPa]; None where there is none."""
+    spectra = []
+    if sensor.noise:
+        spectra.append(sensor.noise_level_db() - sonar.directivity_index_db())
+    if sensor.self_noise_db is not None:
+        spectra.append(sensor.self_noise_db)
+    if not spectra:
+        return None
+    spectrum = float(np.sum(power_from_db(np.array(spectra))))
+    return float(db_from_power(spectrum * sonar.bandwidth) - _compression_db(sensor))
 
 
 def _passage(geometry: Geometry, sensor: Sensor) -> Passage:

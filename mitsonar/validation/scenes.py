@@ -3,6 +3,7 @@
     scene = sidescan({"bed": bed(40.0), "ball": point_target([30.0, 0.0, -38.0])}, film={"range": 60.0})
 
 Every scene has a sonar that stands still at x = y = 0 and looks north, in water of 1500 m/s, without speckle and noise.
+A sidescan is without flaws: even faces without errors, nothing of the other side, a recorder that holds everything.
 The arguments ``sensor``, ``water``, ``film`` and ``integrator`` add attributes to these, or replace them.
 """
 from collections.abc import Mapping, Sequence
@@ -15,10 +16,13 @@ if TYPE_CHECKING:
 
     from ..water import SoundSpeedProfile
 
-__all__ = ["array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "point_target", "sector_scan", "sediment",
-           "sidescan", "water_of"]
+__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "point_target", "sector_scan",
+           "sediment", "sidescan", "water_of"]
 
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
+
+FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0, "crosstalk_db": -200.0,
+                        "chirp_ms": 0.0, "self_noise_db": -200.0, "adc_bits": 0}
 
 
 def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,
@@ -41,8 +45,8 @@ def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, 
     mitsuba.Scene
     """
     still = {"pings": pings, **_still(depth)}
-    return _loaded(shapes, {"type": "sidescan", "preset": "towed_100khz", "speckle": False}, still, sensor, water,
-                   {"range": 100.0, "bins": 1000, **(film or {})}, {"rays": rays, **(integrator or {})})
+    return _loaded(shapes, {"type": "sidescan", "preset": "towed_100khz", "speckle": False, **FLAWLESS}, still, sensor,
+                   water, {"range": 100.0, "bins": 1000, **(film or {})}, {"rays": rays, **(integrator or {})})
 
 
 def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,

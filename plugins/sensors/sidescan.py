@@ -9,19 +9,23 @@
         <medium type="seawater"/>
         <film type="sonar_film"><float name="range" value="75"/></film>
     </sensor>
+
+Shadows are as deep as what fills them lets them be: side lobes (`sidelobe_db`), the other side (`back_db`,
+`crosstalk_db`), noise (`self_noise_db`). -200 leaves any of them out. `mean_level` has the echoes of all these, without
+noise; `level` is what the recorder keeps.
 """
 import mitsuba as mi
 
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Number, SameAs
+from ..attributes import Angle, Attributes, Boolean, Choice, Number, SameAs
 from .platform import ROUTE, pings
+from .sidescan_attributes import FACES, PRESET, RECORDER, read_faces, read_recorder, read_self_noise_db
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 
 NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals over the beam resolve
 SHORTEST_MS = 1e-6
-PRESET = FromTable(table=presets(), by="preset")
 
 ATTRIBUTES = (
     Choice("preset", default="towed_400khz", choices=tuple(presets()), text="where the defaults marked *preset* come "
@@ -40,7 +44,7 @@ ATTRIBUTES = (
     Angle("receive_vertical_beam_width_deg", default=SameAs("vertical_beam_width_deg"),
           minimum=NARROWEST_VERTICAL_DEG, maximum=180, text="the same across"),
     Angle("depression_deg", default=PRESET, minimum=-90, maximum=90, text="of the faces' normals below horizontal"),
-    SOUND_SPEED,
+    *FACES, *RECORDER, SOUND_SPEED,
     Boolean("speckle", default=True, text="complex Gaussian echoes, one per resolution cell; false: mean levels"),
     *NOISE, pings(400), ROUTE, *NESTED,
 )
@@ -56,9 +60,10 @@ class Sidescan(SonarSensor):
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.pulse_length = attributes.source_level_db, attributes.pulse_ms / 1000
-        self.transmit_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
-        self.receive_widths = attributes.receive_beam_width_deg, attributes.receive_vertical_beam_width_deg
+        self.chirp_length = max(attributes.chirp_ms, attributes.pulse_ms) / 1000
+        self.transmit_face, self.receive_face = read_faces(attributes)
         self.depression_angle, self.speckle = attributes.depression_deg, attributes.speckle
+        self.recorder, self.self_noise_db = read_recorder(attributes), read_self_noise_db(attributes)
 
 
 mi.register_sensor("sidescan", Sidescan)

@@ -1,0 +1,56 @@
+"""Measured beam patterns: CSV, angle [degrees] and one-way level [dB].
+
+    angle_deg, level_db
+    -60, -24.5
+    0, 0
+    60, -21.0
+
+Angles are those to the face's normal, forward or downwards positive, within -90 to 90; rows may come in any order.
+"""
+import numpy as np
+
+from ..sonar.faces import MeasuredBeam
+from .files import FilePath
+from .tables import floats, records
+
+__all__ = ["read"]
+
+COLUMNS = ("angle_deg", "level_db")
+
+
+def read(path: FilePath) -> MeasuredBeam:
+    """Read a measured beam pattern.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    MeasuredBeam
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no such table, has an angle twice, or one that no face sees.
+    """
+    names, lines, rows = records(path, "beam pattern")
+    missing = [name for name in COLUMNS if name not in names]
+    if missing:
+        raise ValueError(f"cannot read the beam pattern {path}: it has no column {missing[0]}; name the columns "
+                         f"{' and '.join(COLUMNS)}.")
+    angle, level = (floats(path, lines, name, [row[names.index(name)] for row in rows]) for name in COLUMNS)
+    wrong = np.flatnonzero(np.abs(angle) > 90)
+    if wrong.size:
+        raise ValueError(f"{path}, line {lines[wrong[0]]}: the angle is {angle[wrong[0]]:g}; it must lie within -90 to "
+                         "90 degrees of the face's normal.")
+    order = np.argsort(angle, kind="stable")
+    angle, level = angle[order], level[order]
+    same = np.flatnonzero(np.diff(angle) == 0)
+    if same.size:
+        raise ValueError(f"{path}: the angle {angle[same[0]]:g} is there twice; remove one.")
+    if len(angle) < 2:
+        raise ValueError(f"{path}: one angle makes no pattern; give two or more.")
+    return MeasuredBeam(angle=np.radians(angle), level_db=level)

@@ -1,0 +1,123 @@
+"""How the faces of a sidescan are built, and its receiver: attributes that make pictures as deep and as flawed as real
+ones. -200 dB leaves a flaw out.
+"""
+from mitsonar.imaging.recorder import Recorder
+from mitsonar.io import beam_levels
+from mitsonar.sonar.faces import BuiltFace, MeasuredBeam
+from mitsonar.sonar.presets import presets
+from mitsonar.units import power_from_db
+
+from ..attributes import Attributes, File, FromTable, Integer, Number, SameAs, Text
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB
+
+__all__ = ["FACES", "PRESET", "RECORDER", "read_faces", "read_recorder", "read_self_noise_db"]
+
+PRESET = FromTable(table=presets(), by="preset")
+MOST_BITS, LARGEST_SAG = 32, 2.0
+LOUDEST_FLOOR_DB = -3.0
+
+FACES = (
+    Text("shading", default="boxcar", text='window along the transmitting face, such as "taylor 4 30"; '
+                                           "`beam_width_deg` is then that of the shaded face"),
+    Text("receive_shading", default=SameAs("shading"), text="along the receiving face"),
+    Number("sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
+           text="mean level along track of the diffuse side lobes of each face, one way, re its axis: what errors of "
+                "segments leave; -20 to -35 of faces in use"),
+    Number("vertical_sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
+           text="the same across, to nadir and upwards; -12 to -30"),
+    Number("vertical_sag", default=0.0, minimum=0, maximum=LARGEST_SAG, unit="wavelengths",
+           text="how far the edges of a face curved across stand back; 0: flat; 0.5 to 1 make flat-topped beams"),
+    File("pattern", default=None,
+         text="CSV with `angle_deg` (to the normal, forward) and `level_db`: measured one-way beam along track; not "
+              "with `beam_width_deg` or `shading`"),
+    File("vertical_pattern", default=None,
+         text="the same across, angles downwards; not with `vertical_beam_width_deg` or `vertical_sag`"),
+    File("receive_pattern", default=None, otherwise="`pattern`", text="of the receiving face, unless it has "
+                                                                            "a beam width"),
+    File("receive_vertical_pattern", default=None, otherwise="`vertical_pattern`",
+         text="of the receiving face, likewise"),
+)
+RECORDER = (
+    Number("back_db", default=PRESET, minimum=LOWEST_DB, maximum=0, unit="dB",
+           text="how faint a side's face hears what the other side's sends: front-to-back ratio; -20 to -45"),
+    Number("crosstalk_db", default=PRESET, minimum=LOWEST_DB, maximum=0, unit="dB",
+           text="of the other side's channel in a side's, by wire; -35 to -70"),
+    Number("chirp_ms", default=PRESET, minimum=0, unit="ms",
+           text="length of the pulse as it is sent; noise is fainter by how much longer that is than `pulse_ms`; 0: "
+                "not compressed"),
+    Number("self_noise_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
+           otherwise="*preset*; none without `noise`",
+           text="noise of each side's receiver, as the level of sound on its axis; 20 to 60"),
+    Integer("adc_bits", default=PRESET, minimum=0, maximum=MOST_BITS,
+            text="of a recorded envelope, where `speckle` is true; 0: neither steps, full scale nor ringing"),
+    Number("full_scale_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa",
+           text="loudest level that the recorder holds: louder echoes, near and straight below, saturate"),
+    Number("ringing_ms", default=PRESET, minimum=0, unit="ms",
+           text="after the pulse is sent, until the receiver's own ringing has fallen by 60 dB from full scale; 0: no "
+                "bright line at range zero"),
+)
+
+
+def read_faces(attributes: Attributes) -> tuple[BuiltFace, BuiltFace]:
+    """Give the transmitting and the receiving face.
+
+    Raises
+    ------
+    ValueError
+        If a file holds no beam, or attributes contradict each other.
+    """
+    for measured, others in (("pattern", ("beam_width_deg", "shading")),
+                             ("vertical_pattern", ("vertical_beam_width_deg", "vertical_sag")),
+                             ("receive_pattern", ("receive_beam_width_deg", "receive_shading")),
+                             ("receive_vertical_pattern", ("receive_vertical_beam_width_deg",))):
+        doubled = attributes.given(*others)
+        if getattr(attributes, measured) is not None and doubled:
+            raise attributes.error(f"{measured} and {doubled[0]} are both given; a measured beam has its own width, "
+                                   "leave one of them out.")
+    floor, vertical_floor = power_of(attributes.sidelobe_db), power_of(attributes.vertical_sidelobe_db)
+    faces = []
+    for prefix in ("", "receive_"):
+        pattern, vertical = (_measured(attributes, prefix, name) for name in ("pattern", "vertical_pattern"))
+        faces.append(BuiltFace(
+            width=getattr(attributes, f"{prefix}beam_width_deg"),
+            vertical_width=getattr(attributes, f"{prefix}vertical_beam_width_deg"),
+            window=getattr(attributes, f"{prefix}shading"), sag=attributes.vertical_sag,
+            floor=floor, vertical_floor=vertical_floor, pattern=pattern, vertical_pattern=vertical))
+    try:
+        for face in faces:
+            face.aperture(1.0)
+    except ValueError as error:
+        raise attributes.error(error) from None
+    return faces[0], faces[1]
+
+
+def read_recorder(attributes: Attributes) -> Recorder:
+    """Give the receiver and the recorder."""
+    return Recorder(back=power_of(attributes.back_db), crosstalk=power_of(attributes.crosstalk_db),
+                    bits=attributes.adc_bits, full_scale=float(power_from_db(attributes.full_scale_db)),
+                    blind=attributes.pulse_ms / 1000, ringing=attributes.ringing_ms / 1000)
+
+
+def read_self_noise_db(attributes: Attributes) -> float | None:
+    """Give the receivers' noise [dB re 1 µPa²/Hz]; the preset's belongs to a scene with noise."""
+    wanted = attributes.noise or attributes.given("self_noise_db")
+    return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
+
+
+def power_of(level_db: float) -> float:
+    """Give a power; 0 for the faintest level."""
+    return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
+
+
+def _measured(attributes: Attributes, prefix: str, name: str) -> MeasuredBeam | None:
+    """The measured beam of a face: the receiving one's own, or the transmitting one's where nothing else is said."""
+    path = getattr(attributes, prefix + name)
+    width = f"{prefix}{'beam_width_deg' if name == 'pattern' else 'vertical_beam_width_deg'}"
+    if path is None and prefix and not attributes.given(width):
+        path = getattr(attributes, name)
+    if path is None:
+        return None
+    try:
+        return beam_levels.read(path)
+    except ValueError as error:
+        raise attributes.error(error) from None
