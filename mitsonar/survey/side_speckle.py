@@ -1,10 +1,11 @@
 """The speckle of a sidescan's pings: gates, main lobe and way that `echoes.ground_speckle` works with.
 
-At a range r a face of length L receives from the direction u, against a point in its middle,
+At a range r a face receives from the direction u, against a point in its middle,
 
-    b(u, r) = 1/L ∫ exp(ik (x²/2r - u x)) dx,    |x| <= L/2
+    b(u, r) = ∫ w(x) exp(ik (x²/2r - u x)) dx,        w(x) = ∫ p(u) exp(ik u x) du
 
-in Fresnel's approximation: near the sonar its beam is as wide as the face, far from it sinc(L u/λ). L -> ``length``.
+in Fresnel's approximation: near the sonar its beam is as wide as the face, far from it the pattern p -> `Aperture`
+without what errors of the face add, and along an even face w is constant.
 """
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from ..echoes.ground_speckle import LATTICES, GroundSpeckle, SpeckleBeam, SpeckleWay
 from ..imaging.sidescan import speckle_gates
+from ..sonar.directivity import Aperture
 from ..sonar.sidescan import Sidescan
 from .sidescan_survey import SidescanSurvey
 
@@ -22,6 +24,7 @@ LOBE_END = 1e-3                    # two-way intensity at which the main lobe en
 SEARCHED, NODES = 192, 64          # cosines that its end is sought at, and of its table
 POINTS = 64                        # of a face, at least
 PER_OCTAVE = 6.0                   # ranges that the beam is tabulated at
+LOBES = 8                          # of a beam that its face is found from
 NEAREST = 0.5                      # [m]
 LEVEL_OVER = 20.0                  # [m] of the track over which the bed's depth is averaged
 ALONG = 0.75                       # of the lattices' spacing: a course that strays further takes another lattice
@@ -56,17 +59,29 @@ def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
 
 
 def _two_way(sonar, u, r):
-    transmit = _pressure(sonar.transmit.length, u, r, sonar.wavelength)
-    same = sonar.receive.length == sonar.transmit.length
-    return transmit * (transmit if same else _pressure(sonar.receive.length, u, r, sonar.wavelength))
+    transmit, receive = (_pressure(face, u, r, sonar.wavelength) for face in (sonar.transmit, sonar.receive))
+    return transmit * receive
 
 
-def _pressure(length: float, u: np.ndarray, r: float, wavelength: float) -> np.ndarray:
+def _pressure(face: Aperture, u: np.ndarray, r: float, wavelength: float) -> np.ndarray:
     """Pressure b (U,) of a face at cosines (U,) and a range [m], by the midpoint rule."""
-    cycles = length / wavelength * (abs(u[-1]) + length / (4 * r))
-    points = POINTS + int(8 * cycles)
-    x = ((np.arange(points) + 0.5) / points - 0.5) * length
-    return np.exp(2j * np.pi / wavelength * (x * x / (2 * r) - u[:, None] * x)).mean(1)
+    length = face.length
+    if not length:
+        return np.ones(len(u))
+    points = POINTS + int(8 * length / wavelength * (abs(u[-1]) + length / (4 * r)))
+    even = face.along_shape.table is None
+    # a beam that was measured may be that of a face longer than the even one of its width
+    x = ((np.arange(points) + 0.5) / points - 0.5) * (length if even else 2 * length)
+    weight = np.ones(points) if even else _weights(face, x, wavelength)
+    return np.exp(2j * np.pi / wavelength * (x * x / (2 * r) - u[:, None] * x)) @ weight / weight.sum()
+
+
+def _weights(face: Aperture, x: np.ndarray, wavelength: float) -> np.ndarray:
+    """Weights w (X,) along a face, from the lobes of its beam next to the axis."""
+    u = np.linspace(0, min(LOBES * wavelength / face.length, 1.0), 64 * LOBES)
+    pattern = face.along_shape.lobes(u, face.length / wavelength)
+    pattern[0] *= 0.5
+    return np.cos(2 * np.pi / wavelength * x[:, None] * u) @ pattern
 
 
 def _way(survey):

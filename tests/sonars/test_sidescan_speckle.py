@@ -91,6 +91,18 @@ def test_far_away_the_correlation_is_the_far_fields(preset, step, published):
     assert correlation(far[1:], far[:-1]) == pytest.approx(published, abs=0.03)
 
 
+def test_far_away_shaded_faces_correlate_by_their_pattern():
+    """|∫ b⁴ exp(2ikΔu) du|² / |∫ b⁴ du|²: a shaded face is longer for its beam, but its ends count for less."""
+    step = 0.1
+    speckle, survey = speckle_of(pings=60, preset="towed_400khz", shading="hann", sidelobe_db=-200.0,
+                                 film={"range": 300.0, "bins": 2000}, **stepping(step, 2.0))
+    sonar, u = survey.sonar, np.linspace(-0.05, 0.05, 20001)
+    power = sonar.along_intensity(u)
+    expected = abs((power * np.exp(4j * np.pi / sonar.wavelength * step * u)).sum() / power.sum()) ** 2
+    far = between(speckle, 150.0, 300.0, 300.0)
+    assert correlation(far[1:], far[:-1]) == pytest.approx(expected, abs=0.03)
+
+
 def test_near_the_sonar_faces_that_do_not_focus_share_less():
     speckle, survey = speckle_of(pings=400, preset="towed_400khz", **stepping(0.1))
     near = between(speckle, 10.5, 14.3)                          # L²/λ is 60 m
