@@ -82,6 +82,46 @@ class Frame:
         factors = pyproj.Proj(crs).get_factors(longitude_deg, latitude_deg)
         return np.stack([east, north], -1) - self.origin, np.deg2rad(factors.meridian_convergence)
 
+    def on_globe(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give latitudes and longitudes of points: the way back from `project`.
+
+        Parameters
+        ----------
+        position : array (P, 2) [m]
+            East and north of the origin.
+
+        Returns
+        -------
+        latitude_deg, longitude_deg : array (P,) [degrees]
+            On WGS 84.
+        convergence : array (P,) [rad]
+            From true north to the y axis, clockwise.
+
+        Raises
+        ------
+        ValueError
+            If the frame has no coordinate system that PROJ knows, or one without metres, or a point lies where it does
+            not reach.
+        """
+        import pyproj
+        from pyproj.exceptions import ProjError
+
+        try:
+            crs = pyproj.CRS.from_user_input(self.crs)
+            if not crs.is_projected:
+                raise ValueError(f"the coordinate system {crs.name} is not one in metres; give a projected one.")
+            projection = pyproj.Transformer.from_crs(crs, WGS84, always_xy=True)
+        except ProjError as error:
+            raise ValueError(f"the coordinate system {self.crs[:80]!r} is none that PROJ knows "
+                             f"({' '.join(str(error).split())[:80]}).") from None
+        place = np.asarray(position, float) + self.origin
+        longitude, latitude = projection.transform(place[:, 0], place[:, 1])
+        if not (np.isfinite(longitude) & np.isfinite(latitude)).all():
+            raise ValueError(f"the track lies outside what {crs.name} can map; check the origin and the coordinate "
+                             "system.")
+        factors = pyproj.Proj(crs).get_factors(longitude, latitude)
+        return latitude, longitude, np.deg2rad(factors.meridian_convergence)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Waypoints:

@@ -18,12 +18,12 @@ import numpy as np
 
 from .files import FilePath
 from .navigation import Navigation
+from .xtf_layouts import MAGIC, structure
 
 __all__ = ["read", "recognised"]
 
 _log = logging.getLogger(__name__)
 
-_MAGIC = 0xFACE
 _START = 14                        # bytes of a packet from the magic number to its length
 _MOST_BYTES = 512_000_000          # of navigation kept
 _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
@@ -76,7 +76,7 @@ def _packets(path):
     layouts = {107: pyxtf.XTFPosRawNavigation, 42: pyxtf.XTFHeaderNavigation, 3: pyxtf.XTFAttitudeData,
                23: pyxtf.XTFHeaderGyro, 84: pyxtf.XTFHeaderGyro,
                **dict.fromkeys((*pings, *_VENDORS_PINGS), pyxtf.XTFPingHeader)}
-    layouts = {kind: _dtype(layout) for kind, layout in layouts.items()}
+    layouts = {kind: structure(layout) for kind, layout in layouts.items()}
     size, kept, total = os.path.getsize(path), {}, 0
     with open(path, "rb") as file:
         head = file.read(1024)
@@ -90,7 +90,7 @@ def _packets(path):
             start = file.read(_START)
             magic, kind = int.from_bytes(start[:2], "little"), start[2] if len(start) > 2 else -1
             length = int.from_bytes(start[10:14], "little")
-            if len(start) == _START and (magic != _MAGIC or length < _START):
+            if len(start) == _START and (magic != MAGIC or length < _START):
                 raise ValueError(f"no packet starts at byte {at}: the file is damaged there; record or copy it again.")
             if len(start) < _START or at + length > size:
                 raise ValueError(f"it ends within a packet that starts at byte {at}: the file is cut off; copy it "
@@ -105,16 +105,6 @@ def _packets(path):
     packets = {kind: np.frombuffer(raw, layouts[kind]) for kind, raw in kept.items()}
     headers = [packets.pop(kind) for kind in (*pings, *_VENDORS_PINGS) if kind in packets]
     return header.NavUnits, packets, np.concatenate(headers) if headers else None
-
-
-def _dtype(layout):
-    """Give a packet's layout as NumPy reads it, inherited fields and all but arrays."""
-    import ctypes
-
-    fields = {name: (np.dtype(kind), getattr(layout, name).offset) for cls in reversed(layout.__mro__)
-              for name, kind in getattr(cls, "_fields_", ()) if not issubclass(kind, ctypes.Array)}
-    return np.dtype({"names": list(fields), "formats": [kind for kind, _ in fields.values()],
-                     "offsets": [at for _, at in fields.values()], "itemsize": ctypes.sizeof(layout)})
 
 
 def _navigation(path, units, packets, pings):

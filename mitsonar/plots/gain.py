@@ -1,58 +1,16 @@
-"""Time-varied gain for display: what a sonar adds so that an even seabed looks even. The data are never changed.
+"""Display gain of pictures, see `mitsonar.imaging.gain`: where it ends, and which levels are black and white.
 
-    target   40 log R + 2 a R                         two-way spherical spreading and absorption
-    seabed   30 log R + 2 a R - 20 log sin(grazing)   the ensonified area grows with R; Lambert's law falls with sin²
-
-R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, the bed taken as level, where the
-altitude is known. The pattern of the beam is not divided out. Of a fan the gain is held from where noise hides the bed,
-as instruments hold it (`heard_to`).
+Of a fan the gain is held from where noise hides the bed, as instruments hold it (`heard_to`).
 """
-from typing import Literal
-
 import numpy as np
-import xarray as xr
 from scipy import ndimage
 
-Tvg = Literal["seabed", "target"] | None      # which gain a picture has
+from ..imaging.gain import Tvg, display_gain
+
+__all__ = ["Tvg", "display_gain", "display_window", "heard_to"]
+
 STRETCH = 0.05  # of a record: over which levels are smoothed where noise is looked for
 NEAR_NOISE_DB = 3.0
-LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
-
-
-def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """Give the gain to add to the levels of a picture, and its formula in words.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        With the coordinate range and, where known, altitude(ping) and the attribute absorption_db.
-    tvg : {'seabed', 'target', None}
-
-    Returns
-    -------
-    gain : array (P or 1, N) [dB]
-    words : str
-        To be put after 'level'; empty without gain.
-
-    Raises
-    ------
-    ValueError
-        If ``tvg`` is none of these.
-    """
-    slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
-    absorption = 2 * float(dataset.attrs.get("absorption_db") or 0) * slant_range
-    if tvg is None:
-        return np.zeros_like(slant_range), ""
-    if tvg == "target":
-        return 40 * np.log10(slant_range) + absorption, " + 40 log R + 2αR"
-    if tvg != "seabed":
-        raise ValueError(f"the display gain is {tvg!r}; use 'seabed', 'target' or None.")
-    gain = 30 * np.log10(slant_range) + absorption
-    if "altitude" not in dataset.coords:
-        return gain, " + 30 log R + 2αR"
-    altitude = np.asarray(dataset["altitude"].values, float).reshape(-1, 1)
-    sine = np.clip(np.where(np.isfinite(altitude), altitude, np.inf) / slant_range, LOWEST_SINE, 1)
-    return gain - 20 * np.log10(sine), " + 30 log R + 2αR − 20 log sin θ"
 
 
 def heard_to(level: np.ndarray, gain: np.ndarray) -> int:

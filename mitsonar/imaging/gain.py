@@ -1,0 +1,118 @@
+"""Time-varied gain: what a sonar adds so that an even seabed looks even. The data are never changed.
+
+    target   40 log R + 2 a R                         two-way spherical spreading and absorption
+    seabed   30 log R + 2 a R - 20 log sin(grazing)   the ensonified area grows with R; Lambert's law falls with sin²
+    angle    -L(angle)                                what angles have of their own: the bed's law, the beam's pattern
+
+R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, the bed taken as level, where the
+altitude is known. L(angle) is the median level over the pings of a side at an angle from nadir, acos(altitude / R);
+survey software calls it angle-varying gain.
+"""
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+__all__ = ["SPREADING", "AngleGain", "Tvg", "display_gain"]
+
+Tvg = Literal["seabed", "target"] | None      # which gain a picture has
+SPREADING = {"seabed": 30, "target": 40}      # times log R [dB]
+LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
+ANGLE_STEP_DEG = 1.0               # over which the levels of one angle are taken
+NOTHING_DB = -200.0                # level of bins in which nothing arrives
+
+
+def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
+    """Give the gain to add to the levels of a picture, and its formula in words.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        With the coordinate range and, where known, altitude(ping) and the attribute absorption_db.
+    tvg : {'seabed', 'target', None}
+
+    Returns
+    -------
+    gain : array (P or 1, N) [dB]
+    words : str
+        To be put after 'level'; empty without gain.
+
+    Raises
+    ------
+    ValueError
+        If ``tvg`` is none of these.
+    """
+    slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
+    absorption = 2 * float(dataset.attrs.get("absorption_db") or 0) * slant_range
+    if tvg is None:
+        return np.zeros_like(slant_range), ""
+    if tvg not in SPREADING:
+        raise ValueError(f"the display gain is {tvg!r}; use 'seabed', 'target' or None.")
+    gain, words = SPREADING[tvg] * np.log10(slant_range) + absorption, f" + {SPREADING[tvg]} log R + 2αR"
+    if tvg == "target" or "altitude" not in dataset.coords:
+        return gain, words
+    altitude = np.asarray(dataset["altitude"].values, float).reshape(-1, 1)
+    sine = np.clip(np.where(np.isfinite(altitude), altitude, np.inf) / slant_range, LOWEST_SINE, 1)
+    return gain - 20 * np.log10(sine), f"{words} − 20 log sin θ"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AngleGain:
+    """Make a sidescan's median level the same at all angles from nadir.
+
+    Attributes
+    ----------
+    middles : (S, A) [dB]
+        Median levels of each side by steps of a degree.
+    typical : (S,) [dB]
+        Median of all.
+    """
+
+    middles: np.ndarray
+    typical: np.ndarray
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset) -> "AngleGain":
+        """Measure a record: ``level`` (ping, side, range), altitude(ping)."""
+        level = dataset["level"].transpose("ping", "side", "range").values
+        step, below = _angle_steps(dataset)
+        number = step.astype(np.int64)
+        middles, typical = np.zeros((level.shape[1], round(90 / ANGLE_STEP_DEG) + 1)), np.zeros(level.shape[1])
+        for side in range(level.shape[1]):
+            own = level[:, side]
+            known = below & np.isfinite(own) & (own > NOTHING_DB)
+            if known.any():
+                found = _medians(number[known], own[known], middles.shape[1])
+                at = np.flatnonzero(np.isfinite(found))
+                middles[side] = np.interp(np.arange(found.size), at, found[at])
+                typical[side] = np.median(own[known])
+        return cls(middles=middles, typical=typical)
+
+    def gain(self, dataset: xr.Dataset) -> np.ndarray:
+        """Give the gain of the record, or of some of its pings, (P, S, N) [dB]; 0 in the water column."""
+        step, below = _angle_steps(dataset)
+        # between the middles of the steps, else a seam shows at every degree
+        at = np.arange(self.middles.shape[1]) + 0.5
+        return np.stack([np.where(below, typical - np.interp(step, at, middles), 0)
+                         for middles, typical in zip(self.middles, self.typical, strict=True)], 1)
+
+
+def _angle_steps(dataset):
+    """Angles from nadir of bins (P, N) in steps, and whether they lie below the water column."""
+    altitude = np.asarray(dataset["altitude"].values, float)[:, None]
+    slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
+    below = slant_range > altitude                                    # false where the altitude is not known
+    angle = np.rad2deg(np.arccos(np.clip(np.where(below, altitude / slant_range, 1), 0, 1)))
+    return angle / ANGLE_STEP_DEG, below
+
+
+def _medians(group, values, groups):
+    """Medians of values by the number of their group, NaN where a group has none."""
+    order = np.argsort(group, kind="stable")
+    group, values = group[order], values[order]
+    middles = np.full(groups, np.nan)
+    starts = np.flatnonzero(np.diff(group, prepend=-1))
+    for first, last in zip(starts, [*starts[1:], group.size], strict=True):
+        middles[group[first]] = np.median(values[first:last])
+    return middles
