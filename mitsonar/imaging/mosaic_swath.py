@@ -1,0 +1,157 @@
+"""Where the bins of a sidescan lie on a map, in even steps over the ground.
+
+    flat     p = P + v r/c + h tan(pitch) f + g s,      r² = h² (1 + tan²(pitch)) + g²       the bed level below a ping
+    truth    p = the place of the bed that the record knows of every bin, between them by straight lines
+
+P place of the ping, v velocity (half the two-way time r/c after the transmission the sonar is between its places), h
+``altitude``, f ahead and s abeam to port or starboard, both level; g ground range in steps, r the slant range whose bin
+shows it. Either side of nadir the bin of the first return covers the ground from g = 0. Shadows have no place of their
+own: there truth too runs from the bed before to the bed behind.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from .georeference import map_places
+
+__all__ = ["Ground", "Swath"]
+
+PLACES = ("flat", "truth")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """Hold samples of the ground of some pings of one side.
+
+    Attributes
+    ----------
+    place : (K, G, 2) [m]
+        On the map; NaN where the record has none.
+    bin : (K, G) int
+        That shows it; 0 where the place is NaN.
+    ground_range : (G,) [m]
+    """
+
+    place: np.ndarray
+    bin: np.ndarray
+    ground_range: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Swath:
+    """Lay out one record.
+
+    Attributes
+    ----------
+    record : xarray.Dataset
+    position : (P, 2) [m]
+        On the map.
+    derivative : (P, 2, 2)
+        Of the map by the scene.
+    velocity : (P, 2) [m/s]
+        In the scene.
+    place : str
+        'flat' or 'truth'.
+    steepest : float [rad]
+        From nadir; what is steeper is left out.
+    """
+
+    record: xr.Dataset
+    position: np.ndarray
+    derivative: np.ndarray
+    velocity: np.ndarray
+    place: str
+    steepest: float
+
+    @classmethod
+    def of(cls, record: xr.Dataset, crs: str | None, place: str, steepest: float) -> "Swath":
+        """Lay out a record; see `map_places` for errors."""
+        found = map_places(record, crs)
+        time, scene = (np.asarray(record["ping_time"].values, float),
+                       np.stack([np.asarray(record[axis].values, float) for axis in "xy"], -1))
+        velocity = np.gradient(scene, time, axis=0) if time.size > 1 else np.zeros_like(scene)
+        return cls(record=record, position=found.position, derivative=found.derivative, velocity=velocity,
+                   place=place, steepest=steepest)
+
+    @property
+    def bin_width(self) -> float:
+        """Length of a bin [m]."""
+        slant_range = self.record["range"].values
+        return float(slant_range[-1] - slant_range[0]) / (slant_range.size - 1)
+
+    @property
+    def spacing(self) -> float:
+        """Median way between pings [m]; 0 of a single one."""
+        steps = np.linalg.norm(np.diff(self.position, axis=0), axis=1)
+        return float(np.median(steps)) if steps.size else 0.0
+
+    @property
+    def reach(self) -> float:
+        """Farthest ground range [m]."""
+        return float(self.record["range"].values[-1]) + 0.5 * self.bin_width
+
+    @property
+    def around(self) -> float:
+        """How far from a ping its bins can lie on the map [m]."""
+        stretch = float(np.linalg.norm(self.derivative, axis=(1, 2), ord=2).max())
+        speed = float(np.linalg.norm(self.velocity, axis=1).max())
+        return 1.01 * stretch * self.reach * (1 + speed / float(self.record.attrs["sound_speed"]))
+
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Give west, south, east, north [m] of all that it can cover."""
+        around = self.around
+        (west, south), (east, north) = self.position.min(0) - around, self.position.max(0) + around
+        return float(west), float(south), float(east), float(north)
+
+    def ground(self, some: slice, step: float) -> Iterator[tuple[int, Ground]]:
+        """Sample the ground of some pings in steps [m]; side 0 is port."""
+        ground_range = step * (np.arange(int(self.reach / step)) + 0.5)
+        sample = self._flat if self.place == "flat" else self._true
+        for side, sign in enumerate((-1.0, 1.0)):
+            yield side, sample(some, side, sign, ground_range)
+
+    def _flat(self, some, side, sign, ground_range):
+        record = self.record
+        heading, pitch, altitude = (np.asarray(record[name].values[some], float)
+                                    for name in ("heading", "pitch", "altitude"))
+        altitude = np.where((altitude > 0) & np.isfinite(altitude), altitude, np.nan)
+        ahead = np.stack([np.sin(heading), np.cos(heading)], -1)
+        abeam = sign * np.stack([ahead[:, 1], -ahead[:, 0]], -1)
+        height = altitude[:, None]
+        slant = np.hypot(height / np.cos(pitch)[:, None], ground_range)
+        late = slant / float(record.attrs["sound_speed"])
+        offset = (late[..., None] * self.velocity[some][:, None] + (altitude * np.tan(pitch))[:, None, None]
+                  * ahead[:, None] + ground_range[:, None] * abeam[:, None])
+        first = float(record["range"].values[0])
+        number = np.rint((slant - first) / self.bin_width)
+        there = (number >= 0) & (number < record.sizes["range"]) & (ground_range >= height * np.tan(self.steepest))
+        return self._laid(offset, number, there, ground_range, some)
+
+    def _true(self, some, side, sign, ground_range):
+        record, bins = self.record, np.arange(self.record.sizes["range"], dtype=float)
+        known = np.stack([record[name].transpose("ping", "side", "range").values[some, side].astype(float)
+                          for name in ("seabed_x", "seabed_y")], -1)
+        scene = np.stack([np.asarray(record[axis].values[some], float) for axis in "xy"], -1)
+        altitude = np.asarray(record["altitude"].values[some], float)
+        offset = np.full((*known.shape[:1], ground_range.size, 2), np.nan)
+        number = np.zeros(offset.shape[:2])
+        for ping, (places, start) in enumerate(zip(known, scene, strict=True)):
+            at = np.flatnonzero(np.isfinite(places).all(1))
+            if at.size < 2:
+                continue
+            away = places[at] - start
+            far = np.maximum.accumulate(np.hypot(*away.T))           # layover comes nearer again
+            number[ping] = np.interp(ground_range, far, bins[at])
+            offset[ping] = np.stack([np.interp(number[ping], bins[at], axis) for axis in away.T], -1)
+            offset[ping, (ground_range < far[0]) | (ground_range > far[-1])] = np.nan
+        steep = ground_range < np.where(np.isfinite(altitude), altitude, 0)[:, None] * np.tan(self.steepest)
+        return self._laid(offset, np.rint(number), ~steep, ground_range, some)
+
+    def _laid(self, offset, number, there, ground_range, some):
+        moved = np.einsum("pij,pgj->pgi", self.derivative[some], offset)
+        there = there & (np.hypot(moved[..., 0], moved[..., 1]) <= self.around)      # false of NaN
+        place = np.where(there[..., None], moved + self.position[some][:, None], np.nan)
+        return Ground(place=place, ground_range=ground_range,
+                      bin=np.where(there, number, 0).astype(np.int64))

@@ -1,0 +1,259 @@
+"""Mosaics: sidescan lines laid on a map of square cells, corrected for slant range.
+
+Every ping is sampled in even steps over the ground (`mosaic_swath`), the strip between two pings in steps as fine, each
+half showing its own ping; `mosaic_grid` says what samples become in a cell. Pings farther apart than ``fill`` leave a
+hole. Edges of cells are whole numbers of cells from 0, so that mosaics of the same cell and system fit together.
+"""
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from ..units import db_from_power, power_from_db
+from .gain import AngleGain, Tvg, display_gain
+from .georeference import named_system, system
+from .mosaic_grid import BLENDS, Cells, Grid
+from .mosaic_swath import PLACES, Ground, Swath
+
+__all__ = ["GAINS", "MOST_CELLS", "mosaic"]
+
+Blend = Literal["nearest", "feather", "mean"]
+LEVELS = ("level", "mean_level")   # drawn as means of powers
+GAINS = ("seabed", "target", "angle", None)
+MOST_CELLS = 1 << 25
+MOST_SAMPLES = 1 << 33             # half an hour's work
+WORK = 1 << 19                     # samples at a time
+FINEST = 0.6                       # cells between samples: below 1/√2 none is missed
+NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # cells' sides, times a power of ten
+NEEDED = ("ping_time", "x", "y", "heading", "pitch", "altitude")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Line:
+    """One record, and what is added to its levels."""
+
+    swath: Swath
+    quantity: str
+    gain: Tvg | Literal["angle"]
+    angles: AngleGain | None
+
+    def values(self, some: slice) -> np.ndarray:
+        """Values (K, 2, N) of pings: powers of levels."""
+        record = self.swath.record.isel(ping=some)
+        values = record[self.quantity].transpose("ping", "side", "range").values
+        if self.quantity not in LEVELS:
+            return values
+        if self.angles is not None:
+            return power_from_db(values + self.angles.gain(record))
+        gain = None if self.gain == "angle" else self.gain
+        return power_from_db(values + display_gain(record, gain)[0][:, None])
+
+
+def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None, *, quantity: str = "level",
+           place: Literal["flat", "truth"] = "flat", blend: Blend = "nearest",
+           gain: Literal["seabed", "target", "angle"] | None = "seabed", fill: float | None = None,
+           nadir_deg: float = 0.0, crs: str | None = None) -> xr.Dataset:
+    """Lay sidescan records on a map.
+
+    Parameters
+    ----------
+    records : xarray.Dataset or sequence of them
+        As `mitsonar.render` gives them, over (ping, side, range).
+    cell : float or None [m]
+        Side of a cell; None: the longer of a bin and the way between pings, rounded up.
+    quantity : str
+        Variable to lay out. Levels are means of powers, whole numbers those nearest to a cell's middle on the nearest
+        track, all else means.
+    place : {'flat', 'truth'}
+        Where bins lie: on a level bed at the ping's altitude, as survey software has it; or where the record knows.
+    blend : {'nearest', 'feather', 'mean'}
+        Where swaths overlap: the nearest track alone; all, less towards a swath's edge; all alike.
+    gain : {'seabed', 'target', 'angle', None}
+        Added to levels: see `mitsonar.imaging.gain`.
+    fill : float or None [m]
+        Pings farther apart leave a hole; None: four cells, or twice the way between pings where that is longer.
+    nadir_deg : float [degrees]
+        What is steeper, counted from the vertical, is left empty.
+    crs : str or None
+        Coordinate system of the map, such as "EPSG:32632". None: that of the first record. Records that name none are
+        taken to be in it.
+
+    Returns
+    -------
+    xarray.Dataset
+        The quantity over (y, x), from north to south; NaN, or of whole numbers the attribute ``nodata``, where nothing
+        is. Coordinates are the cells' middles, eastings and northings [m]. Attributes: ``crs``, ``cell``, how it was
+        made, and the ``files`` that the records name.
+
+    Raises
+    ------
+    ValueError
+        If a record is no sidescan's or lacks what is asked for, an option is unknown, a coordinate system is unknown
+        or not in metres, only some of the records name one and none is given, or the map would be too large.
+
+    Examples
+    --------
+    ``chart = mitsonar.imaging.mosaic([mitsonar.read("north.exr"), mitsonar.read("south.exr")], cell=0.25)``
+    """
+    lines = [records] if isinstance(records, xr.Dataset) else list(records)
+    _check(lines, quantity, place, blend, gain, nadir_deg)
+    crs = _common_system(lines, crs)
+    swaths = [Swath.of(line, crs, place, float(np.deg2rad(nadir_deg))) for line in lines]
+    cell = _cell(swaths, cell)
+    fill = _fill(swaths, cell, fill)
+    first = lines[0][quantity]
+    mixed = first.dtype.kind == "f"
+    grid = _grid(swaths, cell)
+    cells = Cells(grid=grid, blend=blend, mixed=mixed)
+    chart = [_Line(swath=swath, quantity=quantity, gain=gain, angles=AngleGain.of(swath.record)
+                   if gain == "angle" and quantity in LEVELS else None) for swath in swaths]
+    if cells.looks_first:
+        for line in chart:
+            for places, ranges, _ in _samples(line, cell, fill, False):
+                cells.see(places, ranges)
+    for line in chart:
+        for places, ranges, values in _samples(line, cell, fill, True):
+            if values is not None:
+                cells.add(places, ranges, values, line.swath.reach)
+    attrs = {"units": first.attrs.get("units", "1"), "long_name": first.attrs.get("long_name", quantity)}
+    if mixed:
+        values = cells.means()
+        values = (db_from_power(values) if quantity in LEVELS else values).astype(np.float32)
+    else:
+        attrs["nodata"] = int(np.iinfo(first.dtype).max)
+        values = cells.nearest(attrs["nodata"]).astype(first.dtype)
+    about = {"crs": crs, "cell": cell, "place": place, "blend": blend if mixed else "nearest",
+             "gain": gain if quantity in LEVELS else None, "fill": fill, "nadir_deg": float(nadir_deg),
+             "files": [line.attrs.get("file") for line in lines]}
+    return _trimmed(xr.Dataset({quantity: (("y", "x"), values, attrs)},
+                               {"y": ("y", grid.y, {"units": "m", "long_name": "northing"}),
+                                "x": ("x", grid.x, {"units": "m", "long_name": "easting"})}, about), quantity)
+
+
+def _check(lines, quantity, place, blend, gain, nadir_deg):
+    if not lines:
+        raise ValueError("no record was given; give one or more.")
+    for name, value, known in (("place", place, PLACES), ("blend", blend, BLENDS), ("gain", gain, GAINS)):
+        if value not in known:
+            raise ValueError(f"{name} is {value!r}; give one of {', '.join(map(str, known))}.")
+    if not 0 <= nadir_deg < 90:
+        raise ValueError(f"nadir_deg is {nadir_deg:g}; give an angle from 0 to below 90 degrees from the vertical.")
+    for line in lines:
+        drawn = [str(name) for name, variable in line.data_vars.items() if set(variable.dims) == {"ping", "side",
+                                                                                                  "range"}]
+        if "level" not in drawn:
+            raise ValueError("the record has no levels over ping, side and range; a mosaic is made of sidescans.")
+        lacking = [name for name in NEEDED if name not in line.coords]
+        lacking += ["sound_speed"] if not line.attrs.get("sound_speed") else []
+        lacking += [name for name in ("seabed_x", "seabed_y") if place == "truth" and name not in drawn]
+        if lacking:
+            raise ValueError(f"the record does not say its {lacking[0]}; give one as mitsonar rendered it.")
+        if quantity not in drawn or line[quantity].dtype.kind not in "fu":
+            raise ValueError(f"there is no variable {quantity!r} to lay out; there are {', '.join(drawn)}.")
+        if line[quantity].dtype != lines[0][quantity].dtype:
+            raise ValueError(f"the records hold {quantity} as different types; render them alike.")
+        if not line.sizes["ping"]:
+            raise ValueError("a record has no pings; give one or more.")
+        steps = np.diff(line["range"].values)
+        if not steps.size or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
+            raise ValueError("the record's ranges are not two or more in even steps; give one as mitsonar rendered it.")
+        if not all(np.isfinite(line[name].values).all() for name in ("x", "y", "heading", "pitch", "ping_time")):
+            raise ValueError("the record's track has places or angles that are no numbers; render it anew.")
+
+
+def _common_system(lines, crs):
+    if crs is not None:
+        return named_system(crs)
+    named = {system(line.attrs) for line in lines}
+    if len(named) > 1 and None in named:
+        raise ValueError("only some of the records name a coordinate system; say the mosaic's, such as EPSG:32632.")
+    first = system(lines[0].attrs)
+    return None if first is None else named_system(first)
+
+
+def _cell(swaths, cell):
+    if cell is None:
+        least = max(max(swath.bin_width, swath.spacing) for swath in swaths)
+        power = 10.0 ** np.floor(np.log10(least))
+        return float(f"{power * NICE[np.searchsorted(NICE, least / power - 1e-6)]:.3g}")
+    if not 0 < cell < np.inf:
+        raise ValueError(f"the side of a cell is {cell:g} m; give a length above 0, such as 0.25.")
+    return float(cell)
+
+
+def _fill(swaths, cell, fill):
+    if fill is None:
+        return max(4 * cell, 2 * max(swath.spacing for swath in swaths))
+    if not 0 <= fill < np.inf:
+        raise ValueError(f"fill is {fill:g} m; give a length of 0 or more.")
+    return float(fill)
+
+
+def _grid(swaths, cell):
+    bounds = np.array([swath.bounds() for swath in swaths])
+    west, south, east, north = *bounds[:, :2].min(0), *bounds[:, 2:].max(0)
+    cells = (east - west) * (north - south) / cell**2
+    if not cells <= MOST_CELLS:
+        finest = 1.05 * ((east - west) * (north - south) / MOST_CELLS) ** 0.5
+        raise ValueError(f"a map of {east - west:.4g} x {north - south:.4g} m in cells of {cell:g} m has more than "
+                         f"{MOST_CELLS:,} of them; take cells of {finest:.2g} m or more, or fewer lines.")
+    samples = sum(swath.record.sizes["ping"] * 2 * swath.reach / min(FINEST * cell, swath.bin_width)
+                  * (1 + swath.spacing / (FINEST * cell)) for swath in swaths)
+    if not samples <= MOST_SAMPLES:
+        raise ValueError(f"so many pings and ranges in cells of {cell:g} m take {samples:.2g} samples, more than "
+                         f"{MOST_SAMPLES:.2g}; take larger cells.")
+    return Grid.over((west, south, east, north), cell)
+
+
+def _samples(line, cell, fill, with_values) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
+    """Samples of a record's ground: places (N, 2), ground ranges (N,), and values (N,) where they are asked for."""
+    swath, step = line.swath, min(FINEST * cell, line.swath.bin_width)
+    pings = swath.record.sizes["ping"]
+    block = max(1, int(WORK * step / swath.reach))
+    for start in range(0, max(pings - 1, 1), block):
+        some = slice(start, min(start + block + 1, pings))          # the next block begins with the last ping
+        values = line.values(some) if with_values else None
+        for side, ground in swath.ground(some, step):
+            shown = None if values is None else np.take_along_axis(values[:, side], ground.bin, 1)
+            for place, from_first in _between(ground, cell, fill):
+                there = np.isfinite(place).all(-1)
+                ranges = np.broadcast_to(ground.ground_range, there.shape)[there]
+                if shown is None:
+                    yield place[there], ranges, None
+                    continue
+                own = (shown[:-1] if from_first and len(shown) > 1 else shown[-len(place):])[there]
+                real = np.isfinite(own) if own.dtype.kind == "f" else slice(None)
+                yield place[there][real], ranges[real], own[real]
+
+
+def _between(ground: Ground, cell: float, fill: float) -> Iterator[tuple[np.ndarray, bool]]:
+    """Places between each ping and the next, (K - 1, G, 2), and whether they show the former of the two."""
+    if len(ground.place) == 1:
+        yield ground.place, True
+        return
+    first, way = ground.place[:-1], np.diff(ground.place, axis=0)
+    apart = np.hypot(way[..., 0], way[..., 1])
+    hole = apart > fill
+    widest = float(np.max(apart, where=~hole & np.isfinite(apart), initial=0.0))
+    count = max(2, int(np.ceil(widest / (FINEST * cell))))
+    count += count % 2                                              # as many of either ping
+    for number in range(count):
+        share = (number + 0.5) / count
+        former = share < 0.5
+        # beside a hole a ping shows its own place alone
+        shares = np.where(hole, 0.0 if former else 1.0, share)
+        own = first if former else ground.place[1:]
+        # a ping beside one that has no place there shows its own place too
+        yield np.where(np.isfinite(way), first + shares[..., None] * way, own), former
+
+
+def _trimmed(chart, quantity):
+    """The part in which something is, at least a cell."""
+    values = chart[quantity].values
+    there = np.isfinite(values) if values.dtype.kind == "f" else values != chart[quantity].attrs["nodata"]
+    rows, columns = np.flatnonzero(there.any(1)), np.flatnonzero(there.any(0))
+    if not rows.size:
+        raise ValueError("no bin of the records has a place on the bed: their altitudes or ranges do not reach it.")
+    return chart.isel(y=slice(rows[0], rows[-1] + 1), x=slice(columns[0], columns[-1] + 1))
