@@ -21,7 +21,6 @@ import rasterio
 from PIL import Image
 from rasterio.transform import from_origin
 from scipy.ndimage import map_coordinates
-from scipy.stats import binned_statistic_2d
 
 import mitsonar
 
@@ -193,25 +192,15 @@ assert 0.05 < float(np.abs(wrong.where(far)).median()) < 1.0
 #
 # ## A mosaic
 #
-# To put the record on the map we take out what belongs to the sonar and not to the seabed: the mean over the pings of
-# each range, on each side. Straight below, a bin covers metres of the seabed; we leave out what is seen steeper than
-# 45 degrees. Intensities, not decibels, are averaged in cells of a quarter of a metre.
+# To put the record on the map we take out what belongs to the sonar and not to the seabed: the median level at each
+# angle from nadir, on each side (`gain="angle"`). Straight below, a bin covers metres of the seabed; we leave out what
+# is seen steeper than 45 degrees. Intensities, not decibels, are averaged in cells of a quarter of a metre.
+# `place="truth"` lays every bin where its bed is; "flat", as survey software does, where a level bed has it.
 
 # %%
-intensity = 10 ** (0.1 * image["level"].astype(float))
-evened = (intensity / intensity.mean("ping")).values[seen]
-flat = np.broadcast_to((slant > 1.4 * h).transpose("ping", "range").values[:, None], seen.shape)[seen]
-CELL = 0.25
-columns = np.arange(bin_east.min(), bin_east.max() + CELL, CELL)
-rows = np.arange(bin_north.min(), bin_north.max() + CELL, CELL)
-mosaic = binned_statistic_2d(bin_north[flat], bin_east[flat], evened[flat], "mean", [rows, columns]).statistic
-mosaic = mosaic[::-1]                                                                # north on top
-with np.errstate(divide="ignore"):
-    mosaic_db = (10 * np.log10(mosaic)).astype(np.float32)
-place = from_origin(columns[0], rows[-1], CELL, CELL)
-with rasterio.open(folder / "mosaic.tif", "w", driver="GTiff", height=mosaic.shape[0], width=mosaic.shape[1], count=1,
-                   dtype="float32", nodata=np.nan, crs=crs, transform=place) as tif:
-    tif.write(mosaic_db, 1)
+mosaic = mitsonar.imaging.mosaic(image, 0.25, place="truth", gain="angle", nadir_deg=45)
+mosaic["level"] -= mosaic["level"].median()                                          # relative to the bed's
+mitsonar.io.geotiff.write(mosaic, folder / "mosaic.tif")
 
 # %%
 with rasterio.open(folder / "mosaic.tif") as tif:
@@ -238,6 +227,8 @@ plt.show()
 # its top.
 
 # %%
+intensity = 10 ** (0.1 * image["level"].astype(float))
+evened = (intensity / intensity.mean("ping")).values[seen]
 near = np.hypot(bin_east - MOUND[0], bin_north - MOUND[1]) < 4
 facing = near & (bin_east < MOUND[0] - 1)
 behind = np.hypot(east - MOUND[0] - 4, north - MOUND[1]) < 1.5                       # nodes of the survey behind it
