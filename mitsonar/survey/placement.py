@@ -28,10 +28,14 @@ def soundings(geometry: Geometry, x: Real, y: Real) -> np.ndarray:
     depth = _looked_up(geometry, x, y)
     lost = np.isnan(depth)
     if lost.any():
-        # a ray that runs along the common edge of two triangles may slip between them: it is sent again beside it
-        depth[lost] = _looked_up(geometry, *(v[lost] + share * (ASIDE + ROUNDING * np.abs(v[lost]))
-                                             for v, share in ((x, 1.0), (y, 0.6))))
+        depth[lost] = _looked_up(geometry, *_beside(x[lost], y[lost]))
     return depth
+
+
+def _beside(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points beside others: a ray that runs along the common edge of two triangles may slip between them."""
+    aside_x, aside_y = (v + share * (ASIDE + ROUNDING * np.abs(v)) for v, share in ((x, 1.0), (y, 0.6)))
+    return aside_x, aside_y
 
 
 def _looked_up(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -221,6 +225,15 @@ def check(geometry: Geometry, track: Track) -> np.ndarray:
 
 def _below(geometry: Geometry, position: np.ndarray) -> np.ndarray:
     """Depth [m] below positions (P, 3) of what a vertical ray down meets first; NaN where there is nothing."""
+    below = _met_below(geometry, position)
+    lost = np.isnan(below)
+    if lost.any():
+        x, y, z = position[lost].T
+        below[lost] = _met_below(geometry, np.stack([*_beside(x, y), z], -1))
+    return below
+
+
+def _met_below(geometry: Geometry, position: np.ndarray) -> np.ndarray:
     x, y, z = (upload(mi.Float, column.astype(np.float32)) for column in position.T)
     ray = mi.Ray3f(mi.Point3f(x, y, z), mi.Vector3f(0, 0, -1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))

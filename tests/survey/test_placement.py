@@ -3,7 +3,8 @@ import numpy as np
 
 import mitsonar
 from mitsonar.scene.geometry import Geometry
-from mitsonar.survey.placement import lines_up, soundings
+from mitsonar.sonar.track import Track
+from mitsonar.survey.placement import check, lines_up, soundings
 
 SCENE = """<scene version="3.0.0">
     <integrator type="sonar_path"/>
@@ -35,3 +36,11 @@ def test_a_line_along_a_row_of_nodes_lies_over_the_middle_of_the_bed(tmp_path):
     for heading in (None, 0.0):                    # along its longer axis, and across
         track = lines_up(bed, heading=heading, altitude=8.0, pings=5, interval=1.0, speed=2.0)
         assert np.abs(track.position[:, :2].mean(0)).max() < 0.1
+
+
+def test_a_sonar_that_runs_along_the_edges_of_facets_is_over_the_bed(tmp_path):
+    bed, places = rough_bed(tmp_path), np.arange(-49.0, 49.0, 0.05)
+    rows = np.concatenate([np.stack([places, np.full_like(places, row)], -1) for row in (0.0, -1e-16, 0.25, 7.25)])
+    position = np.column_stack([rows, np.full(len(rows), -12.0)])
+    track = Track(time=np.arange(len(rows), dtype=float), position=position, roll=0, pitch=0, heading=0)
+    np.testing.assert_allclose(check(bed, track), soundings(bed, *rows.T) - 12, atol=2e-3)
