@@ -37,7 +37,7 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
     import rasterio
     from rasterio.crs import CRS
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
-    from rasterio.transform import from_origin
+    from rasterio.transform import Affine
 
     names = [str(name) for name, variable in chart.data_vars.items() if variable.dims == ("y", "x")]
     if len(names) != 1:
@@ -57,7 +57,7 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
                                    count=1, dtype=values.dtype, crs=crs, nodata=nodata, compress="deflate",
                                    predictor=3 if values.dtype.kind == "f" else 2, tiled=True, blockxsize=TILE,
                                    blockysize=TILE, bigtiff="if_safer",
-                                   transform=from_origin(west, north, cell, cell)) as raster:
+                                   transform=Affine(cell, 0.0, west, 0.0, -cell, north)) as raster:
                     raster.write(values, 1)
                     raster.update_tags(AREA_OR_POINT="Area", SOFTWARE="mitsonar", **about)
                     raster.set_band_description(1, names[0])
