@@ -15,7 +15,7 @@ import numpy as np
 from ..device.arrays import arrays_of, reinterpreted, upload
 from ..device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
 from ..device.types import Array4u
-from ..scene.geometry import Geometry
+from ..scene.geometry import Geometry, interpolated
 from ..scene.tessellation import Grids, grid_of
 from ..tracing.connection import Connection
 from ..tracing.hits import Hits
@@ -44,6 +44,8 @@ class Cells:
     primitive : UInt32 (R,)
     uv : Point2f (R,)
         Texture coordinates, as those of `Hits`; where a shape has none, barycentric.
+    smooth : Vector3f (R,) or None
+        Interpolated normal, as of `tracing.hits.towards_sound`.
     """
 
     point: dr.ArrayBase
@@ -53,12 +55,13 @@ class Cells:
     shape: mi.ShapePtr
     primitive: mi.UInt32
     uv: mi.Point2f
+    smooth: mi.Vector3f | None = None
 
     def hits(self, way: Connection) -> Hits:
         """The cells as sound meets them that comes along ways."""
         return Hits.on_surface(valid=way.free, point=self.point, normal=self.normal, shape=self.shape, uv=self.uv,
                                primitive=self.primitive, arrival_direction=way.arrival_direction,
-                               sound_speed=way.sound_speed)
+                               sound_speed=way.sound_speed, smooth=self.smooth)
 
 
 class Scatterers:
@@ -144,6 +147,10 @@ class Scatterers:
                 own = geometry.texcoords.numpy().reshape(-1, 2)
                 texcoords[:len(own)] = own
             self._texcoords = upload(mi.Float, texcoords)
+        self._normals = None
+        if geometry.normals is not None:
+            own = geometry.normals.numpy()
+            self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
         dr.eval(self._vertices, self._faces, self._facts, self._rows)
 
     def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
@@ -236,7 +243,8 @@ class Scatterers:
         return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
                      amplitude=gaussian(lib, third, fourth), primitive=facts[1],
                      shape=reinterpreted(mi.ShapePtr, facts[0]),
-                     uv=self.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
+                     uv=self.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)),
+                     smooth=self.smooth_normals(facet, mi.Float(u), mi.Float(v)))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
         """Give the corners of facets with these numbers (K,): (K, 3, 3) [m], on the host."""
@@ -245,6 +253,12 @@ class Scatterers:
     def facts(self, facet: mi.UInt32) -> Array4u:
         """Give registry index of the shape, number there, key of its hashes, and whether it has texture coordinates."""
         return dr.gather(self.lib.Array4u, self._facts, facet)
+
+    def smooth_normals(self, facet: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Vector3f | None:
+        """Give interpolated normals at barycentric coordinates; None if no shape has any."""
+        if self._normals is None:
+            return None
+        return interpolated(self.lib, self._normals, dr.gather(self.lib.Array4u, self._faces, facet), u, v)
 
     def texture_coordinates(self, facet: mi.UInt32, mapped: mi.Bool, u: mi.Float, v: mi.Float) -> mi.Point2f:
         """Give the texture coordinates of points given by barycentric ones."""

@@ -91,6 +91,8 @@ class ThinnedSet:
     primitive, registry, label : UInt32 (R,)
         Facet of the shape; row of `Geometry.rows`; number of the instance.
     uv : Point2f (R,)
+    smooth : Vector3f (R,) or None
+        Interpolated normal, as of `tracing.hits.towards_sound`.
     """
 
     exists: mi.Bool
@@ -103,14 +105,15 @@ class ThinnedSet:
     registry: mi.UInt32
     label: mi.UInt32
     uv: mi.Point2f
+    smooth: mi.Vector3f | None = None
 
     def where_existing(self) -> ThinnedSet:
         """Give those that exist, computed."""
-        dr.eval(*vars(self).values())
+        dr.eval(*(value for value in vars(self).values() if value is not None))
         index = compressed(self.exists)
         amplitude = tuple(dr.gather(mi.Float, part, index) for part in self.amplitude)
         some = {name: dr.gather(type(value), value, index) for name, value in vars(self).items()
-                if name not in ("amplitude",)}
+                if name != "amplitude" and value is not None}
         return ThinnedSet(amplitude=(amplitude[0], amplitude[1]), **some)
 
 
@@ -215,7 +218,8 @@ class ThinnedScatterers:
                           area=area / dr.maximum(m, 1e-30), amplitude=gaussian(lib, third, fourth),
                           shape=reinterpreted(mi.ShapePtr, facts[0]), primitive=facts[1], registry=facts[0],
                           label=dr.gather(mi.UInt32, self._labels, facet),
-                          uv=facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)))
+                          uv=facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)),
+                          smooth=facets.smooth_normals(facet, mi.Float(u), mi.Float(v)))
 
     def _in_reach(self, density):
         """Numbers of the patches in blocks that lie within reach, uint32."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..device.arrays import upload
 from .labels import ShapeLabels
 
-__all__ = ["Geometry"]
+__all__ = ["Geometry", "interpolated"]
 
 
 class Geometry:
@@ -32,6 +32,8 @@ class Geometry:
         Whether that is perfectly flat.
     horizontal_bounds : ((float, float), (float, float)) [m]
         Least and largest x and y of all else.
+    normals : Float or None
+        Of `vertices`, four wide; 0 where facets are meant as they are, None if they are everywhere.
     local_origin : (3,) [m] or None
         Easting, northing and height of the scene's origin, from the first shape that knows them.
     crs : str or None
@@ -58,7 +60,7 @@ class Geometry:
         self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
         # label, first face, is a mesh, has texture coordinates
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
-        vertices, faces, texcoords, first_vertex, first_face = [], [], [], 0, 0
+        vertices, faces, texcoords, normals, first_vertex, first_face = [], [], [], [], 0, 0
         self.meshes, self.others = [], []
         for index, shape in zip(registry, shapes):
             rows[index, 0] = self.named.of(shape)
@@ -75,6 +77,8 @@ class Geometry:
             texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
                              else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
+            normals.append(parameters["vertex_normals"].numpy().reshape(-1, 3) if _is_smooth(shape)
+                           else np.zeros((len(vertex), 3), np.float32))
             label = self.named.of_faces(shape, len(face))
             faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))
             self.meshes.append((int(index), shape, first_face, len(face)))
@@ -85,6 +89,7 @@ class Geometry:
         self.vertices = upload(mi.Float, _padded(vertices))
         self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
         self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
+        self.normals = upload(mi.Float, _padded(normals)) if any(map(_is_smooth, shapes)) else None
         dr.eval(self.rows, self.kinds, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
@@ -113,6 +118,19 @@ class Geometry:
         """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
         return [(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
+
+
+def _is_smooth(shape):
+    """Whether a mesh is met by the normals between its nodes."""
+    return getattr(shape, "smooth_normals", False)
+
+
+def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
+                 active: mi.Bool | bool = True) -> mi.Vector3f:
+    """Give Σ λ_i n_i, Vector3f (R,), from four-wide normals at the corners of faces, at barycentric (u, v)."""
+    a, b, c = (mi.Vector3f(n[0], n[1], n[2]) for n in
+               (dr.gather(lib.Array4f, normals, face[i], active) for i in range(3)))
+    return a * (1 - u - v) + b * u + c * v
 
 
 def _check_merged(shapes):

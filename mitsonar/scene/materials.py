@@ -34,6 +34,11 @@ class Meeting(Protocol):
         ...
 
     @property
+    def smooth(self) -> mi.Vector3f | None:
+        """What they scatter by in place of the normal, on the same side."""
+        ...
+
+    @property
     def arrival_direction(self) -> mi.Vector3f:
         """Unit, along the travel."""
         ...
@@ -163,7 +168,7 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tup
 
     strength = dr.dispatch(hits.shape.bsdf(), backwards, si, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), active)
-    return strength, mi.Float(mi.Frame3f.cos_theta(si.wi))
+    return strength, _sine(hits, si)
 
 
 def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
@@ -180,7 +185,7 @@ def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
     seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
     strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), seen)
-    return dr.select(seen, strength, 0), mi.Float(mi.Frame3f.cos_theta(si.wi))
+    return dr.select(seen, strength, 0), _sine(hits, si)
 
 
 def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
@@ -250,7 +255,7 @@ def _strength(material, si, wo, frequency, sound_speed, active):
 
 def _interaction(hits, active):
     """The hits as Mitsuba's materials want them."""
-    frame = mi.Frame3f(hits.normal)
+    frame = mi.Frame3f(hits.normal if hits.smooth is None else hits.smooth)
     si: Any = dr.zeros(mi.SurfaceInteraction3f, dr.width(hits.normal))
     si.t = dr.select(active, 1.0, dr.inf)
     si.p = mi.Point3f(hits.point)
@@ -258,3 +263,10 @@ def _interaction(hits, active):
     si.shape, si.prim_index = hits.shape, hits.primitive
     si.wi = frame.to_local(-hits.arrival_direction)
     return si
+
+
+def _sine(hits, si):
+    """Sine of the grazing angle on the facets, by which a ray's patch is as large as it is."""
+    if hits.smooth is None:
+        return mi.Float(mi.Frame3f.cos_theta(si.wi))
+    return mi.Float(-dr.dot(hits.normal, hits.arrival_direction))

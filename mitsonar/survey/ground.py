@@ -144,7 +144,7 @@ class Ground:
                                        density).where_existing()
             if dr.width(some.area):
                 yield Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
-                            shape=some.shape, primitive=some.primitive, uv=some.uv)
+                            shape=some.shape, primitive=some.primitive, uv=some.uv, smooth=some.smooth)
 
     def _table_of(self, depth: float) -> EigenrayTable:
         """The table of a depth; the last one is kept."""
@@ -160,7 +160,7 @@ class Ground:
         hits = Hits.on_surface(valid=lit, point=start + scatterers.offset, normal=scatterers.normal,
                                arrival_direction=legs.arrival_direction,
                                sound_speed=dr.opaque(mi.Float64, table.sound_speed), shape=scatterers.shape,
-                               primitive=scatterers.primitive, uv=scatterers.uv)
+                               primitive=scatterers.primitive, uv=scatterers.uv, smooth=scatterers.smooth)
         strength, sin_grazing = scattering_strength(hits, lit, self._survey.frequency)
         energy = along_legs(strength * scatterers.area, legs.gain, legs.gain)
         return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)

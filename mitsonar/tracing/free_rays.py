@@ -13,7 +13,7 @@ import mitsuba as mi
 from ..device.types import Float64
 from ..propagation.ray_fans import arc_step, first_layer
 from ..propagation.two_point import arc_length, arc_time
-from .hits import Hits
+from .hits import Hits, towards_sound
 from .occlusion import LIFT, TOLERANCE, segment
 from .tracer import Tracer
 
@@ -67,7 +67,7 @@ class FreeRays:
             8 * TOLERANCE, self.tracer.max_range, geometry.depth_range[1] + 1.0)]
         valid, pi, chord, time, arc = _followed(geometry.scene, table, lib, lifted, heading, z, sine, p, limits,
                                                 mi.Bool(active))
-        point, facet_normal, uv, label, shape = self.tracer.rebuilt(pi, chord, lifted, heading, valid)
+        point, facet_normal, smooth, uv, label, shape = self.tracer.rebuilt(pi, chord, lifted, heading, valid)
         # the rest of the way, from the chord's start to the hit, on the arc through both
         r0, z0, r1, z1 = chord
         dx, dy = point.x - lib.Float64(lifted.x), point.y - lib.Float64(lifted.y)
@@ -84,7 +84,8 @@ class FreeRays:
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
         return Hits(valid=valid, point=point, normal=normal, label=label, shape=shape, primitive=pi.prim_index, uv=uv,
                     travel_time=time, arc_length=lib.Float(arc), spreading_area=mi.Float(dr.nan), ray_parameter=p,
-                    launch_direction=direction, arrival_direction=arrival, sound_speed=c2)
+                    launch_direction=direction, arrival_direction=arrival, sound_speed=c2,
+                    smooth=towards_sound(smooth, normal, arrival))
 
 
 @dr.syntax

@@ -19,9 +19,9 @@ from ..device.arrays import arrays_of
 from ..device.record import Record
 from ..propagation.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
 from ..propagation.two_point import SourceState, to_hit
-from ..scene.geometry import Geometry
+from ..scene.geometry import Geometry, interpolated
 from ..scene.labels import OBJECT, SEABED
-from .hits import Hits
+from .hits import Hits, towards_sound
 from .water import DeviceWater
 
 __all__ = ["Sources", "Tracer", "registry_index"]
@@ -138,7 +138,7 @@ class Tracer:
     def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
         """Complete the hits that were found on chords by their eigenrays."""
         lib = self.lib
-        point, facet_normal, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
+        point, facet_normal, smooth, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
         x = dr.sqrt(dr.fma(dx, dx, dy * dy))
         s0, cosine0 = _unit_sine(direction, lib.Float64)
@@ -155,11 +155,11 @@ class Tracer:
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
         return Hits(valid=valid, point=point, normal=normal, shape=shape, primitive=pi.prim_index, uv=uv,
                     label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
-                    launch_direction=launch, arrival_direction=arrival)
+                    launch_direction=launch, smooth=towards_sound(smooth, normal, arrival), arrival_direction=arrival)
 
     def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
                 heading: mi.Vector2f, valid: mi.Bool) -> tuple:
-        """Hit point in float64, facet normal, texture coordinates, label and shape of intersections with chords."""
+        """Hit point in float64, facet normal, smooth one, texture coordinates, label and shape of hits on chords."""
         geometry, wide = self.geometry, self.lib.Array3f64
         row = registry_index(pi)
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
@@ -174,6 +174,9 @@ class Tracer:
         point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
         normal = dr.cross(b - a, c - a)
         normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
+        smooth = None
+        if geometry.normals is not None:
+            smooth = interpolated(self.lib, geometry.normals, face, mi.Float(u), mi.Float(v), mesh)
         uv = pi.prim_uv
         if geometry.texcoords is not None:
             mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
@@ -189,8 +192,8 @@ class Tracer:
             normal = dr.select(mesh, normal, si.n)
             label = dr.select(mesh, face[3], dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
             # of an instance, the shape within its group: until then nobody knows it
-            return point, normal, uv, label, dr.select(valid & ~mesh, si.shape, pi.shape)
-        return point, normal, uv, face[3], pi.shape
+            return point, normal, smooth, uv, label, dr.select(valid & ~mesh, si.shape, pi.shape)
+        return point, normal, smooth, uv, face[3], pi.shape
 
 
 def registry_index(pi: mi.PreliminaryIntersection3f) -> mi.UInt32:

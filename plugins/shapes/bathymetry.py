@@ -5,6 +5,10 @@ default their mean distance, with holes beyond three times that. Triangles that 
 A part that ``relief`` is laid on shows the same relief as any other part of the file; give materials that know
 ``mesh_resolution`` the ``resolution`` then. Several surveys in one scene need a common ``local_origin``.
 
+A survey that is coarse against the sonar's bins shows its triangles; ``smooth_normals`` takes them away. Write
+it where nodes lie further apart than three bins or so, and not where ``relief`` or a fine survey brings the shape that
+sound sees at its resolution: there it only takes off some of the slopes.
+
 Sediments are those of `sediment`, which a bed with a map and without a bsdf has:
 
 .. code-block:: xml
@@ -36,7 +40,7 @@ import mitsuba as mi
 from mitsonar.io import bathymetry, sediment_map
 
 from ..attributes import Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text, TextOrFile
-from .grid_mesh import TO_WORLD, fill, triangulate
+from .grid_mesh import SMOOTH_NORMALS, TO_WORLD, fill, triangulate
 
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 
@@ -71,7 +75,7 @@ ATTRIBUTES = (
     TextOrFile("sediment_classes", default=None, sign=":",
                text='what its codes are: "1: clay, 7: medium sand, nodata: sand", or a CSV file of code, sediment'),
     Text("sediment_map_crs", default=None, otherwise="the map's or survey's", text="coordinate system of the map"),
-    TO_WORLD,
+    SMOOTH_NORMALS, TO_WORLD,
     Nested("bsdf", default=None, otherwise="`sediment` of the map, else Mitsuba's `diffuse`", text="the material"),
 )
 
@@ -86,6 +90,8 @@ class Bathymetry(mi.Mesh):
     crs : str
     bathymetry_bounds : (west, south, east, north) [m]
         In ``crs``.
+    smooth_normals : bool
+        Whether sound meets the normals between nodes.
     sediments : list of str
         Of the classes in the mesh attribute ``face_sediment_class``.
     seabed : bool
@@ -115,7 +121,9 @@ class Bathymetry(mi.Mesh):
                                         crs=attributes.sediment_map_crs)
             if attributes.bsdf is None:
                 props["bsdf"] = _material(table)
-        super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
+        self.smooth_normals = attributes.smooth_normals
+        super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props,
+                         has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
         fill(self, grid)
         if table is not None:
             classes: Any = mi.Float(numbers.astype(np.float32))

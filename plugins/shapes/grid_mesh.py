@@ -6,10 +6,13 @@ import numpy as np
 
 import mitsuba as mi
 
-from ..attributes import Nested, Transform
+from ..attributes import Boolean, Nested, Transform
 
 TO_WORLD = Transform("to_world", otherwise="the identity", text="applied to the finished shape")
 MATERIAL = Nested("bsdf", default=None, otherwise="Mitsuba's `diffuse`", text="the material")
+SMOOTH_NORMALS = Boolean("smooth_normals", default=False,
+                         text="scatter by normals interpolated between nodes, so that the facets of a coarse mesh do "
+                              "not show; places, areas and shadows stay those of the facets")
 
 
 class GridMesh(NamedTuple):

@@ -20,7 +20,7 @@ import mitsuba as mi
 from mitsonar.scattering import Fractal, Plane, Ripples, RoughnessSpectrum, Sinusoid
 
 from ..attributes import Angle, Attributes, Integer, Number, Text
-from .grid_mesh import MATERIAL, TO_WORLD, fill, triangulate
+from .grid_mesh import MATERIAL, SMOOTH_NORMALS, TO_WORLD, fill, triangulate
 
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 NODES_PER_WAVE = 4      # below this the crests of a wave are cut off at random
@@ -58,7 +58,7 @@ ATTRIBUTES = (
     Integer("seed", default=0, minimum=0, text="realisation of everything random"),
     Angle("slope_deg", default=0.0, minimum=0, below=90, text="of the bed below the horizon"),
     Angle("slope_heading_deg", default=0.0, text="compass heading in which it descends"),
-    *SINE, *RIPPLE, *FRACTAL, TO_WORLD, MATERIAL,
+    *SINE, *RIPPLE, *FRACTAL, SMOOTH_NORMALS, TO_WORLD, MATERIAL,
 )
 
 
@@ -76,7 +76,9 @@ class Seabed(mi.Mesh):
             raise attributes.error(f"{y.size} x {x.size} nodes at a spacing of {spacing} m are more than "
                                    f"{MOST_NODES:.0e}; use a coarser spacing or a smaller bed.")
         grid = triangulate(x, y, relief.on_grid(x, y) - depth, attributes.to_world)
-        super().__init__("seabed", len(grid.vertices), len(grid.faces), props=props, has_vertex_texcoords=True)
+        self.smooth_normals = attributes.smooth_normals
+        super().__init__("seabed", len(grid.vertices), len(grid.faces), props=props,
+                         has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
         fill(self, grid)
         self._description = f"Seabed[{y.size} x {x.size} nodes at {spacing} m, depth {depth} m, {relief}]"
 
