@@ -6,12 +6,15 @@ change them. Two hashes serve:
     hashed     rounds of multiplying and shifting over any number of words: of a scatterer, a patch, an echo
     pair       the Tiny Encryption Algorithm, 4 rounds: of a ray's number under a key
 
+A third kind of number is drawn to lie evenly (`even_bits`).
+
 A key is a 32-bit word made of the seed, the ping and a salt. A salt tells one use of chance from another, so that two
 draws of the same ray are independent. What is drawn on the host, in NumPy, takes its generators from there.
 
 References
 ----------
 Zafar, Olano and Curtis (2010), GPU random numbers via the tiny encryption algorithm, Proc. High Performance Graphics.
+Weyl (1916), Über die Gleichverteilung von Zahlen mod. Eins, Math. Annalen 77.
 Box and Muller (1958), A note on the generation of random normal deviates, Ann. Math. Statist. 29.
 """
 from __future__ import annotations
@@ -25,13 +28,14 @@ import numpy as np
 
 from .types import DrJitArray, Float, Float64, UInt32
 
-__all__ = ["Salt", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "ping_key", "row_keys", "salted",
-           "seeded", "shape_key", "sonar_seed", "stratified", "uniform", "uniform_inside"]
+__all__ = ["Salt", "even_bits", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "ping_key", "row_keys",
+           "salted", "seeded", "shape_key", "sonar_seed", "stratified", "uniform", "uniform_inside"]
 
 WORD = 0xFFFFFFFF
 SEED_FACTOR, PING_FACTOR, NUMBER_FACTOR = 0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35     # odd: each number has its own key
 SMALLEST_UNIFORM = 2.0 ** -24
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
+GOLDEN_STEP = 0x9E3779B9           # 2^32 over the golden ratio
 HASH_STEP, HASH_ROUNDS = 0x9E3779B9, ((16, 0x7FEB352D), (15, 0x846CA68B))
 TEA_STEP, TEA_ROUNDS = 0x9E3779B9, 4
 TEA_KEY = 0xA341316C, 0xC8013EA4, 0xAD90777D, 0x7E95761E
@@ -42,6 +46,7 @@ class Salt:
 
     # rays of a sidescan's ping: of the pass that finds out where rays are needed, and of the one that gives the image
     FIRST_PASS, SECOND_PASS = 0x51ED270B, 0x2545F491
+    TAILS = 0x4F1BBCDD             # of those rays: what the neighbours share that leave aside of the beam
     # paths of more bounces and points of the water: in an energy record, and for an array
     BOUNCES, WATER = 0x6C62272E, 0x1B873593
     ARRAY_BOUNCES, ARRAY_WATER = 0x3C6EF372, 0x78DDE6E4
@@ -148,6 +153,11 @@ def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
 def other_pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
     """Give two more for the same key, independent of `pair`."""
     return pair(index, ~key)
+
+
+def even_bits(lib: ModuleType, number: UInt32, *parts: UInt32) -> UInt32:
+    """Give 32 bits for consecutive numbers that fill [0, 2^32) evenly, from a start that `parts` decide (Weyl 1916)."""
+    return hashed(lib, *parts) + number * lib.UInt32(GOLDEN_STEP)
 
 
 # ---- numbers

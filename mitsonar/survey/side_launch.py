@@ -13,15 +13,17 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
-from ..device.chance import Salt, other_pair, pair, seeded, stratified, uniform
+from ..device.chance import Salt, even_bits, hashed, other_pair, pair, salted, seeded, stratified, uniform
 from ..device.types import DrJitArray
-from ..tracing.launch import CELLS, Strata, across_quantiles, along_quantiles, draw, first_quantiles
+from ..tracing.launch import CELLS, WIDE_SHARE, Strata, across_quantiles, along_quantiles, draw, first_quantiles
 from .places import Place
 from .rows import Rays
 from .sidescan_survey import SidescanSurvey
 from .underway import Underway
 
-__all__ = ["SideLaunch", "SideRays", "drawn_across", "ray_grid"]
+__all__ = ["SideLaunch", "SideRays", "drawn_across", "ray_grid", "strata_of"]
+
+TALL = 16                          # strata of φ in a tall tile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,12 +97,12 @@ class SideLaunch:
 
     def drawn(self, place: Place, quantiles: np.ndarray, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
         """Draw the rays of a pass: `grid` strata in φ and u for each row, through tables of φ."""
-        strata = Strata(self._lib, place.rows, *grid)
+        strata = strata_of(self._lib, place.rows, grid)
         return self._rays(place, *drawn_across(self._lib, place, strata, quantiles, seed, salt), strata)
 
     def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
         """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
-        lib, strata = self._lib, Strata(self._lib, place.rows, *grid)
+        lib, strata = self._lib, strata_of(self._lib, place.rows, grid)
         row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
         key = seeded(place.key(row), seed, Salt.WATER)
         a, b = pair(within, key)
@@ -153,11 +155,37 @@ def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.nd
     within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
     xi_phi = stratified(lib, i_phi, within_phi, strata.first)
     phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
-    xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
+    xi_u = stratified(lib, i_u, _within_u(lib, strata, key, i_phi, i_u, uniform(lib, b)), strata.second)
     return mi.UInt32(row), mi.Float(phi), mi.Float(phi_width), mi.UInt32(cell), xi_u
 
 
+def _within_u(lib, strata, key, i_phi, i_u, chance):
+    """Places of rays in [0, 1) within their strata of u.
+
+    The rays of a tile in one stratum of u share it out, as those of a stratum of φ do. The outermost strata begin with
+    what is spread over all directions (`WIDE_SHARE`). A ray aside of the beam costs as much as a packet of rays that
+    stay together, so those of a tile leave it in one direction, drawn evenly from tile to tile.
+    """
+    tile, key = i_phi // strata.tile[0], salted(key, Salt.TAILS)
+    high = strata.tile[0]
+    # neighbours lie nearly half a stratum apart: a time bin may hold only a few strata of φ
+    slice_u = (7 * i_phi + hashed(lib, key, tile, i_u)) % high
+    place = (mi.Float(slice_u) + chance) / high
+    aside = dr.minimum(mi.Float(strata.second) * (0.5 * WIDE_SHARE), 1)
+    last = i_u == strata.second - 1
+    shared = aside * uniform(lib, even_bits(lib, tile, key, i_u))
+    outermost = (place < aside) & ((i_u == 0) | last)
+    place = dr.select(outermost, shared, place)
+    return dr.select(last, dr.maximum(1 - place, 0), place)
+
+
 def ray_grid(rays: int) -> tuple[int, int]:
-    """Give the strata (φ, u) for about this many rays, multiples of 4: u needs few, the beam is narrow."""
+    """Give the strata (φ, u) for about this many rays, multiples of a tile: u needs few, the beam is narrow."""
     steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
-    return max(4, 4 * round(rays / (4 * steps_u))), steps_u
+    step = 4 if rays < 4096 else TALL
+    return max(step, step * round(rays / (step * steps_u))), steps_u
+
+
+def strata_of(lib: ModuleType, rows: int, grid: tuple[int, int]) -> Strata:
+    """Give strata (φ, u) of rows. Strata of φ are much narrower than those of u: tiles are tall where they fit."""
+    return Strata(lib, rows, *grid, tall=grid[0] % TALL == 0)

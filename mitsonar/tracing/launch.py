@@ -22,8 +22,8 @@ import numpy as np
 
 from ..sonar.sidescan import Sidescan
 
-__all__ = ["CELLS", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles", "quantiles",
-           "refine_quantiles"]
+__all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles",
+           "quantiles", "refine_quantiles"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
@@ -33,35 +33,54 @@ KEEP_SHARE = 0.25                            # of the first pass's density that 
 
 
 class Strata:
-    """Rays of some rows, numbered so that neighbours in 4 x 4 strata follow each other: one packet of rays is then one
-    small patch of seabed.
+    """Rays of some rows, numbered so that neighbours in a tile of 16 strata follow each other: one packet of rays is
+    then one small patch of seabed.
 
     Parameters
     ----------
     lib : Dr.Jit namespace
     rows, first, second : int
-        Rows, and strata of the two coordinates of direction in each, multiples of 4.
+        Rows, and strata of the two coordinates of direction in each, multiples of the tile.
+    tall : bool
+        Whether a tile is 16 strata of the first coordinate at one of the second, instead of 4 x 4: for directions that
+        lie close in the first.
+
+    Attributes
+    ----------
+    shape, tile : (int, int)
+        Strata of a row, and of a tile.
+    rays : int
     """
 
-    def __init__(self, lib: ModuleType, rows: int, first: int, second: int):
+    def __init__(self, lib: ModuleType, rows: int, first: int, second: int, *, tall: bool = False):
         self.lib, self.rows, self.shape = lib, rows, (first, second)
+        self.tile = (16, 1) if tall else (4, 4)
         self.first, self.second = (dr.opaque(lib.UInt32, count) for count in (first, second))
         self.per_row = self.first * self.second
         self.rays = rows * first * second
+        # a vector has no division of integers: reciprocals, exact as far as 32 bits count, take a tenth of the time
+        self._rows_a_ray, self._tiles_across = (dr.opaque(lib.Float64, 1 / count)
+                                                for count in (first * second, second // self.tile[1]))
 
     def split(self, index: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase, dr.ArrayBase, dr.ArrayBase]:
         """Row, number within it, and strata (i, j) of rays, UInt32."""
-        row = index // self.per_row
+        row = self._quotient(index, self._rows_a_ray)
         within = index - row * self.per_row
         tile, inner = within // 16, within & 15
-        across = self.second // 4
-        tile_i = tile // across
-        return row, within, 4 * tile_i + (inner >> 2), 4 * (tile - tile_i * across) + (inner & 3)
+        high, wide = self.tile
+        tile_i = self._quotient(tile, self._tiles_across)
+        tile_j = tile - tile_i * (self.second // wide)
+        return row, within, high * tile_i + inner // wide, wide * tile_j + inner % wide
+
+    def _quotient(self, number, reciprocal):
+        """Whole part of numbers over a whole number: half a step from the next one, rounding cannot reach it."""
+        return self.lib.UInt32((self.lib.Float64(number) + 0.5) * reciprocal)
 
     def index(self, row: dr.ArrayBase, i: dr.ArrayBase, j: dr.ArrayBase) -> dr.ArrayBase:
         """Number of the ray of a row in strata (i, j)."""
-        tile = (i // 4) * (self.second // 4) + j // 4
-        return row * self.per_row + 16 * tile + 4 * (i & 3) + (j & 3)
+        high, wide = self.tile
+        tile = (i // high) * (self.second // wide) + j // wide
+        return row * self.per_row + 16 * tile + wide * (i % high) + j % wide
 
 
 def quantiles(edges: np.ndarray, density: np.ndarray, cells: int = CELLS) -> np.ndarray:

@@ -7,7 +7,7 @@ between the two points:
     p² = 10^(SL/10) Σ_bed Σ_wall 2 B(u_b) B(u_w) (μ sin sin)(μ' sin sin) / (R_b² D² R_w²) 10^(-α (R_b + D + R_w)/10)
 
 in gates of (R_b + D + R_w)/2. The sum is drawn evenly over both faces (standard error of gates below 0.1 dB), the
-record over 40 pings (its own spread says its error); 4 joint standard errors are asked for, each below 6 % (0.25
+record over 40 pings (its own spread says its error); 4 joint standard errors are asked for, each below 7 % (0.3
 dB). Gates begin behind the corner where both meet: the integrand has no variance there.
 """
 import numpy as np
@@ -61,7 +61,7 @@ def test_two_bounces_against_brute_force(variant):
     gates = np.stack([power[:, g:g + 4].sum(1) for g in GATES])
     spread = gates.std(1, ddof=1) / np.sqrt(gates.shape[1])
     joint = np.hypot(spread, error)
-    assert (joint / expected < 0.06).all()
+    assert (joint / expected < 0.07).all()
     assert (np.abs(gates.mean(1) - expected) < 4 * joint).all()
     # on the other side there is no wall, and a flat bed does not light itself
     assert dataset["path_level"].sel(path_name="bb", side="port").max() == -200

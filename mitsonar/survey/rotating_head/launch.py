@@ -13,11 +13,11 @@ import numpy as np
 
 from ...device.arrays import arrays_of, upload
 from ...sonar.sidescan import Sidescan
-from ...tracing.launch import CELLS, Strata, along_quantiles, draw, first_quantiles
+from ...tracing.launch import CELLS, along_quantiles, draw, first_quantiles
 from ..array_survey import ArraySurvey
 from ..places import Place
 from ..rows import Rays
-from ..side_launch import drawn_across
+from ..side_launch import drawn_across, strata_of
 from ..underway import Underway
 
 __all__ = ["StepLaunch", "StepRays"]
@@ -74,7 +74,7 @@ class StepLaunch:
 
     def drawn(self, place: Place, quantiles: np.ndarray, grid: tuple[int, int], seed: int, salt: int) -> StepRays:
         """Draw the rays of a pass: `grid` strata in φ and u for each ping, through tables of φ."""
-        strata = Strata(self._lib, place.rows, *grid)
+        strata = strata_of(self._lib, place.rows, grid)
         ping, phi, phi_width, cell, share = drawn_across(self._lib, place, strata, quantiles, seed, salt)
         u, u_width, _ = draw(self._along, mi.UInt32(0), share)
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
