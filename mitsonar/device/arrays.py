@@ -12,7 +12,8 @@ import numpy as np
 
 from .types import ArrayTypes, Bool, DrJitArray, UInt32
 
-__all__ = ["arrays_of", "compressed", "looped", "opaque_vector", "picked", "reinterpreted", "upload"]
+__all__ = ["arrays_of", "compressed", "looped", "opaque_vector", "picked", "reinterpreted", "upload",
+           "where_any"]
 
 Kept = TypeVar("Kept")              # the type of array that goes in comes out
 ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once
@@ -62,3 +63,11 @@ def upload(kind: type[Kept], values: np.ndarray) -> Kept:
     place = raw[start:start + values.nbytes].view(values.dtype)
     place[:] = values
     return cast(Any, kind)(place)
+
+
+def where_any(mask: Bool, work: Callable[[Bool], None]) -> None:
+    """Do work that only scatters, `work(mask)`, within a kernel: left out in packets where no entry is true."""
+    def leave(_: Bool) -> None:
+        pass
+
+    cast(Any, dr.if_stmt)((mask,), mask, work, leave, mode="symbolic")

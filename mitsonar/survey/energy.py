@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Generic
 
 import drjit as dr
@@ -110,28 +111,28 @@ class EnergyBlock(Generic[RaysOf]):
         sums = EchoSums(self._lib, place.rows, rows.labels, rows.bins.count, self._depth_range, len(rows.paths))
         origins = self._truth.sums(place.rows)
         for rays in rows.passes(place, self._seed, self._bins_of):
-            hits, hidden = self._traced(place, rays, hidden=self._truth.hides)
+            hits = self._traced(place, rays, origins if self._truth.hides else None)
             self._add(sums, origins, place, rays, hits)
-            if hidden is not None:
-                self._add_hidden(origins, place, rays, hits, hidden)
             for source in self._others:
                 source.add(place, rays, hits, sums)
             dr.eval(sums.sums(), origins.sums())
         return self._read(sums, origins, place)
 
-    def _traced(self, place: Place, rays: RaysOf, *, hidden: bool) -> tuple[Hits, Hits | None]:
-        """Hits, and those that objects hide or None."""
+    def _traced(self, place: Place, rays: RaysOf, origins: OriginSums | None = None) -> Hits:
+        """Trace to the first hits; what objects hide from there goes into `origins`."""
         way = place.sources, place.origin(rays.ping), place.source(rays.ping), rays.direction
-        tracer = self._sound.tracer
-        hits, behind = tracer.trace_with_hidden(*way) if hidden else (tracer.trace(*way), None)
+        if origins is None:
+            hits = self._sound.tracer.trace(*way)
+        else:
+            hits = self._sound.tracer.trace_with_hidden(*way, partial(self._add_hidden, origins, place, rays))
         if self._mirrors:
             # no energy comes back from there: other sources have what a mirror sends on
             hits = replace(hits, valid=hits.valid & (hits.label != self._surface))
-        return hits, behind
+        return hits
 
     def _bins_of(self, place: Place, rays: RaysOf) -> tuple[mi.UInt32, mi.Bool]:
         """Bins that echoes of rays arrive in, and whether they do."""
-        hits, _ = self._traced(place, rays, hidden=False)
+        hits = self._traced(place, rays)
         return self._rows.bins.of(self._received(place, rays, hits).delay, hits.valid)
 
     def _received(self, place, rays, hits):

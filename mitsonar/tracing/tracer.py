@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of
+from ..device.arrays import arrays_of, where_any
 from ..device.record import Record
 from ..propagation.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
 from ..propagation.two_point import SourceState, to_hit
@@ -118,22 +118,32 @@ class Tracer:
                            mi.Bool(active))
         return self._hits(sources, origin, source, direction, heading, *found[:3])
 
-    def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
-                          direction: mi.Vector3f) -> tuple[Hits, Hits]:
+    def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+                          add_hidden: Callable[[Hits, Hits], None]) -> Hits:
         """Trace as `trace` does, and on through objects to the seabed that they hide.
+
+        Parameters
+        ----------
+        add_hidden : callable(hits, hidden)
+            Called once, for its scatters alone: `hidden` is valid where a ray met an object first and would have met
+            the seabed without it. What it does is left out in every packet of rays that met no object.
 
         Returns
         -------
-        hits, hidden : Hits, Hits
-            `hidden` is valid where the ray met an object first and would have met the seabed without it.
+        Hits
         """
         scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
         launch_angle, heading = _angles(direction)
         valid, pi, chord, vertex = _first_hit(scene, sources.ray_fans, o, source, launch_angle, heading, mi.Bool(True))
         hits = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
-        behind = _seabed_behind(scene, kinds, sources.ray_fans, o, source, launch_angle, heading, chord, vertex, pi.t,
-                                valid & (_kind(kinds, pi, valid) == OBJECT))
-        return hits, self._hits(sources, origin, source, direction, heading, *behind)
+
+        def follow(met: mi.Bool) -> None:
+            behind = _seabed_behind(scene, kinds, sources.ray_fans, o, source, launch_angle, heading, chord, vertex,
+                                    pi.t, met)
+            add_hidden(hits, self._hits(sources, origin, source, direction, heading, *behind))
+
+        where_any(valid & (_kind(kinds, pi, valid) == OBJECT), follow)
+        return hits
 
     def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
         """Complete the hits that were found on chords by their eigenrays."""
