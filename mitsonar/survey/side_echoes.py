@@ -24,6 +24,8 @@ from .sound_paths import SoundPaths
 
 __all__ = ["SideMultipath", "SideWater"]
 
+FEWER_POINTS = 4                   # of the water than rays: there is no shape to resolve
+
 
 class SideMultipath:
     """Echoes of more than one bounce, which go on from what rays hit first.
@@ -81,8 +83,9 @@ class SideWater:
         self._path = dr.opaque(mi.UInt32, survey.paths.number("v"))
 
     def add(self, place: Place, rays: SideRays, hits: Hits, sums: EchoSums) -> None:
-        """Add the echoes of as many points as a pass has rays."""
-        rays, chance = self._launch.across_beam(place, rays.strata.shape, self._seed)
+        """Add the echoes of points, a fourth as many as a pass has rays."""
+        phi, u = rays.strata.shape
+        rays, chance = self._launch.across_beam(place, (max(4, phi // (4 * FEWER_POINTS) * 4), u), self._seed)
         origin = place.origin(rays.ping)
         drawn = self._echoes.draw(place.sources, origin, place.source(rays.ping), rays.direction, rays.solid_angle,
                                   rays.strata, chance)

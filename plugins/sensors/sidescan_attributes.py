@@ -24,7 +24,7 @@ FACES = (
            text="mean level along track of the diffuse side lobes of each face, one way, re its axis: what errors of "
                 "segments leave; -20 to -35 of faces in use"),
     Number("vertical_sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="the same across, to nadir and upwards; -12 to -30"),
+           text="the same across, to nadir and upwards: the first return is as bright as that; -10 to -25"),
     Number("vertical_sag", default=0.0, minimum=0, maximum=LARGEST_SAG, unit="wavelengths",
            text="how far the edges of a face curved across stand back; 0: flat; 0.5 to 1 make flat-topped beams"),
     File("pattern", default=None,
