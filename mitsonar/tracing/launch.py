@@ -28,7 +28,6 @@ __all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
 WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam,
-DIFFUSE_SHARE = 0.1                          # the same where diffuse side lobes fill shadows,
 LIT_SHARE = 0.1                              # and that ignores the receiving one, where the platform turns
 KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
 
@@ -125,8 +124,7 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
     if len(shifts) > 1:
         lit = _normalised(sonar.transmit.along(middle, sonar.wavelength) ** 2, edges)
         beam = (1 - LIT_SHARE) * beam + LIT_SHARE * lit
-    wide = DIFFUSE_SHARE if sonar.transmit.along_shape.floor and sonar.receive.along_shape.floor else WIDE_SHARE
-    return quantiles(edges, ((1 - wide) * beam + wide / 2)[None])[0]
+    return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
 
 
 def _normalised(density: np.ndarray, edges: np.ndarray) -> np.ndarray:
