@@ -8,19 +8,28 @@ R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, 
 altitude is known. L(angle) is the median level over the pings of a side at an angle from nadir, acos(altitude / R);
 survey software calls it angle-varying gain.
 """
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
-__all__ = ["SPREADING", "AngleGain", "Tvg", "display_gain"]
+__all__ = ["SPREADING", "AngleGain", "Tvg", "absorption_of", "display_gain"]
 
 Tvg = Literal["seabed", "target"] | None      # which gain a picture has
 SPREADING = {"seabed": 30, "target": 40}      # times log R [dB]
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
 ANGLE_STEP_DEG = 1.0               # over which the levels of one angle are taken
 NOTHING_DB = -200.0                # level of bins in which nothing arrives
+
+
+def absorption_of(attrs: Mapping[str, Any]) -> float:
+    """Give a record's absorption [dB/m], 0 where it says none; `ValueError` if it is no number of 0 or more."""
+    value = attrs.get("absorption_db") or 0.0
+    if not isinstance(value, (int, float)) or not 0 <= value < np.inf:
+        raise ValueError(f"the record's absorption_db is {value!r}; it takes a number of 0 or more.")
+    return float(value)
 
 
 def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
@@ -41,10 +50,10 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
     Raises
     ------
     ValueError
-        If ``tvg`` is none of these.
+        If ``tvg`` is none of these, or the absorption is no number.
     """
     slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
-    absorption = 2 * float(dataset.attrs.get("absorption_db") or 0) * slant_range
+    absorption = 2 * absorption_of(dataset.attrs) * slant_range
     if tvg is None:
         return np.zeros_like(slant_range), ""
     if tvg not in SPREADING:

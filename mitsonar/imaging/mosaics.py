@@ -23,6 +23,7 @@ Blend = Literal["nearest", "feather", "mean"]
 LEVELS = ("level", "mean_level")   # drawn as means of powers
 GAINS = ("seabed", "target", "angle", None)
 MOST_CELLS = 1 << 25
+FARTHEST, LOUDEST_DB = 1e8, 300.0   # [m], [dB re 1 µPa]
 MOST_SAMPLES = 1 << 33             # half an hour's work
 WORK = 1 << 19                     # samples at a time
 FINEST = 0.6                       # cells between samples: below 1/√2 none is missed
@@ -45,6 +46,8 @@ class _Line:
         values = record[self.quantity].transpose("ping", "side", "range").values
         if self.quantity not in LEVELS:
             return values
+        if values.max() > LOUDEST_DB:
+            raise ValueError(f"the record has levels of {values.max():.4g} dB, beyond any sound; render it anew.")
         if self.angles is not None:
             return power_from_db(values + self.angles.gain(record))
         gain = None if self.gain == "angle" else self.gain
@@ -146,21 +149,31 @@ def _check(lines, quantity, place, blend, gain, nadir_deg):
         if "level" not in drawn:
             raise ValueError("the record has no levels over ping, side and range; a mosaic is made of sidescans.")
         lacking = [name for name in NEEDED if name not in line.coords]
-        lacking += ["sound_speed"] if not line.attrs.get("sound_speed") else []
         lacking += [name for name in ("seabed_x", "seabed_y") if place == "truth" and name not in drawn]
         if lacking:
             raise ValueError(f"the record does not say its {lacking[0]}; give one as mitsonar rendered it.")
+        speed = line.attrs.get("sound_speed")
+        if not isinstance(speed, (int, float)) or not 0 < speed < np.inf:
+            raise ValueError(f"the record's sound_speed is {speed!r}; it takes a number above 0.")
+        if list(line["side"].values) != ["port", "starboard"]:
+            raise ValueError(f"the record's sides are {', '.join(map(str, line['side'].values))}; a mosaic takes port "
+                             "and starboard.")
         if quantity not in drawn or line[quantity].dtype.kind not in "fu":
             raise ValueError(f"there is no variable {quantity!r} to lay out; there are {', '.join(drawn)}.")
         if line[quantity].dtype != lines[0][quantity].dtype:
             raise ValueError(f"the records hold {quantity} as different types; render them alike.")
         if not line.sizes["ping"]:
             raise ValueError("a record has no pings; give one or more.")
-        steps = np.diff(line["range"].values)
+        slant_range = np.asarray(line["range"].values, float)
+        steps = np.diff(slant_range) if np.isfinite(slant_range).all() else np.zeros(1)
         if not steps.size or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
             raise ValueError("the record's ranges are not two or more in even steps; give one as mitsonar rendered it.")
         if not all(np.isfinite(line[name].values).all() for name in ("x", "y", "heading", "pitch", "ping_time")):
             raise ValueError("the record's track has places or angles that are no numbers; render it anew.")
+        if (np.diff(line["ping_time"].values) <= 0).any():
+            raise ValueError("the record's pings are not one after the other in time; sort them.")
+        if max(np.abs(line[axis].values).max() for axis in "xy") > FARTHEST:
+            raise ValueError(f"the record's track goes beyond {FARTHEST:g} m, farther than any place on Earth.")
 
 
 def _common_system(lines, crs):

@@ -167,11 +167,16 @@ def _check(record):
             raise ValueError(f"the record's {name} is {value!r}; it takes a number above 0.")
     if not all(np.isfinite(record[name].values).all() for name in NEEDED if name != "altitude"):
         raise ValueError("the record's track has times, places or angles that are no numbers; render it anew.")
+    if (np.diff(record["ping_time"].values) <= 0).any():
+        raise ValueError("the record's pings are not one after the other in time; sort them.")
     if not record.sizes["ping"]:
         raise ValueError("the record has no pings; give one or more.")
-    steps = np.diff(record["range"].values)
-    if steps.size and (steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean()):
+    if not np.isfinite(record["range"].values).all() or not _even(np.diff(record["range"].values)):
         raise ValueError("the record's ranges are not in even steps; XTF has no others.")
+
+
+def _even(steps):
+    return not steps.size or (steps.min() > 0 and np.ptp(steps) <= 1e-3 * steps.mean())
 
 
 def _check_same_track(lines):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..imaging.gain import SPREADING, Tvg
+from ..imaging.gain import SPREADING, Tvg, absorption_of
 
 __all__ = ["FULL", "Scale", "scale_of"]
 
@@ -78,12 +78,12 @@ def scale_of(record: xr.Dataset, tvg: Tvg) -> Scale:
     Raises
     ------
     ValueError
-        If ``tvg`` is none of these.
+        If ``tvg`` is none of these, or the absorption is no number.
     """
     if tvg is not None and tvg not in SPREADING:
         raise ValueError(f"the gain is {tvg!r}; use 'seabed', 'target' or None.")
     # the steps in which it is written
-    absorption = round(2 * float(record.attrs.get("absorption_db") or 0), 4) if tvg else 0.0
+    absorption = round(2 * absorption_of(record.attrs), 4) if tvg else 0.0
     plain = Scale(offset_db=0.0, spreading_db=SPREADING[tvg] if tvg else 0, absorption_db=absorption)
     level = record["level"].transpose("ping", "side", "range").values
     raised = level + plain.gain(record["range"].values).astype(np.float32)

@@ -146,6 +146,12 @@ def test_labels_are_not_mixed():
     assert mosaic(line(), 0.5, quantity="depth")["depth"].values[20, 100] == 20
 
 
+def test_a_single_ping_is_a_line_across():
+    chart = mosaic(line(pings=1), 0.25, gain=None)
+    assert chart.sizes["y"] <= 2 and np.nanmax(chart["level"]) == pytest.approx(60, abs=1e-3)
+    assert np.isfinite(chart["level"].values).any(0).mean() > 0.99
+
+
 def test_holes_wider_than_fill_stay_open():
     kept = np.r_[0:60, 100:160]                                  # 10 m are missing
     holed = line().isel(ping=kept)
@@ -202,7 +208,11 @@ def test_a_record_without_a_coordinate_system_is_taken_to_be_in_the_one_that_is_
     (lambda r: r, {"crs": "EPSG:2263"}, "in US survey foot"), (lambda r: r.drop_vars("level"), {}, "made of sidescans"),
     (lambda r: r.drop_vars("altitude"), {}, "does not say its altitude"),
     (lambda r: r.drop_vars("seabed_x"), {"place": "truth"}, "does not say its seabed_x"),
-    (lambda r: r.isel(range=[0]), {}, "even steps"), (lambda r: r.isel(ping=[]), {}, "no pings"),
+    (lambda r: r.assign_attrs(sound_speed="fast"), {}, "sound_speed is 'fast'"),
+    (lambda r: r.isel(side=[1, 0]), {}, "sides are starboard, port"), (lambda r: r.isel(range=[0]), {}, "even steps"),
+    (lambda r: r.isel(ping=[]), {}, "no pings"), (lambda r: r.isel(ping=[2, 1, 0]), {}, "one after the other"),
+    (lambda r: r.assign(level=r["level"] + 1e3), {}, "beyond any sound"),
+    (lambda r: r.assign_attrs(absorption_db="much"), {}, "absorption_db is 'much'"),
     (lambda r: r.assign_coords(x=r["x"] * np.nan), {}, "no numbers"),
     (lambda r: r.assign_coords(altitude=r["altitude"] * np.nan), {}, "no bin of the records has a place"),
     (lambda r: r.assign_coords(x=r["x"] + 1e7 * (r["ping"] > 80)), {}, "take cells of"),

@@ -174,6 +174,8 @@ def test_the_same_record_makes_the_same_bytes(record, tmp_path, monkeypatch):
     (lambda r: r.assign_attrs(local_origin="here"), "local_origin is 'here'"),
     (lambda r: r.assign_attrs(sound_speed=0.0), "sound_speed is 0"),
     (lambda r: r.assign_attrs(frequency="high"), "frequency is 'high'"),
+    (lambda r: r.assign_attrs(absorption_db=-1.0), "absorption_db is -1"),
+    (lambda r: r.isel(ping=[1, 0]), "one after the other"),
     (lambda r: [r, r.assign_coords(x=("ping", r["x"].values + 5))], "not the same pings"),
     (lambda r: [r] * 4, "takes 1 to 3"), (lambda r: [], "takes 1 to 3")])
 def test_what_does_not_go_into_a_file_is_refused_and_leaves_none(record, tmp_path, change, words):
