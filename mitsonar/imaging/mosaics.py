@@ -21,6 +21,7 @@ __all__ = ["GAINS", "MOST_CELLS", "mosaic"]
 
 Blend = Literal["nearest", "feather", "mean"]
 LEVELS = ("level", "mean_level")   # drawn as means of powers
+NAMES = {"label": "labels", "object_shadow": "labels", "class": "classes"}      # attributes with the numbers' names
 GAINS = ("seabed", "target", "angle", None)
 MOST_CELLS = 1 << 25
 FARTHEST, LOUDEST_DB = 1e8, 300.0   # [m], [dB re 1 µPa]
@@ -88,13 +89,14 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     xarray.Dataset
         The quantity over (y, x), from north to south; NaN, or of whole numbers the attribute ``nodata``, where nothing
         is. Coordinates are the cells' middles, eastings and northings [m]. Attributes: ``crs``, ``cell``, how it was
-        made, and the ``files`` that the records name.
+        made, the ``files`` that the records name, and of labels and classes the ``names`` of the numbers.
 
     Raises
     ------
     ValueError
-        If a record is no sidescan's or lacks what is asked for, an option is unknown, a coordinate system is unknown
-        or not in metres, only some of the records name one and none is given, or the map would be too large.
+        If a record is no sidescan's or lacks what is asked for, its numbers mean other things than those of the
+        first, an option or a coordinate system is unknown, the system is not in metres, only some of the records name
+        one and none is given, or the map would be too large.
 
     Examples
     --------
@@ -127,7 +129,8 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     else:
         attrs["nodata"] = int(np.iinfo(first.dtype).max)
         values = cells.nearest(attrs["nodata"]).astype(first.dtype)
-    about = {"crs": crs, "cell": cell, "place": place, "blend": blend if mixed else "nearest",
+    about = {"crs": crs, "names": lines[0].attrs.get(NAMES.get(quantity, "")), "cell": cell, "place": place,
+             "blend": blend if mixed else "nearest",
              "gain": gain if quantity in LEVELS else None, "fill": fill, "nadir_deg": float(nadir_deg),
              "files": [line.attrs.get("file") for line in lines]}
     return _trimmed(xr.Dataset({quantity: (("y", "x"), values, attrs)},
@@ -162,6 +165,9 @@ def _check(lines, quantity, place, blend, gain, nadir_deg):
             raise ValueError(f"there is no variable {quantity!r} to lay out; there are {', '.join(drawn)}.")
         if line[quantity].dtype != lines[0][quantity].dtype:
             raise ValueError(f"the records hold {quantity} as different types; render them alike.")
+        if quantity in NAMES and line.attrs.get(NAMES[quantity]) != lines[0].attrs.get(NAMES[quantity]):
+            raise ValueError(f"the records have different {NAMES[quantity]}, so that a number of theirs means several "
+                             "things; lay them out one by one.")
         if not line.sizes["ping"]:
             raise ValueError("a record has no pings; give one or more.")
         slant_range = np.asarray(line["range"].values, float)

@@ -2,8 +2,9 @@
 
 One band, square pixels that stand for areas, the first row in the north. Nothing is NaN, or of whole numbers the
 largest, and named as such (nodata). The coordinate system is the map's; without one the file holds plain metres. Tags
-say how the map was made.
+say how the map was made, and what the numbers of labels mean.
 """
+import json
 import warnings
 
 import numpy as np
@@ -48,6 +49,8 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
     nodata = float("nan") if values.dtype.kind == "f" else band.attrs["nodata"]
     about = {name: _words(chart.attrs[name]) + UNITS.get(name, "") for name in TAGS
              if chart.attrs.get(name) is not None}
+    if chart.attrs.get("names"):
+        about["names"] = json.dumps(chart.attrs["names"], ensure_ascii=False)
     with replacing(path) as temporary:
         try:
             crs = None if chart.attrs.get("crs") is None else CRS.from_user_input(chart.attrs["crs"])

@@ -1,4 +1,6 @@
 """The commands `convert` and `mosaic`: files that other programs open, and one sentence about what is wrong."""
+import json
+
 import numpy as np
 import pytest
 import xtf_by_bytes
@@ -55,6 +57,7 @@ def test_a_mosaic_is_a_geotiff_of_the_lines(record):
     assert cli.main(["mosaic", "low.exr", "-o", "b.tif", "--quantity", "label", "--epsg", "32632"]) == 0
     with rasterio.open("b.tif") as raster:
         assert raster.dtypes == ("uint32",) and raster.crs.to_epsg() == 32632
+        assert json.loads(raster.tags()["names"]) == record.attrs["labels"]
 
 
 @pytest.mark.parametrize("arguments, words", [
