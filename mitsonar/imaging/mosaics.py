@@ -4,60 +4,28 @@ Every ping is sampled in even steps over the ground (`mosaic_swath`), the strip 
 half showing its own ping; `mosaic_grid` says what samples become in a cell. Pings farther apart than ``fill`` leave a
 hole. Edges of cells are whole numbers of cells from 0, so that mosaics of the same cell and system fit together.
 """
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 import xarray as xr
 
-from ..units import db_from_power, power_from_db
-from .gain import AngleGain, Tvg, display_gain
-from .georeference import named_system, system
-from .mosaic_grid import BLENDS, Cells, Grid
-from .mosaic_swath import PLACES, Ground, Swath
+from ..units import db_from_power
+from .mosaic_grid import Cells, Grid
+from .mosaic_input import NAMES, check, common_system
+from .mosaic_samples import FINEST, LEVELS, Gain, Line, samples
+from .mosaic_swath import Swath
 
-__all__ = ["GAINS", "MOST_CELLS", "mosaic"]
+__all__ = ["mosaic"]
 
-Blend = Literal["nearest", "feather", "mean"]
-LEVELS = ("level", "mean_level")   # drawn as means of powers
-NAMES = {"label": "labels", "object_shadow": "labels", "class": "classes"}      # attributes with the numbers' names
-GAINS = ("seabed", "target", "angle", None)
+Place, Blend = Literal["flat", "truth"], Literal["nearest", "feather", "mean"]
 MOST_CELLS = 1 << 25
-FARTHEST, LOUDEST_DB = 1e8, 300.0   # [m], [dB re 1 µPa]
-MOST_SAMPLES = 1 << 33             # half an hour's work
-WORK = 1 << 19                     # samples at a time
-FINEST = 0.6                       # cells between samples: below 1/√2 none is missed
+MOST_SAMPLES = 1 << 33             # a quarter of an hour's work
 NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # cells' sides, times a power of ten
-NEEDED = ("ping_time", "x", "y", "heading", "pitch", "altitude")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Line:
-    """One record, and what is added to its levels."""
-
-    swath: Swath
-    quantity: str
-    gain: Tvg | Literal["angle"]
-    angles: AngleGain | None
-
-    def values(self, some: slice) -> np.ndarray:
-        """Values (K, 2, N) of pings: powers of levels."""
-        record = self.swath.record.isel(ping=some)
-        values = record[self.quantity].transpose("ping", "side", "range").values
-        if self.quantity not in LEVELS:
-            return values
-        if values.max() > LOUDEST_DB:
-            raise ValueError(f"the record has levels of {values.max():.4g} dB, beyond any sound; render it anew.")
-        if self.angles is not None:
-            return power_from_db(values + self.angles.gain(record))
-        gain = None if self.gain == "angle" else self.gain
-        return power_from_db(values + display_gain(record, gain)[0][:, None])
 
 
 def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None, *, quantity: str = "level",
-           place: Literal["flat", "truth"] = "flat", blend: Blend = "nearest",
-           gain: Literal["seabed", "target", "angle"] | None = "seabed", fill: float | None = None,
+           place: Place = "flat", blend: Blend = "nearest", gain: Gain = "seabed", fill: float | None = None,
            nadir_deg: float = 0.0, crs: str | None = None) -> xr.Dataset:
     """Lay sidescan records on a map.
 
@@ -103,93 +71,42 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     ``chart = mitsonar.imaging.mosaic([mitsonar.read("north.exr"), mitsonar.read("south.exr")], cell=0.25)``
     """
     lines = [records] if isinstance(records, xr.Dataset) else list(records)
-    _check(lines, quantity, place, blend, gain, nadir_deg)
-    crs = _common_system(lines, crs)
+    options = {"place": place, "blend": blend, "gain": gain, "nadir_deg": nadir_deg}
+    check(lines, quantity, options)
+    crs = common_system(lines, crs)
     swaths = [Swath.of(line, crs, place, float(np.deg2rad(nadir_deg))) for line in lines]
     cell = _cell(swaths, cell)
     fill = _fill(swaths, cell, fill)
-    first = lines[0][quantity]
-    mixed = first.dtype.kind == "f"
-    grid = _grid(swaths, cell)
-    cells = Cells(grid=grid, blend=blend, mixed=mixed)
-    chart = [_Line(swath=swath, quantity=quantity, gain=gain, angles=AngleGain.of(swath.record)
-                   if gain == "angle" and quantity in LEVELS else None) for swath in swaths]
+    mixed = lines[0][quantity].dtype.kind == "f"
+    cells = Cells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
+    _sum_up(cells, [Line.of(swath, quantity, gain) for swath in swaths], fill)
+    made = {**options, "blend": blend if mixed else "nearest", "gain": gain if quantity in LEVELS else None}
+    about = {"crs": crs, "cell": cell, "fill": fill, **made, "names": lines[0].attrs.get(NAMES.get(quantity, "")),
+             "files": [line.attrs.get("file") for line in lines]}
+    return _trimmed(_dataset(cells, lines[0][quantity], quantity, about), quantity)
+
+
+def _sum_up(cells, lines, fill):
     if cells.looks_first:
-        for line in chart:
-            for places, ranges, _ in _samples(line, cell, fill, False):
+        for line in lines:
+            for places, ranges, _ in samples(line, cells.grid.cell, fill, with_values=False):
                 cells.see(places, ranges)
-    for line in chart:
-        for places, ranges, values in _samples(line, cell, fill, True):
-            if values is not None:
-                cells.add(places, ranges, values, line.swath.reach)
-    attrs = {"units": first.attrs.get("units", "1"), "long_name": first.attrs.get("long_name", quantity)}
-    if mixed:
+    for line in lines:
+        for places, ranges, values in samples(line, cells.grid.cell, fill, with_values=True):
+            cells.add(places, ranges, values, line.swath.reach)
+
+
+def _dataset(cells, like, quantity, about):
+    attrs = {"units": like.attrs.get("units", "1"), "long_name": like.attrs.get("long_name", quantity)}
+    if cells.mixed:
         values = cells.means()
         values = (db_from_power(values) if quantity in LEVELS else values).astype(np.float32)
     else:
-        attrs["nodata"] = int(np.iinfo(first.dtype).max)
-        values = cells.nearest(attrs["nodata"]).astype(first.dtype)
-    about = {"crs": crs, "names": lines[0].attrs.get(NAMES.get(quantity, "")), "cell": cell, "place": place,
-             "blend": blend if mixed else "nearest",
-             "gain": gain if quantity in LEVELS else None, "fill": fill, "nadir_deg": float(nadir_deg),
-             "files": [line.attrs.get("file") for line in lines]}
-    return _trimmed(xr.Dataset({quantity: (("y", "x"), values, attrs)},
-                               {"y": ("y", grid.y, {"units": "m", "long_name": "northing"}),
-                                "x": ("x", grid.x, {"units": "m", "long_name": "easting"})}, about), quantity)
-
-
-def _check(lines, quantity, place, blend, gain, nadir_deg):
-    if not lines:
-        raise ValueError("no record was given; give one or more.")
-    for name, value, known in (("place", place, PLACES), ("blend", blend, BLENDS), ("gain", gain, GAINS)):
-        if value not in known:
-            raise ValueError(f"{name} is {value!r}; give one of {', '.join(map(str, known))}.")
-    if not 0 <= nadir_deg < 90:
-        raise ValueError(f"nadir_deg is {nadir_deg:g}; give an angle from 0 to below 90 degrees from the vertical.")
-    for line in lines:
-        drawn = [str(name) for name, variable in line.data_vars.items() if set(variable.dims) == {"ping", "side",
-                                                                                                  "range"}]
-        if "level" not in drawn:
-            raise ValueError("the record has no levels over ping, side and range; a mosaic is made of sidescans.")
-        lacking = [name for name in NEEDED if name not in line.coords]
-        lacking += [name for name in ("seabed_x", "seabed_y") if place == "truth" and name not in drawn]
-        if lacking:
-            raise ValueError(f"the record does not say its {lacking[0]}; give one as mitsonar rendered it.")
-        speed = line.attrs.get("sound_speed")
-        if not isinstance(speed, (int, float)) or not 0 < speed < np.inf:
-            raise ValueError(f"the record's sound_speed is {speed!r}; it takes a number above 0.")
-        if list(line["side"].values) != ["port", "starboard"]:
-            raise ValueError(f"the record's sides are {', '.join(map(str, line['side'].values))}; a mosaic takes port "
-                             "and starboard.")
-        if quantity not in drawn or line[quantity].dtype.kind not in "fu":
-            raise ValueError(f"there is no variable {quantity!r} to lay out; there are {', '.join(drawn)}.")
-        if line[quantity].dtype != lines[0][quantity].dtype:
-            raise ValueError(f"the records hold {quantity} as different types; render them alike.")
-        if quantity in NAMES and line.attrs.get(NAMES[quantity]) != lines[0].attrs.get(NAMES[quantity]):
-            raise ValueError(f"the records have different {NAMES[quantity]}, so that a number of theirs means several "
-                             "things; lay them out one by one.")
-        if not line.sizes["ping"]:
-            raise ValueError("a record has no pings; give one or more.")
-        slant_range = np.asarray(line["range"].values, float)
-        steps = np.diff(slant_range) if np.isfinite(slant_range).all() else np.zeros(1)
-        if not steps.size or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
-            raise ValueError("the record's ranges are not two or more in even steps; give one as mitsonar rendered it.")
-        if not all(np.isfinite(line[name].values).all() for name in ("x", "y", "heading", "pitch", "ping_time")):
-            raise ValueError("the record's track has places or angles that are no numbers; render it anew.")
-        if (np.diff(line["ping_time"].values) <= 0).any():
-            raise ValueError("the record's pings are not one after the other in time; sort them.")
-        if max(np.abs(line[axis].values).max() for axis in "xy") > FARTHEST:
-            raise ValueError(f"the record's track goes beyond {FARTHEST:g} m, farther than any place on Earth.")
-
-
-def _common_system(lines, crs):
-    if crs is not None:
-        return named_system(crs)
-    named = {system(line.attrs) for line in lines}
-    if len(named) > 1 and None in named:
-        raise ValueError("only some of the records name a coordinate system; say the mosaic's, such as EPSG:32632.")
-    first = system(lines[0].attrs)
-    return None if first is None else named_system(first)
+        attrs["nodata"] = int(np.iinfo(like.dtype).max)
+        values = cells.nearest(attrs["nodata"]).astype(like.dtype)
+    return xr.Dataset({quantity: (("y", "x"), values, attrs)},
+                      {"y": ("y", cells.grid.y, {"units": "m", "long_name": "northing"}),
+                       "x": ("x", cells.grid.x, {"units": "m", "long_name": "easting"})}, about)
 
 
 def _cell(swaths, cell):
@@ -218,54 +135,12 @@ def _grid(swaths, cell):
         finest = 1.05 * ((east - west) * (north - south) / MOST_CELLS) ** 0.5
         raise ValueError(f"a map of {east - west:.4g} x {north - south:.4g} m in cells of {cell:g} m has more than "
                          f"{MOST_CELLS:,} of them; take cells of {finest:.2g} m or more, or fewer lines.")
-    samples = sum(swath.record.sizes["ping"] * 2 * swath.reach / min(FINEST * cell, swath.bin_width)
-                  * (1 + swath.spacing / (FINEST * cell)) for swath in swaths)
-    if not samples <= MOST_SAMPLES:
-        raise ValueError(f"so many pings and ranges in cells of {cell:g} m take {samples:.2g} samples, more than "
+    work = sum(swath.record.sizes["ping"] * 2 * swath.reach / min(FINEST * cell, swath.bin_width)
+               * (1 + swath.spacing / (FINEST * cell)) for swath in swaths)
+    if not work <= MOST_SAMPLES:
+        raise ValueError(f"so many pings and ranges in cells of {cell:g} m take {work:.2g} samples, more than "
                          f"{MOST_SAMPLES:.2g}; take larger cells.")
     return Grid.over((west, south, east, north), cell)
-
-
-def _samples(line, cell, fill, with_values) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
-    """Samples of a record's ground: places (N, 2), ground ranges (N,), and values (N,) where they are asked for."""
-    swath, step = line.swath, min(FINEST * cell, line.swath.bin_width)
-    pings = swath.record.sizes["ping"]
-    block = max(1, int(WORK * step / swath.reach))
-    for start in range(0, max(pings - 1, 1), block):
-        some = slice(start, min(start + block + 1, pings))          # the next block begins with the last ping
-        values = line.values(some) if with_values else None
-        for side, ground in swath.ground(some, step):
-            shown = None if values is None else np.take_along_axis(values[:, side], ground.bin, 1)
-            for place, from_first in _between(ground, cell, fill):
-                there = np.isfinite(place).all(-1)
-                ranges = np.broadcast_to(ground.ground_range, there.shape)[there]
-                if shown is None:
-                    yield place[there], ranges, None
-                    continue
-                own = (shown[:-1] if from_first and len(shown) > 1 else shown[-len(place):])[there]
-                real = np.isfinite(own) if own.dtype.kind == "f" else slice(None)
-                yield place[there][real], ranges[real], own[real]
-
-
-def _between(ground: Ground, cell: float, fill: float) -> Iterator[tuple[np.ndarray, bool]]:
-    """Places between each ping and the next, (K - 1, G, 2), and whether they show the former of the two."""
-    if len(ground.place) == 1:
-        yield ground.place, True
-        return
-    first, way = ground.place[:-1], np.diff(ground.place, axis=0)
-    apart = np.hypot(way[..., 0], way[..., 1])
-    hole = apart > fill
-    widest = float(np.max(apart, where=~hole & np.isfinite(apart), initial=0.0))
-    count = max(2, int(np.ceil(widest / (FINEST * cell))))
-    count += count % 2                                              # as many of either ping
-    for number in range(count):
-        share = (number + 0.5) / count
-        former = share < 0.5
-        # beside a hole a ping shows its own place alone
-        shares = np.where(hole, 0.0 if former else 1.0, share)
-        own = first if former else ground.place[1:]
-        # a ping beside one that has no place there shows its own place too
-        yield np.where(np.isfinite(way), first + shares[..., None] * way, own), former
 
 
 def _trimmed(chart, quantity):

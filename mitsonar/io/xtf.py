@@ -14,36 +14,28 @@ sonar packet (type 0): a ping header, and for every channel a channel header and
 Records of one track at several frequencies make one file, the lowest frequency first. Time counts from 1970 unless
 a start is given. Labels and all other truth, levels without speckle, and the scene find no room in it.
 """
-from __future__ import annotations
-
-import ctypes
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pyxtf
 import xarray as xr
 
-from .. import __version__
 from ..imaging.gain import Tvg
-from ..imaging.georeference import origin, system
+from ..imaging.georeference import system
 from .files import FilePath, replacing
+from .xtf_channels import channel_header, channels_of, file_header, note, notes
+from .xtf_input import SIDES, check, check_same_track
 from .xtf_layouts import structure
 from .xtf_pings import navigation, passage_of, ping_headers
-from .xtf_samples import Scale, scale_of
+from .xtf_samples import Scale
 
 __all__ = ["Written", "write"]
 
 MOST_BYTES = (1 << 31) - 1         # of a file: what readers can address that count in 32 bits with a sign
-MOST_RECORDS = 3                   # two channels each; the header has room for six
 BLOCK_BYTES = 1 << 24              # written at a time
-PACKET = NAVIGATION_BYTES = 64       # bytes: of which lengths are multiples; of a navigation packet
-SIDES = ("port", "starboard")
-NEEDED = ("ping_time", "x", "y", "z", "roll", "pitch", "heading", "altitude")
-SAME_TIME, SAME_PLACE = 1e-6, 1e-3          # [s], [m]
-WORD, TVG_APPLIED, SLANT_RANGE, UNIPOLAR, VOLTS = 3, 4, 1, 1, 5.0          # codes of the format; full scale
-DEGREES, METRES = 3, 0             # NavUnits
-HEADER_TYPE_NOTES = 1
+PACKET = NAVIGATION_BYTES = 64     # bytes: of which lengths are multiples; of a navigation packet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,27 +58,6 @@ class Written:
     geographic: bool
     saturated: int
     left_out: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Channels:
-    """One record's two channels: where its samples lie in range, and their scale."""
-
-    record: xr.Dataset
-    scale: Scale
-    silent: int                    # samples before the window
-    near: float                    # [m] where the first sample begins
-    step: float                    # [m] of a sample
-
-    @property
-    def count(self) -> int:
-        """Samples of a side."""
-        return self.silent + self.record.sizes["range"]
-
-    @property
-    def middle(self) -> np.ndarray:
-        """Slant ranges of the window's samples [m]."""
-        return self.near + (self.silent + np.arange(self.record.sizes["range"]) + 0.5) * self.step
 
 
 def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tvg = "seabed", start: float = 0.0,
@@ -123,17 +94,15 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     """
     lines = [records] if isinstance(records, xr.Dataset) else list(records)
     for line in lines:
-        _check(line)
-    if not 1 <= len(lines) <= MOST_RECORDS:
-        raise ValueError(f"{len(lines)} records were given; an XTF file takes 1 to {MOST_RECORDS} of one track.")
+        check(line)
     lines.sort(key=lambda line: float(line.attrs["frequency"]))
-    _check_same_track(lines)
+    check_same_track(lines)
     known = system(lines[0].attrs) is not None
     if geographic and not known:
         raise ValueError("the record names no coordinate system, so its positions have no degrees; write metres, or "
                          "say the bathymetry's crs in the scene.")
     passage = passage_of(lines[0], start, known if geographic is None else geographic)
-    channels = [_channels(line, tvg) for line in lines]
+    channels = [channels_of(line, tvg) for line in lines]
     length = _padded(256 + sum(2 * (64 + 2 * each.count) for each in channels))
     total = 1024 + (NAVIGATION_BYTES + length) * passage.time.size
     if total > MOST_BYTES:
@@ -141,111 +110,18 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
                          "readers of XTF can address; write fewer pings at a time.")
     saturated = 0
     with replacing(path) as temporary, open(temporary, "wb") as stream:
-        stream.write(bytes(_file_header(channels, passage, os.path.basename(path))))
-        for text in _notes(channels, passage):
-            stream.write(_note(text, passage))
+        stream.write(file_header(channels, passage, os.path.basename(path)))
+        for text in notes(channels):
+            stream.write(note(text, passage))
         for packets, full in _packets(channels, passage, length):
             stream.write(packets.tobytes())
             saturated += full
-    written = {"level", *NEEDED}
     return Written(scales=tuple(each.scale for each in channels), geographic=passage.geographic, saturated=saturated,
-                   left_out=tuple(str(name) for name in lines[0].data_vars if name not in written))
-
-
-def _check(record):
-    level = record.get("level")
-    if level is None or set(level.dims) != {"ping", "side", "range"} or list(record["side"].values) != list(SIDES):
-        dims = "no levels" if level is None else f"levels over {', '.join(map(str, level.dims))}"
-        raise ValueError(f"the record has {dims}; XTF takes a sidescan's, over ping, side (port, starboard) and range.")
-    lacking = [name for name in NEEDED if name not in record.coords]
-    lacking += [name for name in ("sound_speed", "frequency") if record.attrs.get(name) is None]
-    if lacking:
-        raise ValueError(f"the record does not say its {lacking[0]}; give one as mitsonar rendered it.")
-    for name in ("sound_speed", "frequency"):
-        value = record.attrs[name]
-        if not isinstance(value, (int, float)) or not 0 < value < np.inf:
-            raise ValueError(f"the record's {name} is {value!r}; it takes a number above 0.")
-    if not all(np.isfinite(record[name].values).all() for name in NEEDED if name != "altitude"):
-        raise ValueError("the record's track has times, places or angles that are no numbers; render it anew.")
-    if (np.diff(record["ping_time"].values) <= 0).any():
-        raise ValueError("the record's pings are not one after the other in time; sort them.")
-    if not record.sizes["ping"]:
-        raise ValueError("the record has no pings; give one or more.")
-    if not np.isfinite(record["range"].values).all() or not _even(np.diff(record["range"].values)):
-        raise ValueError("the record's ranges are not in even steps; XTF has no others.")
-
-
-def _even(steps):
-    return not steps.size or (steps.min() > 0 and np.ptp(steps) <= 1e-3 * steps.mean())
-
-
-def _check_same_track(lines):
-    first = lines[0]
-    for other in lines[1:]:
-        same = other.sizes["ping"] == first.sizes["ping"] and all(
-            np.allclose(other[name].values, first[name].values, rtol=0, atol=slack)
-            for name, slack in (("ping_time", SAME_TIME), ("x", SAME_PLACE), ("y", SAME_PLACE), ("z", SAME_PLACE)))
-        if not same:
-            raise ValueError(f"the records of {first.attrs['frequency'] / 1e3:g} and "
-                             f"{other.attrs['frequency'] / 1e3:g} kHz have not the same pings, times and places; write "
-                             "a file of each.")
-
-
-def _channels(record, tvg):
-    slant_range = np.asarray(record["range"].values, float)
-    step = float(np.diff(slant_range).mean()) if slant_range.size > 1 else float(record.attrs["bin_width"])
-    begin = max(float(slant_range[0]) - 0.5 * step, 0.0)
-    silent = int(begin / step + 1e-6)
-    return _Channels(record=record, scale=scale_of(record, tvg), silent=silent, step=step,
-                     near=begin - silent * step if begin - silent * step > 1e-6 * step else 0.0)
-
-
-def _file_header(channels, passage, name):
-    """The header of 1024 bytes, a `pyxtf.XTFFileHeader`."""
-    import pyxtf
-
-    header = pyxtf.XTFFileHeader()
-    header.RecordingProgramName, header.RecordingProgramVersion = b"mitsonar", _ascii(__version__, 7)
-    header.SonarName = b"mitsonar"
-    header.NoteString = _ascii(channels[0].scale.words() if len(channels) == 1 else "scales: see the notes packets", 63)
-    header.ThisFileName = _ascii(name, 63)
-    header.NavUnits = DEGREES if passage.geographic else METRES
-    header.NumberOfSonarChannels = 2 * len(channels)
-    for number in range(2 * len(channels)):
-        each, info = channels[number // 2], header.ChanInfo[number]
-        khz = each.record.attrs["frequency"] / 1e3
-        info.TypeOfChannel, info.SubChannelNumber = 1 + number % 2, number
-        info.CorrectionFlags, info.UniPolar, info.BytesPerSample, info.SampleFormat = SLANT_RANGE, UNIPOLAR, 2, WORD
-        info.Reserved, info.VoltScale, info.Frequency, info.BeamsPerArray = each.count, VOLTS, khz, 1
-        info.ChannelName = _ascii(f"{('Port', 'Starboard')[number % 2]} {khz:g}", 15)
-    return header
-
-
-def _notes(channels, passage):
-    for number, each in enumerate(channels):
-        yield (f"channels {2 * number}, {2 * number + 1} ({each.record.attrs['frequency'] / 1e3:g} kHz): "
-               f"{each.scale.words()}; n a sample, R [m] the slant range of its middle; 0: nothing")
-    east, north = origin(channels[0].record.attrs)
-    yield (f"AuxVal1-3: x, y, z of the scene [m] from E {east:.3f} N {north:.3f}; "
-           f"{channels[0].record.attrs.get('crs') or 'no coordinate system'}")
-
-
-def _note(text, passage):
-    import pyxtf
-
-    first = navigation(passage)
-    packet = pyxtf.XTFNotesHeader()
-    packet.HeaderType, packet.NumBytesThisRecord = HEADER_TYPE_NOTES, ctypes.sizeof(pyxtf.XTFNotesHeader)
-    for field in ("Year", "Month", "Day", "Hour", "Minute", "Second"):
-        setattr(packet, field, int(np.asarray(first[field])[0]))
-    packet.NotesText = _ascii(text, 199)
-    return bytes(packet)
+                   left_out=tuple(str(name) for name in lines[0].data_vars if name != "level"))
 
 
 def _packets(channels, passage, length) -> Iterator[tuple[np.ndarray, int]]:
     """Blocks of packets, and how many of their samples are saturated."""
-    import pyxtf
-
     fields = [("navigation", structure(pyxtf.XTFPosRawNavigation)), ("ping", structure(pyxtf.XTFPingHeader))]
     for number, each in enumerate(channels):
         for side in SIDES:
@@ -265,7 +141,7 @@ def _packets(channels, passage, length) -> Iterator[tuple[np.ndarray, int]]:
             samples, saturated = each.scale.samples(level, each.middle)
             full += saturated
             for side, name in enumerate(SIDES):
-                _fill(packets[f"{name}{number}"], _channel_header(each, 2 * number + side, passage), some)
+                _fill(packets[f"{name}{number}"], channel_header(each, 2 * number + side, passage), some)
                 own = packets[f"{name}{number}_samples"]
                 own[:, each.silent:] = samples[:, side]
                 if name == "port":
@@ -278,20 +154,5 @@ def _fill(packets, values, some):
         packets[name] = value[some] if np.ndim(value) else value
 
 
-def _channel_header(channels, number, passage):
-    far = channels.near + channels.count * channels.step
-    duration = 2 * (far - channels.near) / passage.sound_speed
-    return {"ChannelNumber": number, "SlantRange": far, "NumSamples": channels.count,
-            "GroundRange": np.sqrt(np.maximum(far**2 - passage.altitude**2, 0.0)),
-            "TimeDelay": 2 * channels.near / passage.sound_speed, "TimeDuration": duration, "SecondsPerPing": duration,
-            "ProcessingFlags": TVG_APPLIED if channels.scale.spreading_db else 0,
-            "Frequency": min(round(channels.record.attrs["frequency"] / 1e3), 65535),
-            "MillivoltScale": int(1e3 * VOLTS)}
-
-
 def _padded(length):
     return -(-length // PACKET) * PACKET
-
-
-def _ascii(text, most):
-    return str(text).encode("ascii", "replace")[:most]
