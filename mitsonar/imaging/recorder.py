@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Recorder", "leaked", "leaked_pressure", "recorded"]
+__all__ = ["FAULTLESS", "Recorder", "leaked", "leaked_pressure", "recorded"]
 
 DECAY = np.log(1e6)                # of a power over the ringing
 
@@ -56,6 +56,9 @@ class Recorder:
     def leakage(self) -> float:
         """Power of the other side that a side's channel has [-]."""
         return self.back + self.crosstalk
+
+
+FAULTLESS = Recorder()
 
 
 def leaked(intensity: np.ndarray, recorder: Recorder) -> np.ndarray:

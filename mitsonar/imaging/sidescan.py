@@ -21,7 +21,7 @@ from ..sonar.sidescan import Sidescan
 from ..sonar.track import Track
 from . import truth
 from .energy_record import CoherentRecord, EnergyRecord
-from .recorder import Recorder, leaked, leaked_pressure, recorded
+from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 
 __all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation", "speckle_gates"]
 
@@ -65,7 +65,7 @@ def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
 
 def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float,
                 random: np.random.Generator, coherent: np.ndarray | None = None,
-                coherent_intensity: np.ndarray | float = 0.0) -> np.ndarray:
+                coherent_intensity: np.ndarray | float = 0.0, recorder: Recorder = FAULTLESS) -> np.ndarray:
     """Draw the intensity one ping would record.
 
     Parameters
@@ -82,6 +82,9 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
         Means of what has a phase of its own over the cells of bins.
     coherent_intensity : (..., bins) [µPa²]
         Mean of its square.
+    recorder : Recorder
+        Whose leakage adds the other side's incoherent echoes, speckle and all, to each side's; axes are (ping, side,
+        bins) where there is any.
 
     Returns
     -------
@@ -93,12 +96,12 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
         speckle = speckle.reshape(*intensity.shape, cells)
         echo = np.zeros(intensity.shape)
         for cell in range(cells):
-            z = amplitude * speckle[..., cell]
+            z = leaked_pressure(amplitude * speckle[..., cell], recorder)
             if noise:
                 z += np.sqrt(noise) * _gaussian(random, intensity.shape)
             echo += np.abs(z) ** 2 + _crossed(z, coherent, cell)
         return np.maximum(echo / cells + coherent_intensity, 0)
-    z = _gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares))
+    z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares)), recorder)
     if noise:
         # it has the band of the pulse as well; drawn on both sides of the record, its level holds to the ends
         drawn = _gaussian(random, (*speckle.shape[:-1], speckle.shape[-1] + len(shares) - 2))
@@ -109,7 +112,7 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",), recorder: Recorder | None = None) -> xarray.Dataset:
+          paths: Sequence[str] = ("b",), recorder: Recorder = FAULTLESS) -> xarray.Dataset:
     """Make the dataset of a run.
 
     Parameters
@@ -133,8 +136,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     seed : int
     absorption_db : float [dB/m]
         At the head, for display gain.
-    recorder : Recorder or None
-        What receiver and recorder make of the echoes; None: nothing.
+    recorder : Recorder
+        What receiver and recorder make of the echoes.
 
     Returns
     -------
@@ -146,7 +149,6 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
     shares = pulse_shares(bin_length, sonar.pulse_length)
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
-    recorder = recorder or Recorder()
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
     in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
@@ -154,8 +156,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
     for start in range(0, pings, step):
         some = slice(start, start + step)
-        energy = leaked(record.intensity[some].astype(float), recorder)
-        mean, with_phase = mean_intensity(energy, shares), ()
+        energy = record.intensity[some].astype(float)
+        mean, with_phase = leaked(mean_intensity(energy, shares), recorder), ()
         if coherent is not None:
             pressure, coherent_mean, coherent_depth = (array[some] for array in coherent)
             with_phase = leaked_pressure(pressure, recorder), leaked(coherent_mean.astype(float), recorder)
@@ -165,7 +167,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         mean_level[some] = _level(mean)
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
-            drawn = realisation(energy, shares, speckle(np.arange(pings)[some]), noise, random, *with_phase)
+            drawn = realisation(energy, shares, speckle(np.arange(pings)[some]), noise, random, *with_phase,
+                                recorder=recorder)
             level[some] = _level(recorded(drawn, recorder, time))
         else:
             level[some] = _level(mean + noise)

@@ -17,15 +17,20 @@ ALTITUDE, BOX = 20.0, (40.0, 3.0)          # ground range of the box's front and
 OMNI = {"vertical_beam_width_deg": 180.0}
 
 
-def boxed(sensor=None, length=400.0, rays=200_000):
-    """Levels [dB] of a box's shadow under the bed of the other side at the same ranges."""
+def boxed_scene(sensor=None, *, length, rays=100_000, bins=350):
+    """A box to starboard over a flat bed."""
     mitsonar.scene.loading.prepare()
     x, height = BOX
     T = mi.ScalarTransform4f
     to_world = T().translate([x + 0.5, 0, -40 + height / 2]).scale([0.5, length / 2, height / 2])
-    scene = sidescan({"bed": bed(40.0, size=800.0), "box": {"type": "cube", "to_world": to_world,
-                                                            "bsdf": lambert(-20.0)}},
-                     sensor={**OMNI, **(sensor or {})}, rays=rays, film={"range": 70.0, "bins": 350})
+    return sidescan({"bed": bed(40.0, size=800.0), "box": {"type": "cube", "to_world": to_world,
+                                                           "bsdf": lambert(-20.0)}},
+                    sensor={**OMNI, **(sensor or {})}, rays=rays, film={"range": 70.0, "bins": bins})
+
+
+def boxed(sensor=None, length=400.0, rays=200_000):
+    """Levels [dB] of a box's shadow under the bed of the other side at the same ranges."""
+    scene = boxed_scene(sensor, length=length, rays=rays)
     dataset = mitsonar.render(scene)
     inside = (dataset["range"].values > 48.5) & (dataset["range"].values < 50.0)
     assert (dataset["shadow"].values[:, 1, inside] == 1).all() and not dataset["label"].values[:, 1, inside].any()
@@ -133,3 +138,14 @@ def test_a_shaded_face_keeps_its_beam_width():
     sonar = sonar_at(sidescan({"bed": bed(40.0)}, sensor={"shading": "hamming", "beam_width_deg": 2.0}).sensors()[0], 20)
     assert sonar.transmit.along(np.sin(np.radians(1.0)), sonar.wavelength) ** 2 == pytest.approx(0.5, abs=2e-3)
     assert sonar.transmit.length > 1.2 * 0.44294647 * sonar.wavelength / np.sin(np.radians(1.0))
+
+
+@pytest.mark.parametrize("bins", [350, 2000])
+def test_a_shadow_has_the_speckle_of_the_other_side_that_leaks_into_it(bins):
+    """Bins longer and shorter than the pulse: the same scatterers are heard on both sides."""
+    scene = boxed_scene({"back_db": -10.0, "speckle": True, "pings": 40}, length=60.0, bins=bins)
+    dataset = mitsonar.render(scene)
+    inside = (dataset["range"].values > 48.5) & (dataset["range"].values < 50.0)
+    port, starboard = np.moveaxis(10 ** (dataset["level"].values[..., inside].astype(float) / 20), 1, 0)
+    assert np.corrcoef(port.ravel(), starboard.ravel())[0, 1] > 0.9
+    assert 10 * np.log10((starboard ** 2).mean() / (port ** 2).mean()) == pytest.approx(-10, abs=0.5)
