@@ -36,7 +36,8 @@ def add(commands: Commands) -> None:
     labels.add_argument("--cartesian", action="store_true",
                         help="pictures of fans and rotating heads in metres; default: a column per beam")
     labels.add_argument("--cell", type=float, metavar="M", help="side of their elements; default: what fits 1024")
-    labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "recorder", "none"),
+                        help="display gain over range")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels with their gain [dB]; default: found for each image; --window=60,90")
     labels.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")

@@ -19,7 +19,8 @@ def add(commands: Commands) -> None:
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="which ping the view `ping` shows (default: the middle one), or a fan (the first)")
-    plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "recorder", "none"),
+                      help="display gain over range")
     plot.add_argument("--colours", default="copper", choices=("copper", "grey"), help="of a waterfall or a fan")
     plot.set_defaults(run=_plot)
 
@@ -29,7 +30,8 @@ def add(commands: Commands) -> None:
     output = video.add_argument("output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     complete_with(output, FILES)
     video.add_argument("--fps", type=number, metavar="N", help="frames a second; default: as the pings came, 1 to 30")
-    video.add_argument("--tvg", default="seabed", choices=("seabed", "target", "none"), help="display gain over range")
+    video.add_argument("--tvg", default="seabed", choices=("seabed", "target", "recorder", "none"),
+                       help="display gain over range")
     video.add_argument("--colours", default="copper", choices=("copper", "grey"))
     video.set_defaults(run=_video)
 

@@ -2,6 +2,7 @@
 
     target   40 log R + 2 a R                         two-way spherical spreading and absorption
     seabed   30 log R + 2 a R - 20 log sin(grazing)   the ensonified area grows with R; Lambert's law falls with sin²
+    recorder 30 log R + 2 a R                         as recorders have it: far bed, and grazing, is darker
     angle    -L(angle)                                what angles have of their own: the bed's law, the beam's pattern
 
 R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, the bed taken as level, where the
@@ -17,8 +18,8 @@ import xarray as xr
 
 __all__ = ["SPREADING", "AngleGain", "Tvg", "absorption_of", "display_gain"]
 
-Tvg = Literal["seabed", "target"] | None      # which gain a picture has
-SPREADING = {"seabed": 30, "target": 40}      # times log R [dB]
+Tvg = Literal["seabed", "target", "recorder"] | None      # which gain a picture has
+SPREADING = {"seabed": 30, "target": 40, "recorder": 30}      # times log R [dB]
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
 ANGLE_STEP_DEG = 1.0               # over which the levels of one angle are taken
 NOTHING_DB = -200.0                # level of bins in which nothing arrives
@@ -39,7 +40,7 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
     ----------
     dataset : xarray.Dataset
         With the coordinate range and, where known, altitude(ping) and the attribute absorption_db.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
 
     Returns
     -------
@@ -57,9 +58,9 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
     if tvg is None:
         return np.zeros_like(slant_range), ""
     if tvg not in SPREADING:
-        raise ValueError(f"the display gain is {tvg!r}; use 'seabed', 'target' or None.")
+        raise ValueError(f"the display gain is {tvg!r}; use 'seabed', 'target', 'recorder' or None.")
     gain, words = SPREADING[tvg] * np.log10(slant_range) + absorption, f" + {SPREADING[tvg]} log R + 2αR"
-    if tvg == "target" or "altitude" not in dataset.coords:
+    if tvg != "seabed" or "altitude" not in dataset.coords:
         return gain, words
     altitude = np.asarray(dataset["altitude"].values, float).reshape(-1, 1)
     sine = np.clip(np.where(np.isfinite(altitude), altitude, np.inf) / slant_range, LOWEST_SINE, 1)

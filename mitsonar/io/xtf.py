@@ -69,7 +69,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     records : xarray.Dataset or sequence of them
         As `mitsonar.render` gives them: ``level`` (ping, side, range). Several must share pings, times and places.
     path : str or path
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
         Gain in the samples: 30 log R + 2 a R, 40 log R + 2 a R, or none.
     start : float [s]
         Since 1970, UTC, of the record's time 0.

@@ -69,7 +69,7 @@ def scale_of(record: xr.Dataset, tvg: Tvg) -> Scale:
     ----------
     record : xarray.Dataset
         ``level`` (ping, side, range).
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
 
     Returns
     -------
@@ -81,7 +81,7 @@ def scale_of(record: xr.Dataset, tvg: Tvg) -> Scale:
         If ``tvg`` is none of these, or the absorption is no number.
     """
     if tvg is not None and tvg not in SPREADING:
-        raise ValueError(f"the gain is {tvg!r}; use 'seabed', 'target' or None.")
+        raise ValueError(f"the gain is {tvg!r}; use 'seabed', 'target', 'recorder' or None.")
     # the steps in which it is written
     absorption = round(2 * absorption_of(record.attrs), 4) if tvg else 0.0
     plain = Scale(offset_db=0.0, spreading_db=SPREADING[tvg] if tvg else 0, absorption_db=absorption)

@@ -38,7 +38,7 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
         Ending in .gif or .mp4, or the name of a folder that gets a PNG a frame.
     fps : float, optional [Hz]
         Frames a second; by default that of the pings, from 1 to 30.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
         Gain for display (see `mitsonar.plots.gain`).
     limits : pair of float, optional [dB]
         Levels of the first and the last colour, with their gain; by default what twelve of the frames need: spread

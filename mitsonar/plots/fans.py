@@ -80,7 +80,7 @@ def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg 
         ``level`` (ping, beam, range) [dB re 1 µPa].
     path, ping, colours
         As of `fan`.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
         Gain for display (see `mitsonar.plots.gain`).
     what : str
         What is marked, for the title; empty: nothing is, and levels are in colour.
@@ -138,7 +138,7 @@ def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = Non
     ----------
     dataset : xarray.Dataset
     ping : int
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
     heard : int, optional
         The bin from which the gain is held, as `fan_heard` gives it; by default that of this ping.
     """

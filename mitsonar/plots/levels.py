@@ -29,7 +29,7 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray,
     dataset : xarray.Dataset
     grid : Grid
         Made for it.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
 
     Returns
     -------

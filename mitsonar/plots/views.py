@@ -36,7 +36,7 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None
         As made by ``mitsonar.render``: level over (ping, side, range), (ping, beam, range) or (ping, range).
     path : str or path
         A .png (or .pdf, .svg) to write.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
         Gain for display (see `mitsonar.plots.gain`); the data are not changed.
 
     Raises
@@ -63,7 +63,7 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed",
         objects and their shadows outlined.
     path : str or path
         A .png, .pdf or .svg to write.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
         Gain of the waterfall, and under ``objects``.
     ping : int, optional
         For ``ping``, the middle one by default; for a fan, the first; of a rotating head, whose turn is drawn.

@@ -21,8 +21,8 @@ __all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "l
 
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
-FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0, "crosstalk_db": -200.0,
-                        "chirp_ms": 0.0, "self_noise_db": -200.0, "adc_bits": 0}
+FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0,
+                        "crosstalk_db": -200.0, "chirp_ms": 0.0, "self_noise_db": -200.0, "adc_bits": 0}
 
 
 def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,

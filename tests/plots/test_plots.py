@@ -266,11 +266,21 @@ def test_gain_for_the_seabed_flattens_a_level_lambert_bed():
     assert np.ptp(even) < 0.1 and words == " + 30 log R + 2αR − 20 log sin θ"
 
 
+def test_a_recorders_gain_leaves_lamberts_law_in_the_picture():
+    """20 log sin of the grazing angle: 6 dB for twice the range."""
+    dataset = sidescan(3, 200)
+    gain, words = display_gain(dataset, "recorder")
+    level = (dataset["mean_level"].values + gain[:, None])[0, 0]
+    near, far = (np.interp(r, dataset["range"].values, level) for r in (13.0, 19.0))
+    assert near - far == pytest.approx(20 * np.log10(19 / 13), abs=0.1) and words == " + 30 log R + 2αR"
+
+
 def test_gain_formulas():
     dataset = sidescan(3, 200).drop_vars("altitude")
     slant_range = dataset["range"].values
     for tvg, expected in (("target", 40 * np.log10(slant_range) + 0.06 * slant_range),
-                          ("seabed", 30 * np.log10(slant_range) + 0.06 * slant_range), (None, 0 * slant_range)):
+                          ("seabed", 30 * np.log10(slant_range) + 0.06 * slant_range),
+                          ("recorder", 30 * np.log10(slant_range) + 0.06 * slant_range), (None, 0 * slant_range)):
         np.testing.assert_allclose(display_gain(dataset, tvg)[0], expected[None], rtol=1e-12)
 
 

@@ -135,7 +135,8 @@ def test_a_measured_beam_and_a_width_contradict_each_other(tmp_path):
 
 
 def test_a_shaded_face_keeps_its_beam_width():
-    sonar = sonar_at(sidescan({"bed": bed(40.0)}, sensor={"shading": "hamming", "beam_width_deg": 2.0}).sensors()[0], 20)
+    scene = sidescan({"bed": bed(40.0)}, sensor={"shading": "hamming", "beam_width_deg": 2.0})
+    sonar = sonar_at(scene.sensors()[0], 20.0)
     assert sonar.transmit.along(np.sin(np.radians(1.0)), sonar.wavelength) ** 2 == pytest.approx(0.5, abs=2e-3)
     assert sonar.transmit.length > 1.2 * 0.44294647 * sonar.wavelength / np.sin(np.radians(1.0))
 

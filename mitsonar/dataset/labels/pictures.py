@@ -52,7 +52,7 @@ def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
     ----------
     dataset : xarray.Dataset
         With ``level`` over (ping, ..., range).
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
         See `mitsonar.plots.gain`.
     window : (float, float) or None [dB]
         Levels, with their gain, of black and white; None finds them in this dataset.

@@ -33,7 +33,7 @@ class Labels:
         Share of a tile that its neighbour repeats.
     drop_empty : bool
         Leave out pictures, or tiles of them, that have no annotation.
-    tvg : {'seabed', 'target', None}
+    tvg : {'seabed', 'target', 'recorder', None}
     form : {'polar', 'cartesian'}
         Of pictures of fans and rotating heads.
     cell : float or None [m]
