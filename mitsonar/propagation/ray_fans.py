@@ -301,6 +301,8 @@ def _trace_rows(table: LayerTable, lib: ArrayTypes, depth: Float64, angle: Float
         within = (cut >= 1) & (k >= 0) & (k <= last) & (r < max_range) & (z < slab_bottom) & ((z > surface) | (s > 0))
         full |= active & within & ~room
         active = active & within & room
+    # a second scatter to the same array begins another kernel, which would walk all rays again
+    dr.eval(m, r_p, z_p, vr_p, vz_p, started, full)
     started &= wanted
     _put(lib, vertex, base + m, r_p, z_p, vr_p, vz_p, started)
     m = _select_number(started, m + 1, m)
