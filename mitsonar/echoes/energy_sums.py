@@ -7,15 +7,17 @@ perfect reflector that fills the beam.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
 import drjit as dr
 import numpy as np
 
+from ..device.arrays import arrays_of
 from ..device.types import DrJitArray
 
-__all__ = ["EchoSums", "SummedEnergy", "sum_size"]
+__all__ = ["EchoSums", "SummedEnergy", "add_words", "sum_size"]
 
 UNIT_BITS = 50
 LARGEST = 2.0 ** 58                # units a single echo may bring
@@ -25,6 +27,18 @@ def sum_size(needed: int) -> int:
     """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes
     exist."""
     return max(1 << 16, 1 << (int(needed) - 1).bit_length())
+
+
+def add_words(target: DrJitArray, words: Sequence[DrJitArray], index: DrJitArray, active: DrJitArray) -> None:
+    """Scatter 2, 4 or 8 words of UInt64 each to rows of as many words, where `index` (R,) is the number of the row.
+
+    As a packet they cost little more than one of them, where every thread has a copy of the sums of its own.
+    """
+    if dr.width(target) <= dr.expand_threshold():
+        dr.scatter_add(target, arrays_of(target).ArrayXu64(list(words)), index, active)
+        return
+    for place, word in enumerate(words):
+        dr.scatter_add(target, word, len(words) * index + place, active)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +88,7 @@ class EchoSums:
         self._top, self._per_depth = dr.opaque(lib.Float, top), dr.opaque(lib.Float, 1 / max(bottom - top, 1e-6))
         self.lib, self.rows, self.labels, self.bins, self.paths = lib, rows, labels, bins, paths
         self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
-        self.depth = dr.zeros(lib.UInt64, sum_size(rows * bins))
-        self.count = dr.zeros(lib.UInt64, sum_size(rows * bins))
+        self.depth_and_count = dr.zeros(lib.UInt64, sum_size(2 * rows * bins))
         self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
 
     def add(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray, depth: DrJitArray,
@@ -110,13 +123,15 @@ class EchoSums:
             dr.scatter_add(self.path_energy, whole, (row * paths + (path - 1)) * bins + bin, active)
         height = dr.clip((depth - self._top) * self._per_depth, 0, 1)
         # a quarter: depths must not overflow before the energies they are divided by
-        dr.scatter_add(self.depth, U(units * lib.Float64(height) * 0.25 + 0.5), place, active)
+        depth_share = U(units * lib.Float64(height) * 0.25 + 0.5)
         if counted:
-            dr.scatter_add(self.count, dr.select(in_beam, U((1 << 32) + 1), U(1)), place, active)
+            add_words(self.depth_and_count, (depth_share, dr.select(in_beam, U((1 << 32) + 1), U(1))), place, active)
+        else:
+            dr.scatter_add(self.depth_and_count, depth_share, 2 * place, active)
 
     def sums(self) -> list[DrJitArray]:
         """Arrays to evaluate."""
-        return [array for array in (self.energy, self.depth, self.count, self.path_energy) if array is not None]
+        return [array for array in (self.energy, self.depth_and_count, self.path_energy) if array is not None]
 
     def read(self, unit: np.ndarray) -> SummedEnergy:
         """Give the sums as physical arrays.
@@ -133,8 +148,8 @@ class EchoSums:
 
         energy = values(self.energy, self.rows, self.labels, self.bins)
         total = energy.sum(1, dtype=np.uint64)
-        height = values(self.depth, *shape) / np.maximum(total * 0.25, 1e-9)
-        count = values(self.count, *shape)
+        depth, count = np.moveaxis(values(self.depth_and_count, *shape, 2), -1, 0)
+        height = depth / np.maximum(total * 0.25, 1e-9)
         top, bottom = self.depth_range
         path_intensity = None
         if self.path_energy is not None:

@@ -16,13 +16,13 @@ import numpy as np
 
 from ..device.lookups import held
 from ..device.types import DrJitArray
-from .energy_sums import LARGEST, sum_size
+from .energy_sums import LARGEST, add_words, sum_size
 
-__all__ = ["SECTORS", "WORDS", "OriginSums", "SummedOrigins", "sector"]
+__all__ = ["PLACE", "SECTORS", "WORDS", "OriginSums", "SummedOrigins", "sector"]
 
 SECTORS = 256
-PLACE, MASK = 5, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth; sectors
-WORDS = PLACE + MASK
+PLACE, MASK = 8, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth, 3 idle;
+WORDS = PLACE + MASK               # those of the sectors; all
 FINER = 16                         # than a unit: places far off count, and a bin 30 dB above a perfect reflector fits
 ROUNDING = 0.02                    # [m] that the rounding of an echo's share in a place to 1 may move it
 
@@ -112,10 +112,9 @@ class OriginSums:
         index = row * dr.opaque(self.lib.UInt32, self.bins) + bin
         units = dr.minimum(units, LARGEST)
         whole = U(FINER * units + 0.5)
-        dr.scatter_add(self.place, whole, PLACE * index, active & seabed)
-        for word, share in enumerate((1.0, *place), 1):
-            part = U(self.lib.Float64(whole) * self.lib.Float64(share) + 0.5)
-            dr.scatter_add(self.place, part, PLACE * index + word, active & seabed & in_beam)
+        exact = self.lib.Float64(whole)
+        parts = (dr.select(in_beam, U(exact * self.lib.Float64(share) + 0.5), 0) for share in (1.0, *place))
+        add_words(self.place, (whole, *parts, U(0), U(0), U(0)), index, active & seabed)
         dr.scatter_reduce(dr.ReduceOp.Or, self.sectors, U(1) << U(sector & 63), MASK * index + (sector >> 6),
                           active & in_beam)
 
@@ -148,7 +147,7 @@ class OriginSums:
         seabed, weight = place[..., 0], place[..., 1:2]
         lower, upper = np.asarray(lower, float), np.asarray(upper, float)
         there = weight > (upper - lower).max() / ROUNDING
-        place = np.where(there, lower + place[..., 2:] / np.maximum(weight, 1) * (upper - lower), np.nan)
+        place = np.where(there, lower + place[..., 2:5] / np.maximum(weight, 1) * (upper - lower), np.nan)
         hidden = None
         if self.hidden is not None:
             hidden = 4 * values(self.hidden, self.rows, self.labels, self.bins) * unit

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..device.chance import Salt
 from ..device.types import Vector
-from ..echoes.origin_sums import WORDS
+from ..echoes.origin_sums import PLACE, WORDS
 from ..imaging.sidescan import mean_intensity, pulse_shares
 from ..tracing.launch import refine_quantiles
 from .coherent_sidescan import CoherentSidescan
@@ -35,6 +35,7 @@ RAYS_PER_BLOCK = 1 << 21
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
+THREADS_OWN = 1 << 20              # words of an array of sums of which every thread has a copy: others take more time
 
 
 @final
@@ -80,7 +81,8 @@ class Sides:
         rays = RAYS_PER_BLOCK if survey.max_depth == 1 else RAYS_PER_BLOCK // 8
         by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
         level = len(np.unique(survey.track.position[:, 2])) == 1
-        return max(1, min(by_rays, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
+        by_copies = THREADS_OWN // (2 * survey.bins * PLACE)
+        return max(1, min(by_rays, by_copies, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
