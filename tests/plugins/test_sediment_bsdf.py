@@ -165,7 +165,7 @@ def test_facets_of_a_mesh_carry_classes_and_parameters(variant):
     target = mi.Point3f(mi.Float([0.5, -0.5]), mi.Float([-0.5, 0.0]), 0)
     si = scene.ray_intersect(mi.Ray3f(target - down, down))
     hits = SimpleNamespace(point=si.p, normal=si.n, arrival_direction=down, sound_speed=mi.Float(1500), uv=si.uv,
-                           shape=si.shape, primitive=si.prim_index)
+                           shape=si.shape, primitive=si.prim_index, smooth=None)
     found, _ = materials.scattering_strength(hits, si.is_valid(), 1e5)
     expected = [bistatic_strength_db("sediment", 0.5, 0.5, np.pi, 1e5, sediment=name, w2=w2)
                 for name, w2 in (("medium sand", 1.5e-5), ("clay", 2e-5))]
