@@ -1,30 +1,22 @@
-"""The speckle of a sidescan's pings: gates, main lobe and way that `echoes.ground_speckle` works with.
-
-At a range r a face receives from the direction u, against a point in its middle,
-
-    b(u, r) = ∫ w(x) exp(ik (x²/2r - u x)) dx,        w(x) = ∫ p(u) exp(ik u x) du
-
-in Fresnel's approximation: near the sonar its beam is as wide as the face, far from it the pattern p -> `Aperture`
-without what errors of the face add, and along an even face w is constant.
-"""
+"""The speckle of a sidescan's pings: gates, main lobe and way that `echoes.ground_speckle` works with."""
 from __future__ import annotations
 
 import numpy as np
 
 from ..echoes.ground_speckle import LATTICES, GroundSpeckle, SpeckleBeam, SpeckleWay
 from ..imaging.sidescan import speckle_gates
-from ..sonar.directivity import Aperture
+from ..sonar.near_field import near_pressure
 from ..sonar.sidescan import Sidescan
+from ..sonar.track import rotation_matrix
 from .sidescan_survey import SidescanSurvey
 
 __all__ = ["main_lobe", "side_speckle"]
 
 WIDEST = 0.2                       # cosine beyond which no lobe is followed: pings are no nearer than such beams tell
 LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)
-SEARCHED, NODES = 192, 64          # cosines that its end is sought at, and of its table
-POINTS = 64                        # of a face, at least
+STEP = 1 / 32                      # of cosines, in wavelengths over the face's length
+NODES = 64                         # of a lobe's table
 PER_OCTAVE = 6.0                   # ranges that the beam is tabulated at
-LOBES = 8                          # of a beam that its face is found from
 NEAREST = 0.5                      # [m]
 LEVEL_OVER = 20.0                  # [m] of the track over which the bed's depth is averaged
 ALONG = 0.75                       # of the lattices' spacing: a course that strays further takes another lattice
@@ -46,50 +38,29 @@ def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
     """Give the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
     wavelength, length = sonar.wavelength, max(sonar.transmit.length, sonar.receive.length)
     # beyond, all ranges are alike
-    far = min(max(farthest, NEAREST), max(8 * length ** 2 / wavelength, NEAREST))
-    range_ = np.geomspace(NEAREST, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / NEAREST))))
-    far_lobe = 2 * wavelength / max(length, 1e-6)
-    edge, pressure = np.empty(len(range_)), np.empty((len(range_), NODES), complex)
-    for number, r in enumerate(range_):
-        searched = np.linspace(0, min(far_lobe + length / r, WIDEST), SEARCHED)
-        power = np.abs(_two_way(sonar, searched, r)) ** 2
-        edge[number] = searched[min(np.flatnonzero(power > LOBE_END * power.max())[-1] + 1, SEARCHED - 1)]
-        pressure[number] = _two_way(sonar, np.linspace(0, edge[number], NODES), r)
-    return SpeckleBeam(ranges=range_, edge=edge, pressure=pressure / np.abs(pressure).max(1, keepdims=True))
-
-
-def _two_way(sonar, u, r):
-    transmit, receive = (_pressure(face, u, r, sonar.wavelength) for face in (sonar.transmit, sonar.receive))
-    return transmit * receive
-
-
-def _pressure(face: Aperture, u: np.ndarray, r: float, wavelength: float) -> np.ndarray:
-    """Pressure b (U,) of a face at cosines (U,) and a range [m], by the midpoint rule."""
-    length = face.length
-    if not length:
-        return np.ones(len(u))
-    points = POINTS + int(8 * length / wavelength * (abs(u[-1]) + length / (4 * r)))
-    even = face.along_shape.table is None
-    # a beam that was measured may be that of a face longer than the even one of its width
-    x = ((np.arange(points) + 0.5) / points - 0.5) * (length if even else 2 * length)
-    weight = np.ones(points) if even else _weights(face, x, wavelength)
-    return np.exp(2j * np.pi / wavelength * (x * x / (2 * r) - u[:, None] * x)) @ weight / weight.sum()
-
-
-def _weights(face: Aperture, x: np.ndarray, wavelength: float) -> np.ndarray:
-    """Weights w (X,) along a face, from the lobes of its beam next to the axis."""
-    u = np.linspace(0, min(LOBES * wavelength / face.length, 1.0), 64 * LOBES)
-    pattern = face.along_shape.lobes(u, face.length / wavelength)
-    pattern[0] *= 0.5
-    return np.cos(2 * np.pi / wavelength * x[:, None] * u) @ pattern
+    far = max(NEAREST, min(farthest, 8 * length ** 2 / wavelength))
+    ranges = np.geomspace(NEAREST, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / NEAREST))))
+    widest, step = WIDEST, WIDEST / NODES
+    if length:
+        widest, step = min(2 * wavelength / length + length / NEAREST, WIDEST), STEP * wavelength / length
+    u = np.linspace(0, widest, NODES + int(widest / step))
+    pressure = near_pressure(sonar.transmit, u, ranges, wavelength)
+    pressure = pressure * (pressure if sonar.receive is sonar.transmit or sonar.receive == sonar.transmit
+                           else near_pressure(sonar.receive, u, ranges, wavelength))
+    pressure /= np.abs(pressure).max(1, keepdims=True)
+    edge, table = np.empty(len(ranges)), np.empty((len(ranges), NODES), complex)
+    for number, lobe in enumerate(pressure):
+        edge[number] = u[min(np.flatnonzero(np.abs(lobe) ** 2 > LOBE_END)[-1] + 1, len(u) - 1)]
+        table[number] = np.interp(np.linspace(0, edge[number], NODES), u, lobe)
+    return SpeckleBeam(ranges=ranges, edge=edge, pressure=table)
 
 
 def _way(survey):
     """Phase centres and axes of all pings, as quadratics through three moments of the record."""
     track, duration = survey.track, max(survey.window[1], 1e-6)
     times = track.time[:, None] + duration * TIMES
-    position, _ = survey.voyage.trajectory.pose(times, track.time[:, None])
-    forward = survey.voyage.trajectory.rotation(times)[..., 0]
+    position, attitude = survey.voyage.trajectory.pose(times, track.time[:, None])
+    forward = rotation_matrix(*np.moveaxis(attitude, -1, 0))[..., 0]
     centre, axis = 0.5 * (position[:, :1] + position), 0.5 * (forward[:, :1] + forward)
     centre[..., 2] -= (track.position[:, 2] - _levelled(track.position, survey.depth_below))[:, None]
     fit = np.linalg.inv((duration * TIMES)[:, None] ** np.arange(3))

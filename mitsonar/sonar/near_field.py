@@ -1,0 +1,53 @@
+"""The beam of a face that does not focus, at any range.
+
+At a range r a face receives from the direction u, against a point in its middle,
+
+    b(u, r) = ∫ w(x) exp(ik (x²/2r - u x)) dx,        w(x) = ∫ p(u) exp(ik u x) du
+
+in Fresnel's approximation (e.g. Goodman, Introduction to Fourier Optics, ch. 4): near the sonar its beam is as wide as
+the face, far from it the pattern p -> `Aperture` without what errors of the face add; along an even face w is constant.
+"""
+import numpy as np
+
+from .directivity import Aperture
+
+__all__ = ["near_pressure"]
+
+POINTS = 64                        # of half a face, at least
+LOBES = 8                          # of a beam that its face is found from
+
+
+def near_pressure(face: Aperture, u: np.ndarray, ranges: np.ndarray, wavelength: float) -> np.ndarray:
+    """Compute the pressure b of a face, symmetric in u, by the midpoint rule.
+
+    Parameters
+    ----------
+    face : Aperture
+    u : (U,) [-]
+        Cosines along the face.
+    ranges : (K,) [m]
+    wavelength : float [m]
+
+    Returns
+    -------
+    (K, U) complex [-]
+        Its mean over an even face of one length is 1 at most; far away b(0) is 1.
+    """
+    length = face.length
+    if not length:
+        return np.ones((len(ranges), len(u)), complex)
+    points = POINTS + int(4 * length / wavelength * (np.abs(u).max() + length / (4 * np.min(ranges))))
+    even = face.along_shape.table is None
+    # a beam that was measured may be that of a face longer than the even one of its width
+    x = (np.arange(points) + 0.5) / points * length * (0.5 if even else 1.0)
+    weight = np.ones(points) if even else _weights(face, x, wavelength)
+    bent = np.exp(1j * np.pi / wavelength * x * x / np.asarray(ranges)[:, None]) * weight
+    return bent @ np.cos(2 * np.pi / wavelength * x[:, None] * u) / weight.sum()
+
+
+def _weights(face: Aperture, x: np.ndarray, wavelength: float) -> np.ndarray:
+    """Weights w (X,) along a face, from the lobes of its beam next to the axis."""
+    u = np.linspace(0, min(LOBES * wavelength / face.length, 1.0), 64 * LOBES)
+    pattern = face.along_shape.lobes(u, face.length / wavelength)
+    pattern[0] *= 0.5
+    return np.cos(2 * np.pi / wavelength * x[:, None] * u) @ pattern
