@@ -18,7 +18,8 @@ from .mosaic_swath import Swath
 
 __all__ = ["mosaic"]
 
-Place, Blend = Literal["flat", "truth"], Literal["nearest", "feather", "mean"]
+Place = Literal["flat", "truth"]
+Blend = Literal["nearest", "feather", "mean"]
 MOST_CELLS = 1 << 25
 MOST_SAMPLES = 1 << 33             # a quarter of an hour's work
 NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # cells' sides, times a power of ten
