@@ -8,13 +8,15 @@ moved and turned between transmission and reception.
 """
 from __future__ import annotations
 
+from typing import cast
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import upload
 from ..device.lookups import held
-from ..device.types import DrJitArray
+from ..device.types import DrJitArray, Float
 from ..sonar.beam_shapes import BeamShape
 from ..sonar.directivity import Aperture, sinc
 from ..sonar.sidescan import Sidescan
@@ -60,7 +62,7 @@ class Lobes:
         """p of sines s."""
         if self._table is None:
             return sinc(s * self._size)
-        place = held((s + 1) * self._per_sine, 0.0, self._end)
+        place = cast(DrJitArray, held(cast(Float, (s + 1) * self._per_sine), 0.0, cast(Float, self._end)))
         below = dr.minimum(mi.UInt32(place), self._last)
         low, high = (dr.gather(mi.Float, self._table, below + end) for end in (0, 1))
         return dr.fma(place - mi.Float(below), high - low, low)
@@ -122,7 +124,7 @@ class FaceBeams:
 
     def one_way(self, body: mi.Vector3f, face: Face) -> mi.Float:
         """Give the intensity of one face, `transmit` or `receive`, towards body directions."""
-        return face.intensity(body.x, self.across(body))
+        return mi.Float(face.intensity(body.x, self.across(body)))
 
     def lobe(self, u: DrJitArray, back_u: DrJitArray) -> DrJitArray:
         """Give the two-way intensity along the platform by which the main lobe is told from side lobes.
