@@ -58,6 +58,7 @@ class Salt:
     # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
     THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43
     PATCH = 0x6A09E667             # the strength of a patch of seabed
+    BORDER = 0x3AF54FA5            # which of two sediments a place within their border has
     GROUND_SPECKLE = 0x35C0FBCF    # of the lattices that a sidescan's speckle comes from
     # noise in the beams of a line: on rows of sine, and on waves along the line; in rows of signals
     BEAM_AMBIENT, BEAM_NOISE, ROW_NOISE = 0x1F83D9AB, 0x5BE0CD19, 0x3C2B5A17

@@ -2,7 +2,8 @@
 
     1: clay, 7: medium sand, nodata: sandy silt
 
-Cells of the survey take the class of the map's cell that their middle falls into, whatever system the map is in.
+Cells of the survey take the class of the map's cell that their middle falls into, whatever system the map is in. Across
+a border `Painting` has the share of the class on its other side.
 """
 import os
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from ..seabed.roughness import sediment_key
 from . import raster_files, tables
 from .bathymetry import Bathymetry
 from .files import FilePath
+from .sediment_borders import blended
 
 _SHOWN = 10                   # codes that an error lists
 
@@ -100,6 +102,58 @@ class ClassTable:
         return place[inverse.ravel()]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Painting:
+    """What a map paints on the cells of a survey.
+
+    Attributes
+    ----------
+    number : uint32 array (N,)
+        Places in `ClassTable.sediments`.
+    other : uint32 array (N,)
+        The class beyond the nearest border.
+    share : float32 array (N,)
+        Of that class, 0 away from borders.
+    """
+
+    number: np.ndarray
+    other: np.ndarray
+    share: np.ndarray
+
+
+def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
+          crs: str | None = None, border: float | None = None) -> Painting:
+    """Read what `read` does, with borders of a width.
+
+    Parameters
+    ----------
+    path, survey, table, cells, crs
+        As of `read`.
+    border : float, optional [m]
+        Width over which one class goes over into the next; by default a cell of the map, which knows its borders no
+        better.
+
+    Returns
+    -------
+    Painting
+
+    Raises
+    ------
+    ValueError
+        As `read`.
+    """
+    codes, cell = _read(path, survey, crs)
+    chosen = np.arange(codes.size) if cells is None else cells
+    number = _named(path, table, codes.ravel()[chosen])
+    known = np.isin(codes, list(table.classes)) | (np.isnan(codes) & (table.elsewhere is not None))
+    whole = np.zeros(codes.shape, np.uint32)
+    whole[known] = table.numbers(codes[known])
+    width = cell if border is None else border
+    step = survey.spacing
+    other, share = blended(whole, known, len(table.sediments), (width / step[1], width / step[0]))
+    return Painting(number=number, other=other.ravel()[chosen], share=share.ravel()[chosen])
+
+
 def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
          crs: str | None = None) -> np.ndarray:
     """Read the classes of a map on the cells between the nodes of a survey.
@@ -125,12 +179,36 @@ def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarra
     ValueError
         If the file is no such raster, it lies elsewhere, or it holds what the table does not say.
     """
+    codes = _read(path, survey, crs)[0].ravel()
+    return _named(path, table, codes if cells is None else codes[cells])
+
+
+def _read(path, survey, crs):
+    """Codes of the survey's cells, and the size of the map's own [m]."""
     try:
         with raster_files.opened(path, crs=crs, what="map of classes") as (raster, source):
-            codes = _codes(raster, source, survey).ravel()
-        return table.numbers(codes if cells is None else codes[cells])
+            return _codes(raster, source, survey), _cell(raster, source, survey)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _named(path, table, codes):
+    try:
+        return table.numbers(codes)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _cell(raster, source, survey):
+    """Mean side of the map's cells in its middle [m], in the survey's system."""
+    from rasterio.warp import transform
+
+    column, row = raster.width / 2, raster.height / 2
+    east, north = zip(*(raster.transform * place for place in ((column, row), (column + 1, row), (column, row + 1))))
+    if source is not None and survey.crs:
+        east, north = transform(source, survey.crs, east, north)
+    east, north = np.asarray(east), np.asarray(north)
+    return float(np.mean(np.hypot(east[1:] - east[0], north[1:] - north[0])))
 
 
 def _codes(raster, source, survey):

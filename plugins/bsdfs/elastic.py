@@ -15,9 +15,10 @@ from mitsonar.scattering.elastic import Elastic
 from mitsonar.scattering.elastic_sediment import ELASTIC_BOUNDS, FASTEST_SHEAR, ElasticSediment
 
 from ..attributes import Text
+from .class_map import CLASSES
 from .material import PATCHES
 from .parameter import Parameter
-from .sediment import CLASSES, MESH_RESOLUTION, SedimentBed, own
+from .sediment import MESH_RESOLUTION, SedimentBed, own
 
 SOLID = "density_ratio", "sound_speed_ratio", "loss", "shear_loss", "w3"
 

@@ -7,6 +7,9 @@ Textures of parameters are clipped to the valid range, and best ``raw``, those o
 ``mesh_attribute`` takes what facets or nodes of a mesh carry: in PLY files, a property of faces called ``sediment_1``
 is ``face_sediment``.
 
+Classes go over into one another patch by patch, see `mitsonar.scattering.borders`: those of a picture across
+``class_border``, others by ``second_class`` and ``second_share``, as `bathymetry` makes them.
+
 With ``mesh_resolution`` the law leaves out what the mesh shows, so that it does not count twice. Facets that are smooth
 to the sound (2 k h < 1, h of what is left) are off by some dB near nadir.
 
@@ -27,7 +30,6 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.device.lookups import held
 from mitsonar.scattering import Sediment
 from mitsonar.scattering.arithmetic import Arithmetic, power
 from mitsonar.scattering.fluid import Fluid
@@ -38,6 +40,7 @@ from mitsonar.scattering.sediment import BOUNDS
 from mitsonar.scattering.small_slope import lobe_factor
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text
+from .class_map import CLASSES, class_map_of
 from .material import PATCHES, Material, patches_of
 from .parameter import Parameter
 
@@ -54,12 +57,6 @@ def own(name: str, bounds: dict, text: str, *, unit: str = "", or_none: bool = F
     return NumberOrTexture(name, default=None, otherwise="its own", maximum=high, unit=unit, text=text, **least)
 
 
-CLASSES = (
-    NumberOrTexture("sediment_class", default=None, text="texture of class numbers, from 0, in place of `sediment`"),
-    Text("classes", default=None, text='names of these classes: "clay, medium sand, coarse sand"'),
-    Number("class_scale", default=1.0, above=0,
-           text="what that texture is multiplied by first: 255 for 8-bit images"),
-)
 MESH_RESOLUTION = Number(
     "mesh_resolution", default=0.0, minimum=0, unit="m",
     text="distance of the nodes of a mesh that has this roughness itself, as the shape `seabed` with "
@@ -92,7 +89,8 @@ class SedimentBed(Material):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, self.declared)
-        self.named, self.number = _named(attributes, self.law)
+        self.named = _named(attributes, self.law)
+        self.classes = class_map_of(attributes, self.named)
         written = {name: getattr(attributes, name) for name in self.bounds}
         self.mesh_resolution = attributes.mesh_resolution
         if self.mesh_resolution and isinstance(attributes.gamma, mi.Texture):
@@ -109,7 +107,7 @@ class SedimentBed(Material):
                 value = np.array([getattr(sediment, name) for sediment in self.sediments])
                 value = value[:1] if np.ptp(value) == 0 else value
             self.parameters[name] = Parameter(value, LEAST[name] if name in LEAST else low, high)
-        self.textured = self.number is not None or bool(self.varying)
+        self.textured = self.classes is not None or bool(self.varying)
         self.lib = arrays_of(mi.Float)
         self.arithmetic = Arithmetic(dr, self.lib.Complex2f)
         self._tabulate()
@@ -125,8 +123,8 @@ class SedimentBed(Material):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         for name, parameter in self.parameters.items():
             parameter.traverse(name, callback)
-        if self.number is not None:
-            callback.put("sediment_class", self.number[0], mi.ParamFlags.NonDifferentiable)
+        for name, texture in ({} if self.classes is None else self.classes.textures).items():
+            callback.put(name, texture, mi.ParamFlags.NonDifferentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
         for parameter in self.parameters.values():
@@ -184,10 +182,7 @@ class SedimentBed(Material):
 
     def _at(self, si, active):
         """Parameters at interactions: what lies below, w2 and γ."""
-        number = mi.UInt32(0)
-        if self.number is not None:
-            texture, scale = self.number
-            number = mi.UInt32(held(dr.round(texture.eval_1(si, active) * scale), 0, len(self.named) - 1))
+        number = mi.UInt32(0) if self.classes is None else self.classes.at(si, active)
         value = {name: parameter.at(si, number, active) for name, parameter in self.parameters.items()}
         return self._below(value, number, active), value["w2"], value["gamma"]
 
@@ -208,7 +203,7 @@ def _made(attributes, law, name, fixed):
 
 
 def _named(attributes, law):
-    """Names of the sediments, and the texture of class numbers with its scale, or None."""
+    """Names of the sediments."""
     texture, classes = attributes.sediment_class, attributes.classes
     if isinstance(texture, float):
         raise attributes.error("sediment_class is a number; give a texture of class numbers, or one sediment by name.")
@@ -218,15 +213,10 @@ def _named(attributes, law):
     if (texture is None) != (classes is None):
         given, missing = ("classes", "sediment_class") if texture is None else ("sediment_class", "classes")
         raise attributes.error(f"{given} is written without {missing}; give both, or one sediment by name.")
-    if texture is None:
-        if attributes.given("class_scale"):
-            raise attributes.error("class_scale is written without sediment_class; leave it out.")
-        names = [attributes.sediment]
-    else:
-        names = [name.strip() for name in classes.split(",")]
+    names = [attributes.sediment] if classes is None else [name.strip() for name in classes.split(",")]
     for name in names:
         _made(attributes, law, name, {})
-    return names, None if texture is None else (texture, attributes.class_scale)
+    return names
 
 
 def _sines(wi, wo):

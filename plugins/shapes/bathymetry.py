@@ -20,7 +20,8 @@ Sediments are those of `sediment`, which a bed with a map and without a bsdf has
     </shape>
 
 A bsdf of its own reads the classes from the mesh attribute ``face_sediment_class``, numbered in the order of the table,
-those of one name once:
+those of one name once. Across a border, ``face_second_class`` is the class on its other side and ``face_second_share``
+that one's share; without them borders are steps:
 
 .. code-block:: xml
 
@@ -28,6 +29,12 @@ those of one name once:
         <string name="classes" value="clay, medium sand, sandy silt"/>
         <texture name="sediment_class" type="mesh_attribute">
             <string name="name" value="face_sediment_class"/>
+        </texture>
+        <texture name="second_class" type="mesh_attribute">
+            <string name="name" value="face_second_class"/>
+        </texture>
+        <texture name="second_share" type="mesh_attribute">
+            <string name="name" value="face_second_share"/>
         </texture>
     </bsdf>
 """
@@ -75,6 +82,8 @@ ATTRIBUTES = (
     TextOrFile("sediment_classes", default=None, sign=":",
                text='what its codes are: "1: clay, 7: medium sand, nodata: sand", or a CSV file of code, sediment'),
     Text("sediment_map_crs", default=None, otherwise="the map's or survey's", text="coordinate system of the map"),
+    Number("sediment_border", default=None, minimum=0, unit="m", otherwise="a cell of the map",
+           text="width over which one sediment goes over into the next, patch by patch; 0: steps"),
     SMOOTH_NORMALS, TO_WORLD,
     Nested("bsdf", default=None, otherwise="`sediment` of the map, else Mitsuba's `diffuse`", text="the material"),
 )
@@ -93,7 +102,7 @@ class Bathymetry(mi.Mesh):
     smooth_normals : bool
         Whether sound meets the normals between nodes.
     sediments : list of str
-        Of the classes in the mesh attribute ``face_sediment_class``.
+        Of the classes in the mesh attributes ``face_sediment_class`` and ``face_second_class``.
     seabed : bool
         True: whoever looks for the seabed finds it by that.
     """
@@ -117,8 +126,8 @@ class Bathymetry(mi.Mesh):
         if len(grid.faces) == 0:
             raise attributes.error(f"{path}: the part in use holds no two neighbouring nodes with depths.")
         if table is not None:
-            numbers = sediment_map.read(attributes.sediment_map, survey, table, grid.cells,
-                                        crs=attributes.sediment_map_crs)
+            painting = sediment_map.paint(attributes.sediment_map, survey, table, grid.cells,
+                                          crs=attributes.sediment_map_crs, border=attributes.sediment_border)
             if attributes.bsdf is None:
                 props["bsdf"] = _material(table)
         self.smooth_normals = attributes.smooth_normals
@@ -126,8 +135,10 @@ class Bathymetry(mi.Mesh):
                          has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
         fill(self, grid)
         if table is not None:
-            classes: Any = mi.Float(numbers.astype(np.float32))
-            self.add_attribute("face_sediment_class", 1, classes)
+            for name, values in (("sediment_class", painting.number), ("second_class", painting.other),
+                                 ("second_share", painting.share)):
+                painted: Any = mi.Float(values.astype(np.float32))
+                self.add_attribute(f"face_{name}", 1, painted)
         self.sediments = [] if table is None else table.sediments
         self.survey = survey
         self.local_origin = survey.local_origin
@@ -158,8 +169,8 @@ def _class_table(attributes):
     """What the codes of the map mean; None where there is no map."""
     path, classes = attributes.sediment_map, attributes.sediment_classes
     if path is None or not classes:
-        if path or classes or attributes.sediment_map_crs:
-            given = attributes.given("sediment_map", "sediment_classes", "sediment_map_crs")
+        given = attributes.given("sediment_map", "sediment_classes", "sediment_map_crs", "sediment_border")
+        if path or classes or attributes.sediment_map_crs or attributes.sediment_border is not None:
             raise attributes.error(f"{given[0]} is written alone; a map needs sediment_map and sediment_classes.")
         return None
     try:
@@ -171,7 +182,8 @@ def _class_table(attributes):
 def _material(table):
     """The bsdf of a bed that has none of its own."""
     return mi.load_dict({"type": "sediment", "classes": ", ".join(table.sediments),
-                         "sediment_class": {"type": "mesh_attribute", "name": "face_sediment_class"}})
+                         **{name: {"type": "mesh_attribute", "name": f"face_{name}"}
+                            for name in ("sediment_class", "second_class", "second_share")}})
 
 
 mi.register_shape("bathymetry", Bathymetry)

@@ -10,6 +10,7 @@ from rasterio.transform import Affine, from_origin
 from rasterio.warp import transform
 
 from mitsonar.io import bathymetry, sediment_map
+from mitsonar.io.sediment_borders import blended
 from mitsonar.io.sediment_map import ClassTable
 
 WEST, SOUTH = 500000.0, 5000000.0
@@ -155,3 +156,38 @@ def test_map_with_a_system_on_a_survey_without_one(tmp_path):
     bed = bathymetry.read(tmp_path / "bed.npy", spacing=1.0)
     with pytest.raises(ValueError, match="the map has a coordinate system and the survey none"):
         sediment_map.read(write(tmp_path / "map.tif", codes(15, 15), PLACE), bed, TABLE)
+
+
+# ---- borders
+
+@pytest.mark.parametrize("size", [3, 4])
+def test_borders_are_triangular_and_lean_to_no_side(size):
+    numbers = np.repeat([[0] * 10 + [1] * 10], 5, axis=0)
+    other, share = blended(numbers, np.ones(numbers.shape, bool), 2, (2.0 * size, 2.0 * size))
+    kernel = np.convolve(np.ones(size), np.ones(size)) / size ** 2
+    wanted = [kernel[size + step:].sum() for step in range(size - 1)]
+    np.testing.assert_allclose(share[2, 9::-1][:size - 1], wanted, atol=1e-6)
+    np.testing.assert_allclose(share[2, 10:][:size - 1], wanted, atol=1e-6)
+    assert not share[:, :9 - size].any() and np.array_equal(other[share > 0], 1 - numbers[share > 0])
+
+
+def test_the_most_frequent_other_class_counts_and_gaps_count_for_nothing():
+    numbers = np.zeros((30, 30), np.uint32)
+    numbers[:, 15:], numbers[20:, 15:] = 1, 2
+    known = np.ones(numbers.shape, bool)
+    known[:5] = False
+    other, share = blended(numbers, known, 3, (6.0, 6.0))
+    assert other[10, 14] == 1 and other[26, 14] == 2 and not share[:5].any()
+    assert share[5, 14] == pytest.approx(share[10, 14])            # beside a gap as elsewhere
+    assert not blended(numbers, known, 3, (1.0, 1.0))[1].any()
+
+
+def test_the_usual_border_is_a_cell_of_the_map(tmp_path, survey):
+    values = np.repeat([[1, 7]], 20, axis=0)
+    wide = write(tmp_path / "wide.tif", values, from_origin(WEST, SOUTH + 410, 52.0, 52.0))
+    painting = sediment_map.paint(wide, survey, TABLE)
+    share = painting.share.reshape(40, 50)
+    assert np.array_equal(painting.number, sediment_map.read(wide, survey, TABLE))
+    spread = np.count_nonzero(share[20] > 0.001) * survey.spacing[0]
+    assert spread == pytest.approx(52, abs=6)
+    assert not sediment_map.paint(wide, survey, TABLE, border=0.0).share.any()

@@ -53,6 +53,12 @@ def strength(scene, x):
     return np.array(bsdf.scattering_strength(si, wi, wi, mi.Float(50e3), mi.Float(1500.0)))
 
 
+def strength_along(scene, x, y):
+    si = drop(scene, x, y)
+    wi = mi.Vector3f(0.6, 0, 0.8)
+    return np.array(scene.shapes()[0].bsdf().scattering_strength(si, wi, wi, mi.Float(50e3), mi.Float(1500.0)))
+
+
 def strength_of(sediment):
     bsdf = mi.load_dict({"type": "sediment", "sediment": sediment})
     wi = mi.Vector3f(0.6, 0, 0.8)
@@ -61,13 +67,30 @@ def strength_of(sediment):
 
 
 def test_painted_bed_has_its_sediments_without_a_bsdf(survey):
-    scene = painted(survey)
+    scene = painted(survey, more='<float name="sediment_border" value="0"/>')
     (bed,) = scene.shapes()
     assert bed.sediments == ["clay", "sandy gravel"] and bed.seabed
     x = np.array([10.3, 50.3, 77.3, 83.3, 120.3])
     wanted = np.where(x < 80, strength_of("clay"), strength_of("sandy gravel"))
     assert np.allclose(strength(scene, x), wanted, rtol=1e-4)
     assert strength_of("sandy gravel") > 2 * strength_of("clay")
+
+
+def test_sediments_go_over_into_each_other_across_a_border(survey):
+    """Six cells of 2 m about the first that the map calls gravel, [79, 81]: two means over three cells each."""
+    scene = painted(survey, more='<float name="sediment_border" value="12"/>')
+    clay, gravel = strength_of("clay"), strength_of("sandy gravel")
+    aside, north = np.arange(2000) * 0.05 % 1.9 + 0.05, 10.02 + 0.05 * np.arange(2000)
+
+    def share_of_gravel(west):
+        return (strength_along(scene, west + aside, north) - clay) / (gravel - clay)
+
+    found = np.array([share_of_gravel(west) for west in (73, 75, 77, 79, 81, 83)])
+    assert set(np.unique(np.abs(np.round(found, 3)))) == {0, 1}                 # patches of one or the other
+    share = found.mean(1)
+    assert share[0] == pytest.approx(0, abs=1e-4) and share[5] == pytest.approx(1, abs=1e-4)
+    np.testing.assert_allclose(share[1:5], np.array([1, 3, 6, 8]) / 9, atol=0.04)
+    assert np.array_equal(share_of_gravel(77), found[2])
 
 
 def test_faces_about_holes_keep_their_classes(survey):
@@ -111,6 +134,7 @@ def test_holes_and_relief_through_xml(survey):
     ('<string name="sediment_map" value="map.none"/>', "which is not there"),
     ('<string name="sediment_map" value="{map}"/>', "a map needs sediment_map and sediment_classes"),
     ('<string name="sediment_classes" value="1: clay"/>', "a map needs sediment_map and sediment_classes"),
+    ('<float name="sediment_border" value="3"/>', "sediment_border is written alone"),
     ('<string name="sediment_map" value="{map}"/><string name="sediment_classes" value="3: clay"/>',
      "the map has the code 8 on 5"),
     ('<string name="sediment_map" value="{map}"/><string name="sediment_classes" value="clay"/>',

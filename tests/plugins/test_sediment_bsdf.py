@@ -144,6 +144,50 @@ def test_a_map_of_classes_carries_many_sediments(variant, scale):
     np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE)
 
 
+@pytest.mark.parametrize(("border", "shares"), [(0.0, [0, 0, 0, 1, 1, 1]), (2.0, [0, 0.02, 0.28, 0.72, 0.98, 1])])
+def test_classes_of_a_picture_go_over_into_each_other(variant, border, shares):
+    """Two pixels of 3 m, seen at six places from 1.5 m before their border to 1.5 m after it.
+
+    The share of the other class at d from the border is (1 - 2 d / w)² / 2 within half the width w.
+    """
+    import drjit as dr
+
+    prepare()
+    clay, sand = (strength(mi.load_dict({"type": "sediment", "sediment": name}), (0.5, 0.5, np.full(1, np.pi)), 1e5)
+                  .numpy()[0] for name in ("clay", "medium sand"))
+    material = mi.load_dict({"type": "sediment", "classes": "clay, medium sand", "class_border": border / 3,
+                             "sediment_class": along_u([0, 1])})
+    count = 4000
+    for at, wanted in zip((-1.5, -0.8, -0.25, 0.25, 0.8, 1.5), shares):
+        si = dr.zeros(mi.SurfaceInteraction3f, count)
+        si.uv = mi.Point2f(mi.Float(np.full(count, 0.5 + at / 6)), 0.5)
+        si.p = mi.Point3f(mi.Float(np.full(count, at)), mi.Float(0.05 * np.arange(count) + 0.02), 0)
+        found = (strength(material, (0.5, 0.5, np.full(count, np.pi)), 1e5, si=si).numpy() - clay) / (sand - clay)
+        assert found.mean() == pytest.approx(wanted, abs=0.03)
+        assert np.all(np.abs(found - np.round(found)) < 1e-3)
+
+
+@pytest.mark.parametrize(("more", "words"), [
+    ({"second_share": {"type": "mesh_attribute", "name": "face_share"}}, "second_share is written alone"),
+    ({"second_class": 1.0}, "second_class is a number"),
+    ({"class_border": 2.0, "sediment_class": {"type": "mesh_attribute", "name": "face_class"}}, "has no pixels"),
+])
+def test_borders_that_cannot_be(refusal, more, words):
+    assert words in refusal("sediment", **{"classes": "clay, silt", "sediment_class": along_u([0, 1]), **more})
+
+
+def test_the_edge_of_a_picture_is_no_border(variant):
+    """A picture that repeats itself does not bring the class of its far side in."""
+    import drjit as dr
+
+    prepare()
+    picture = {**along_u([0, 0, 1]), "wrap_mode": "repeat"}
+    material = mi.load_dict({"type": "sediment", "classes": "clay, medium sand", "sediment_class": picture})
+    si = dr.zeros(mi.SurfaceInteraction3f, 500)
+    si.uv, si.p = mi.Point2f(0.01, 0.5), mi.Point3f(mi.Float(np.arange(500) * 0.05), 0, 0)
+    assert np.ptp(strength(material, (0.5, 0.5, np.full(500, np.pi)), 1e5, si=si).numpy()) == 0
+
+
 def test_facets_of_a_mesh_carry_classes_and_parameters(variant):
     """Facets' own class numbers and nodes' own roughness, seen by rays that a scene's materials are asked about."""
     from mitsonar.scene import materials
@@ -225,6 +269,7 @@ def test_parameters_can_be_changed(make):
     (dict(classes="clay, sand"), "classes is written without sediment_class"),
     (dict(sediment_class=1.0), "sediment_class is a number; give a texture of class numbers"),
     (dict(class_scale=255.0), "class_scale is written without sediment_class"),
+    (dict(class_border=2.0), "class_border is written without sediment_class"),
     (dict(mesh_resolution=-0.1), "mesh_resolution is the float -0.1; expected a number [m] at least 0"),
     (dict(roughness=0.1), 'unknown attribute "roughness"'),
 ])
