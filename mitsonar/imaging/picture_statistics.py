@@ -1,0 +1,297 @@
+"""What tells a sidescan's picture from another: statistics of amplitudes, the same for real and rendered records.
+
+    x = A / <A> - 1                          <A> the slow trend, a Gaussian mean of 12 pings by 12 samples
+    CV = std(A') / mean(A')                  A' in windows of 16 x 16 over the plane that fits them; Rayleigh: 0.523
+    c(k) = <x_n x_(n+k)> / <x²>              along pings and along range, of amplitudes and of intensities: in windows
+                                             of 32 x 32, the median of all windows, so that single objects do not count
+    S(f) = <|FFT(w x)|² / (<x²> Σ w²)>       runs of 64 samples under Hann's window; 1 at all f is white
+
+A -> ``amplitude``. The gain of a real recorder is not known. Everything here is a ratio of neighbours in range, or of
+pings at one range, which a gain over range leaves as it is; `dynamic_range_db` alone holds the gain too, and says so.
+Windows lie on open bed: beyond the first return by `CLEAR` m, and within 3 dB of the bed's median at their range.
+
+The first return is the first rise of 8 dB between the means of 16 samples before and after. Shadows are patches of
+bed, 5 x 5 means, 8 dB and more under the bed's median at their range; how deep they are is that of their middles.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+__all__ = ["PictureStatistics", "first_return", "measure", "open_bed"]
+
+WINDOW, SQUARE, LONG = 16, 32, 64  # samples
+WIDE = 128                         # samples, of windows in which the bed's texture counts as well
+TREND = 12.0                       # samples, standard deviation
+CLEAR = 2.0                        # [m]
+BLIND = 1.0                        # [m], of the transmission
+RISE_DB, STEP = 8.0, 16            # of the first return; samples
+OPEN_DB = 3.0                      # from the bed's median at that range
+DARK_DB, SMALLEST = 8.0, 60        # of shadows: under the bed; samples
+LAGS = 5
+QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureStatistics:
+    """Statistics of one side.
+
+    Attributes
+    ----------
+    windows : int
+        Of 16 x 16 samples, on open bed.
+    variation : float [-]
+        Median coefficient of variation of amplitudes.
+    quantiles : (5,) [-]
+        1, 10, 50, 90, 99 % of amplitudes over the local mean.
+    ping_correlation, range_correlation : (5,) [-]
+        Of amplitudes at lags 1 to 5.
+    ping_intensity_correlation, range_intensity_correlation : (5,) [-]
+    ping_texture, range_texture : float [-]
+        Correlation of amplitudes at lag 1 in windows of 128 x 128 less their mean alone: speckle and whatever the bed
+        is made of. NaN where no such window lies on bed.
+    ping_spectrum, range_spectrum : (5,) [-]
+        In octaves of the wavelength, 2-4, 4-8, 8-16, 16-32, 32-64 samples; white: 1.
+    shadows : int
+        How many samples are in shadows.
+    shadow_db : (3,) [dB]
+        Quartiles of the depth of shadows under the bed, by intensity; NaN without any.
+    rise : float [m]
+        Of the first return's mean intensity, from 10 to 90 % of its peak.
+    peak_db : float [dB]
+        Of the first return over the bed 1 to 3 m beyond it.
+    water_db : float [dB]
+        Mean intensity 0.5 to 2 m before the first return, re the bed 1 to 3 m beyond it.
+    dynamic_range_db : float [dB]
+        From 0.1 to 99.9 % of amplitudes; with the recorder's gain.
+    values : int
+        How many different amplitudes there are.
+    saturated : float [-]
+        Share of samples that have the highest amplitude of all.
+    """
+
+    windows: int
+    variation: float
+    quantiles: np.ndarray
+    ping_correlation: np.ndarray
+    range_correlation: np.ndarray
+    ping_intensity_correlation: np.ndarray
+    range_intensity_correlation: np.ndarray
+    ping_texture: float
+    range_texture: float
+    ping_spectrum: np.ndarray
+    range_spectrum: np.ndarray
+    shadows: int
+    shadow_db: np.ndarray
+    rise: float
+    peak_db: float
+    water_db: float
+    dynamic_range_db: float
+    values: int
+    saturated: float
+
+
+def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = None) -> PictureStatistics:
+    """Measure one side of a sidescan's picture.
+
+    Parameters
+    ----------
+    amplitude : (ping, sample)
+        Envelopes, not decibels, near range first.
+    spacing : float [m]
+        Of samples in slant range.
+    keep : (ping, sample) bool, optional
+        Where open bed may be looked for; everywhere by default.
+
+    Returns
+    -------
+    PictureStatistics
+
+    Raises
+    ------
+    ValueError
+        If there are less than 64 pings or samples, amplitudes are negative or no numbers, or no bed is found.
+    """
+    amplitude = _checked(amplitude, spacing)
+    first = first_return(amplitude, spacing)
+    bed, level, middle = _bed(amplitude, first, spacing)
+    open_ = _open(bed, level, middle, keep)
+    ratio = np.where(open_, amplitude / _trend(amplitude, open_), np.nan)
+    variations = [_variation(amplitude[part]) for part in _windows(open_, WINDOW)]
+    squares = [ratio[part] for part in _windows(open_, SQUARE)]
+    if not squares:
+        raise ValueError("no window of 32 x 32 samples of open bed was found; give a record with more of an even bed.")
+    wide = [amplitude[part] for part in _windows(bed if keep is None else bed & keep, WIDE)]
+    dark = _shadows(bed, level, middle)
+    return PictureStatistics(
+        windows=len(variations), variation=float(np.median(variations)),
+        quantiles=np.nanquantile(ratio, QUANTILES),
+        ping_correlation=_correlation(squares, 0), range_correlation=_correlation(squares, 1),
+        ping_intensity_correlation=_correlation([one ** 2 for one in squares], 0),
+        range_intensity_correlation=_correlation([one ** 2 for one in squares], 1),
+        ping_texture=float(_correlation(wide, 0)[0]), range_texture=float(_correlation(wide, 1)[0]),
+        ping_spectrum=_spectrum(ratio, 0), range_spectrum=_spectrum(ratio, 1),
+        shadows=dark.size, shadow_db=np.quantile(dark, (0.25, 0.5, 0.75)) if dark.size else np.full(3, np.nan),
+        **_onset(amplitude, first, spacing), **_recorder(amplitude))
+
+
+def first_return(amplitude: np.ndarray, spacing: float) -> np.ndarray:
+    """Find the sample of the bed's first return of every ping, (P,) int; smoothed over 15 pings.
+
+    Raises
+    ------
+    ValueError
+        If fewer than half of the pings rise by 8 dB anywhere.
+    """
+    power = ndimage.uniform_filter1d(np.asarray(amplitude, float) ** 2, 9, axis=0)
+    level = np.log10(np.maximum(ndimage.uniform_filter1d(power, STEP, axis=1), 1e-300))
+    rise = 10 * (np.roll(level, -STEP // 2, 1) - np.roll(level, STEP // 2, 1))
+    blind = int(np.ceil(BLIND / spacing)) + STEP
+    rise[:, :blind], rise[:, -STEP:] = 0, 0
+    found = rise > RISE_DB
+    if np.mean(found.any(1)) < 0.5:
+        raise ValueError("no first return was found: fewer than half of the pings rise by 8 dB beyond the water; "
+                         "give a record that begins at the sonar.")
+    start = found.argmax(1)
+    ahead = start[:, None] + np.arange(2 * STEP)
+    best = np.take_along_axis(rise, np.minimum(ahead, rise.shape[1] - 1), 1).argmax(1)
+    place = np.where(found.any(1), start + best, -1)
+    known = np.flatnonzero(place >= 0)
+    place = np.interp(np.arange(place.size), known, place[known])
+    return np.rint(ndimage.median_filter(place, 15, mode="nearest")).astype(int)
+
+
+def open_bed(amplitude: np.ndarray, spacing: float) -> np.ndarray:
+    """Tell which samples (ping, sample) are bed without objects, shadows and strong patches."""
+    amplitude = _checked(amplitude, spacing)
+    return _open(*_bed(amplitude, first_return(amplitude, spacing), spacing), None)
+
+
+def _checked(amplitude, spacing):
+    amplitude = np.asarray(amplitude, float)
+    if amplitude.ndim != 2 or min(amplitude.shape) < LONG or not 0 < spacing < np.inf:
+        raise ValueError(f"amplitudes have the shape {amplitude.shape} and samples of {spacing:g} m; at least {LONG} "
+                         f"pings by {LONG} samples are needed, and a spacing above 0.")
+    if not np.all(amplitude >= 0) or not np.isfinite(amplitude).all():
+        raise ValueError("amplitudes are negative or no numbers; give envelopes, not decibels.")
+    return amplitude
+
+
+def _bed(amplitude, first, spacing):
+    """Tell where bed is (P, N), levels of 5 x 5 samples (P, N) and their medians by range (N,) [dB]."""
+    bed = np.arange(amplitude.shape[1]) >= first[:, None] + int(np.ceil(CLEAR / spacing))
+    bed[:, bed.sum(0) < max(8, len(bed) // 20)] = False      # too few pings to say what the bed is there
+    if not bed.any():
+        raise ValueError("no bed lies beyond the first return; give a record of a longer range.")
+    level = 10 * np.log10(np.maximum(ndimage.uniform_filter(amplitude ** 2, 5), 1e-300))
+    middle = np.full(amplitude.shape[1], np.median(level[bed]))
+    some = bed.any(0)
+    middle[some] = np.nanmedian(np.where(bed, level, np.nan)[:, some], 0)
+    return bed, level, middle
+
+
+def _open(bed, level, middle, keep):
+    """Tell where the mean level of 16 x 16 samples is the bed's at that range, (P, N)."""
+    deviation = ndimage.uniform_filter(level, WINDOW) - ndimage.median_filter(middle, 31)
+    # a changing altitude, and sediments, move all levels slowly: each ping's own median goes first
+    some, own = bed.any(1), np.zeros((len(bed), 1))
+    own[some, 0] = np.nanmedian(np.where(bed, deviation, np.nan)[some], 1)
+    fine = bed & (np.abs(deviation - own) < OPEN_DB)
+    return fine if keep is None else fine & keep
+
+
+def _trend(amplitude, open_):
+    weight = ndimage.gaussian_filter(open_.astype(float), TREND)
+    around = ndimage.gaussian_filter(np.where(open_, amplitude, 0.0), TREND)
+    return np.maximum(around, 1e-30) / np.maximum(weight, 1e-9)
+
+
+def _windows(open_, size):
+    """Slices of squares that are open bed wholly."""
+    for ping in range(0, open_.shape[0] - size + 1, size):
+        for start in range(0, open_.shape[1] - size + 1, size):
+            part = np.s_[ping:ping + size, start:start + size]
+            if open_[part].all():
+                yield part
+
+
+def _variation(window):
+    y, x = np.meshgrid(*(np.arange(size) - (size - 1) / 2 for size in window.shape), indexing="ij")
+    plane = np.stack((np.ones(window.size), y.ravel(), x.ravel()), 1)
+    fitted = plane @ np.linalg.lstsq(plane, window.ravel(), rcond=None)[0]
+    ratio = window.ravel() / np.maximum(fitted, 0.05 * window.mean() + 1e-12)
+    return ratio.std(ddof=3) / ratio.mean()
+
+
+def _correlation(windows, axis):
+    """Give medians over windows of the correlation at lags 1 to 5."""
+    if not windows:
+        return np.full(LAGS, np.nan)
+    found = []
+    for window in windows:
+        values = np.moveaxis(window - window.mean(), axis, 0)
+        power = max(np.mean(values ** 2), 1e-300)
+        found.append([np.mean(values[:-lag] * values[lag:]) / power for lag in range(1, LAGS + 1)])
+    return np.median(found, 0)
+
+
+def _spectrum(ratio, axis):
+    """Give mean periodograms of runs of 64 samples without gaps, in octaves of the wavelength."""
+    lines = np.moveaxis(ratio, axis, -1)
+    lines = lines[:, :lines.shape[1] // LONG * LONG].reshape(-1, LONG)
+    lines = lines[np.isfinite(lines).all(1)]
+    if not len(lines):
+        return np.full(LAGS, np.nan)
+    lines = lines - lines.mean(1, keepdims=True)
+    window = np.hanning(LONG)
+    scale = np.maximum(lines.var(1, keepdims=True), 1e-300) * np.sum(window ** 2)
+    power = (np.abs(np.fft.rfft(lines * window)) ** 2 / scale).mean(0)
+    octaves = [LONG // 2 ** octave for octave in range(1, LAGS + 2)]          # 32, 16, ... cycles in the run
+    return np.array([power[low:high].mean() for high, low in zip(octaves, octaves[1:])])
+
+
+def _shadows(bed, level, middle):
+    """Give depths [dB] under the bed within shadows, without their edges."""
+    number, count = ndimage.label(bed & (level < middle - DARK_DB))
+    if not count:
+        return np.empty(0)
+    large = np.flatnonzero(np.bincount(number.ravel())[1:] >= SMALLEST) + 1
+    inside = ndimage.binary_erosion(np.isin(number, large), iterations=2)
+    return (middle - level)[inside]
+
+
+def _onset(amplitude, first, spacing):
+    """Rise, peak and water column from the mean over pings whose first returns are laid on each other."""
+    before, after = int(np.ceil(2.2 / spacing)), int(np.ceil(3.2 / spacing))
+    offsets = np.arange(-before, after)
+    there = np.flatnonzero((first - before >= int(BLIND / spacing)) & (first + after < amplitude.shape[1]))
+    if there.size < 8:
+        return {"rise": np.nan, "peak_db": np.nan, "water_db": np.nan}
+    power = amplitude[there[:, None], first[there, None] + offsets] ** 2
+    fine = ndimage.uniform_filter1d(power, 3, axis=1)
+    span = np.abs(offsets * spacing) < 0.6
+    bed = _mean(power, (offsets * spacing > 1) & (offsets * spacing < 3))
+    water = _mean(power, (offsets * spacing > -2) & (offsets * spacing < -0.5))
+    rises, peaks = [], []
+    for start in range(0, len(there), 8):                          # speckle averaged, altitude still the same
+        rows = fine[start:start + 8].mean(0)
+        peak = rows[span].max()
+        top = np.flatnonzero(span)[rows[span].argmax()]
+        floor = rows[:before // 2].mean()
+        rising = (rows[:top + 1] - floor) / max(peak - floor, 1e-300)
+        low = top - np.argmax(rising[::-1] < 0.1)
+        rises.append((np.flatnonzero(rising[low:] > 0.9)[0]) * spacing)
+        peaks.append(10 * np.log10(peak / power[start:start + 8][:, offsets * spacing > 1].mean()))
+    return {"rise": float(np.median(rises)), "peak_db": float(np.median(peaks)),
+            "water_db": float(10 * np.log10(max(water, 1e-30) / max(bed, 1e-30)))}
+
+
+def _mean(power, columns):
+    """Median over pings of the mean over columns: pings that meet a wreck first do not count."""
+    return float(np.median(power[:, columns].mean(1)))
+
+
+def _recorder(amplitude):
+    low, high = np.quantile(amplitude, (0.001, 0.999))
+    return {"dynamic_range_db": float(20 * np.log10(max(high, 1e-30) / max(low, 1e-30))),
+            "values": int(np.unique(amplitude).size), "saturated": float(np.mean(amplitude == amplitude.max()))}
