@@ -176,6 +176,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     label = np.where(in_beam > 0, record.truth.label, np.uint32(0))
     slant_range = 0.5 * sonar.sound_speed * time
     shadow = _shadow(in_beam, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
+    beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
     dims = ("ping", "side", "range")
 
     def entry(values, units, long_name, dims=dims, **more):
@@ -205,7 +206,9 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
             "altitude": entry(np.array(depth_below, float), "m", "height above the seabed", along)},
         attrs={"sonar": "sidescan", "seed": int(seed), "sound_speed": float(sonar.sound_speed),
                "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
-               "pulse_length": float(sonar.pulse_length), "absorption_db": float(absorption_db),
+               "pulse_length": float(sonar.pulse_length), "beam_width": beam_width,
+               "vertical_beam_width": vertical_beam_width, "depression_angle": float(sonar.depression_angle),
+               "absorption_db": float(absorption_db),
                "noise_db": None if noise_db is None else float(noise_db),
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": speckle is not None,
                "labels": {str(number): name for number, name in labels.items()}})

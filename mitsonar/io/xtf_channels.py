@@ -78,6 +78,9 @@ def file_header(channels: Sequence[Channels], passage: Passage, name: str) -> by
         info.TypeOfChannel, info.SubChannelNumber = 1 + number % 2, number
         info.CorrectionFlags, info.UniPolar, info.BytesPerSample, info.SampleFormat = SLANT_RANGE, UNIPOLAR, 2, WORD
         info.Reserved, info.VoltScale, info.Frequency, info.BeamsPerArray = each.count, VOLTS, khz, 1
+        info.HorizBeamAngle, info.BeamWidth, info.TiltAngle = (
+            np.rad2deg(each.record.attrs.get(angle, 0.0))
+            for angle in ("beam_width", "vertical_beam_width", "depression_angle"))
         info.ChannelName = _ascii(f"{('Port', 'Starboard')[number % 2]} {khz:g}", 15)
     return bytes(header)
 

@@ -18,6 +18,7 @@ from .beam_shapes import EVEN, BeamShape
 __all__ = ["Aperture", "length_for_beam_width"]
 
 HALF_POWER = 0.44294647069         # sinc² = 1/2
+FINER = 16                         # steps within those of a table, to find where it falls to a half
 
 
 def sinc(x: Numbers) -> Numbers:
@@ -72,7 +73,15 @@ class Aperture:
         return self.across_shape.pressure(v, self.height / wavelength)
 
     def beam_widths(self, wavelength: float) -> tuple[float, float]:
-        """Give the full one-way -3 dB widths along and across of an even face [rad]; π where a side makes no beam."""
-        along, across = (2 * np.arcsin(min(1.0, HALF_POWER * wavelength / side)) if side > 0 else np.pi
-                         for side in (self.length, self.height))
+        """Give the full one-way -3 dB widths along and across [rad]; π where a side makes no beam."""
+        along, across = (_width(side / wavelength, shape) for side, shape in
+                         ((self.length, self.along_shape), (self.height, self.across_shape)))
         return along, across
+
+
+def _width(size: float, shape: BeamShape) -> float:
+    if shape.table is None:
+        return float(2 * np.arcsin(min(1.0, HALF_POWER / size))) if size > 0 else np.pi
+    s = np.linspace(-1, 1, FINER * (len(shape.table) - 1) + 1)
+    loud = s[np.interp(s, s[::FINER], np.abs(shape.table)) >= np.sqrt(0.5)]
+    return float(np.arcsin(loud[-1]) - np.arcsin(loud[0]))

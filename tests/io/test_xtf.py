@@ -4,6 +4,7 @@ The record: 40 pings northward at 2 m/s, 12 m over a level bed 20 m deep, 200 bi
 """
 import numpy as np
 import pytest
+import pyxtf
 import xtf_by_bytes
 from synthetic_sidescan import sidescan
 
@@ -63,6 +64,15 @@ def test_channels_say_their_ranges_and_gain(record, tmp_path):
         # how readers use half the speed of sound
         assert side["slant_range"] == pytest.approx(side["duration"] * pings[7]["sound_speed"])
         assert side["flags"] == 4                               # time-varied gain
+
+
+def test_channels_say_their_beams(record, tmp_path):
+    built = {"beam_width": 0.4, "vertical_beam_width": 50.0, "depression_angle": 20.0}
+    told = record.assign_attrs({name: np.deg2rad(angle) for name, angle in built.items()})
+    xtf.write(told, tmp_path / "a.xtf", start=STARTED)
+    header, _ = pyxtf.xtf_read(str(tmp_path / "a.xtf"))
+    for info in header.ChanInfo[:2]:
+        assert (info.HorizBeamAngle, info.BeamWidth, info.TiltAngle) == pytest.approx((0.4, 50, 20))
 
 
 @pytest.mark.parametrize("tvg", ["seabed", "target", None])

@@ -9,6 +9,7 @@ import pytest
 from scipy.special import fresnel
 
 from mitsonar.sonar.beam_shapes import BeamShape, half_power, line_shape, measured_shape
+from mitsonar.sonar.directivity import Aperture, length_for_beam_width
 
 SIZE = 60.0                        # [wavelengths]
 SINES = np.linspace(-1, 1, 20001)
@@ -79,3 +80,11 @@ def test_shapes_that_are_no_beam_are_refused(wrong):
 def test_angles_that_do_not_increase_within_the_half_space_are_refused(angle):
     with pytest.raises(ValueError, match="increase"):
         measured_shape(np.array(angle), np.zeros(len(angle)))
+
+
+@pytest.mark.parametrize("window", ["hann", "taylor 4 30"])
+def test_a_shaded_face_tells_its_width(window):
+    width, wavelength = np.deg2rad(0.5), 0.005
+    length = length_for_beam_width(width, wavelength, half_power(window))
+    face = Aperture(length=length, along_shape=line_shape(length / wavelength, window=window))
+    assert face.beam_widths(wavelength)[0] == pytest.approx(width, rel=5e-3)          # steps of the table
