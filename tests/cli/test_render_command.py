@@ -180,7 +180,8 @@ def test_progress_shows_parts_of_a_ping(shown, terminal):
 def test_the_demo_is_quick_and_looks_like_its_scene(variant):
     """A ray takes 0.3 µs of CPU, and loading, compiling and writing 12 s: 18 s are left for rays, of 30.
 
-    Rays leave 0.4 dB in a bin, speckle 5.6: beside it that is not seen.
+    Rays leave 0.4 dB in a bin, speckle 5.6: beside it that is not seen. In shadows, which side lobes fill, few rays
+    arrive.
     """
     from mitsonar.cli.rendering import DEMO
     from mitsonar.io import scenes
@@ -190,7 +191,7 @@ def test_the_demo_is_quick_and_looks_like_its_scene(variant):
     assert pings * DEMO["rays"] * 0.3e-6 < 18
     demo, full = (mitsonar.render(mitsonar.load_file(path, **{**values, "pings": 20})) for values in (DEMO, {}))
     levels = [image["mean_level"].values for image in (demo, full)]
-    heard = (levels[0] > 60) & (levels[1] > 60)
+    heard = (levels[0] > 60) & (levels[1] > 60) & (demo["label"].values > 0) & (full["label"].values > 0)
     difference = (levels[0] - levels[1])[heard]
     assert abs(difference.mean()) < 0.03 and np.diff(np.percentile(difference, [16, 84]))[0] / 2 < 0.56
     speckled = [image["level"].values for image in (demo, full)]
