@@ -51,7 +51,7 @@ def _layered(sonar, slant_range, width):
 def _run(quick):
     asked, level = PRINTED
     rows = [Row("printed example", float(volume_reverberation_db(**asked, sound_speed=SPEED)), level, 1e-6, "dB")]
-    rays, pings = (900_000, 60) if quick else (1_600_000, 200)
+    rays, pings = (800_000, 60) if quick else (1_600_000, 200)
     r, got, sonar, width = _levels({"volume_strength_db": STRENGTH_DB}, rays, pings)
     expected = (sonar.source_level_db - 20 * np.log10(r) - 2 * ABSORPTION * r + STRENGTH_DB
                 + 10 * np.log10(sonar.solid_angle() * 0.5 * SPEED * sonar.pulse_length))
