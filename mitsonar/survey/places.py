@@ -1,6 +1,7 @@
 """Where the pings of a block are when they are sent, and how their echoes are received: look-ups on the device."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import cast
 
 import drjit as dr
@@ -12,7 +13,7 @@ from ..device.chance import row_keys
 from ..device.types import DrJitArray, UInt32, Vector
 from ..tracing.tracer import Sources, Tracer
 from .survey import Survey
-from .underway import Motion, Reception, Underway
+from .underway import Reception, Underway
 
 __all__ = ["Place", "Places"]
 
@@ -40,7 +41,7 @@ class Places:
         depths, source = np.unique(-position[:, 2], return_inverse=True)
         return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
                      source=source.astype(np.uint32), sources=self._tracer.sources(depths),
-                     depth_below=self._survey.depth_below[ping], motion=self._underway.motion(ping))
+                     depth_below=self._survey.depth_below[ping], underway=self._underway, others=self.of)
 
 
 class Place:
@@ -59,8 +60,10 @@ class Place:
     sources : Sources
     depth_below : (B,) [m]
         Seabed below the sonar.
-    motion : Motion or None
-        How they go on; None: they stand still.
+    underway : Underway
+        How they go on.
+    others : callable
+        Gives the place of any pings.
 
     Attributes
     ----------
@@ -71,10 +74,12 @@ class Place:
     """
 
     def __init__(self, *, ping: np.ndarray, per_ping: int, position: np.ndarray, rotation: np.ndarray,
-                 source: np.ndarray, sources: Sources, depth_below: np.ndarray, motion: Motion | None):
+                 source: np.ndarray, sources: Sources, depth_below: np.ndarray, underway: Underway,
+                 others: Callable[[np.ndarray], Place]):
         self.ping, self.rows, self.sources = ping, per_ping * len(ping), sources
         self.position, self.rotation, self.source_of = position, rotation, source
-        self.depth_below_of, self.motion, self.still = np.asarray(depth_below, float), motion, motion is None
+        self.depth_below_of, self.motion = np.asarray(depth_below, float), underway.motion(ping)
+        self.still, self._underway, self._others = self.motion is None, underway, others
         self._lib = arrays_of(mi.Float)
         # a word of chance for every row, by its number in the survey
         number = ping.astype(np.uint64)[:, None] * np.uint64(per_ping) + np.arange(per_ping, dtype=np.uint64)
@@ -85,6 +90,15 @@ class Place:
         self._source = upload(mi.UInt32, source)
         self._below = upload(mi.Float, self.depth_below_of.astype(np.float32))
         dr.eval(self._key, self._position, self._rotation, self._source, self._below)
+
+    def of(self, ping: np.ndarray) -> Place:
+        """Give the place of pings of the survey; that of some of the block's shares its ray fans."""
+        here = np.searchsorted(self.ping, ping)
+        if not np.isin(ping, self.ping).all():
+            return self._others(ping)
+        return Place(ping=ping, per_ping=self.rows // len(self.ping), position=self.position[here],
+                     rotation=self.rotation[here], source=self.source_of[here], sources=self.sources,
+                     depth_below=self.depth_below_of[here], underway=self._underway, others=self._others)
 
     def key(self, row: DrJitArray) -> mi.UInt32:
         """Give the word of chance of rows."""

@@ -22,6 +22,7 @@ from .energy_bins import EnergyBins
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
 from .ray_need import ray_need
+from .scouts import GROUP, scouts
 from .rows import EchoSource, RowResponse
 from .side_echoes import SideMultipath, SideWater
 from .side_launch import SideLaunch, SideRays
@@ -31,7 +32,7 @@ from .underway import Underway
 
 __all__ = ["Sides"]
 
-RAYS_PER_BLOCK = 1 << 21
+RAYS_PER_BLOCK = 5 << 19           # four pings of 600,000 rays
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
@@ -67,6 +68,8 @@ class Sides:
         self._beams = FaceBeams(sonar)
         self._launch = SideLaunch(survey, self.underway, self._beams.depression)
         self._first_grid, self._second_grid = self._launch.grids()
+        self._scouts = scouts(survey.track, self.bins.farthest, sonar.wavelength / sonar.longest)
+        self._needs: dict[tuple[int, int], np.ndarray] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
         self.pings_per_block = self._pings_per_block()
 
@@ -82,17 +85,30 @@ class Sides:
         by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
         level = len(np.unique(survey.track.position[:, 2])) == 1
         by_copies = THREADS_OWN // (2 * survey.bins * PLACE)
-        return max(1, min(by_rays, by_copies, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
+        most = max(1, min(by_rays, by_copies, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
+        return most if most < GROUP else most // GROUP * GROUP
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
         """Yield the rays that make the record, in one pass."""
         quantiles = self._launch.first_quantiles(place)
         if self._first_grid is not None:
-            rays = self._launch.drawn(place, quantiles, self._first_grid, seed, Salt.FIRST_PASS)
-            need = ray_need(rays.row, rays.cell, *bins_of(place, rays), rows=place.rows, bins=self.bins)
-            quantiles = refine_quantiles(quantiles, need)
+            quantiles = refine_quantiles(quantiles, self._need(place, seed, bins_of))
         yield self._launch.drawn(place, quantiles, self._second_grid, seed, Salt.SECOND_PASS)
+
+    def _need(self, place, seed, bins_of):
+        """How far cells lead into bins that few rays reach, (rows, CELLS), as the pings' scouts find out."""
+        asked = self._scouts[place.ping]
+        known, new = self._needs, np.array([one for one in np.unique(asked) if (seed, one) not in self._needs], int)
+        if len(new):
+            scouts = place.of(new)
+            rays = self._launch.drawn(scouts, self._launch.first_quantiles(scouts), self._first_grid, seed,
+                                      Salt.FIRST_PASS)
+            need = ray_need(rays.row, rays.cell, *bins_of(scouts, rays), rows=scouts.rows, bins=self.bins)
+            known = known | {(seed, one): rows for one, rows in zip(new, need.reshape(len(new), self.per_ping, -1))}
+        # a later block may ask those of this one: a group has no more of them than pings
+        self._needs = {key: known[key] for key in ((seed, one) for one in np.unique(asked)[-GROUP:])}
+        return np.concatenate([known[seed, one] for one in asked])
 
     def response(self, place: Place, rays: SideRays, towards: Vector) -> RowResponse:
         """Give how the side that sent a ray receives its echo: nothing comes from the other side of the body."""

@@ -33,8 +33,8 @@ ATTRIBUTES = (
     Integer("rays", default=100_000, minimum=1, maximum=MOST_RAYS,
             text="per ping, of a sidescan both sides together, of an array only where rays find cells"),
     Number("first_pass", default=0.15, minimum=0, maximum=0.9,
-           text="share of a sidescan's rays that are sent ahead to find where rays are needed; 0: draw them for a flat "
-                "bed"),
+           text="share of a sidescan's rays that are sent ahead to find where rays are needed, by one ping of up to "
+                "four that see the same ground; 0: draw them for a flat bed"),
     Integer("max_depth", default=1, minimum=1, maximum=MOST_BOUNCES,
             text="bounces an echo may have made, the surface's among them; 2: ghosts by way of the seabed or the "
                  "surface, 3: surface multiples"),
