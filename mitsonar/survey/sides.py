@@ -32,7 +32,8 @@ from .underway import Underway
 
 __all__ = ["Sides"]
 
-RAYS_PER_BLOCK = 5 << 19           # four pings of 600,000 rays
+RAYS_PER_BLOCK = 1 << 23           # a second of both of two threads: rays leave nothing in memory
+WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 18      # but for those of the water, and of several bounces
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
@@ -81,7 +82,8 @@ class Sides:
         if sums >= MOST_SUMS:
             raise ValueError(f"{survey.bins} bins and {len(survey.geometry.labels)} shapes make {sums} sums a ping, "
                              f"over {MOST_SUMS}; take fewer bins or let shapes share an id")
-        rays = RAYS_PER_BLOCK if survey.max_depth == 1 else RAYS_PER_BLOCK // 8
+        rays = min(RAYS_PER_BLOCK, RAYS_PER_BLOCK if survey.volume is None else WATER_PER_BLOCK,
+                   RAYS_PER_BLOCK if survey.max_depth == 1 else BOUNCES_PER_BLOCK)
         by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
         level = len(np.unique(survey.track.position[:, 2])) == 1
         by_copies = THREADS_OWN // (2 * survey.bins * PLACE)
