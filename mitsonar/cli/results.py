@@ -19,7 +19,7 @@ def add(commands: Commands) -> None:
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="which ping the view `ping` shows (default: the middle one), or a fan (the first)")
-    plot.add_argument("--tvg", default="seabed", choices=("seabed", "target", "recorder", "none"),
+    plot.add_argument("--tvg", default="recorder", choices=("seabed", "target", "recorder", "none"),
                       help="display gain over range")
     plot.add_argument("--colours", default="copper", choices=("copper", "grey"), help="of a waterfall or a fan")
     plot.set_defaults(run=_plot)

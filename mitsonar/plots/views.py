@@ -27,7 +27,7 @@ from .truth import TRUTH
 FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}  # the plots of an array's beams
 
 
-def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None:
+def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> None:
     """Draw the waterfall of a sidescan, or of a single row a ping, or the fan of an array's first ping.
 
     Parameters
@@ -49,7 +49,7 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "seabed") -> None
     plot(dataset, "waterfall", path, tvg=tvg)
 
 
-def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "seabed", ping: int | None = None,
+def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder", ping: int | None = None,
          colours: str = "copper") -> None:
     """Draw one of the plots named in `PLOTS`.
 
