@@ -199,13 +199,13 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
     """
     _check_names(kernel, return_path)
     seed = checked_seed(seed)
-    scene, sensor, integrator = opened(scene, sensor)
-    survey, chosen = _survey(integrator, scene, sensor, ping, lead=LEAD)
-    record = PressureRecord(survey, seed=sensor.own_seed(seed), kernel=kernel, return_path=return_path,
+    scene, sonar, integrator = opened(scene, sensor)
+    survey, chosen = _survey(integrator, scene, sonar, ping, lead=LEAD)
+    record = PressureRecord(survey, seed=sonar.own_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = received_signals(record, chosen, progress=progress, say=say)
     return _with_attributes(array, seed=seed, kernel=kernel, return_path=return_path,
-                            **provenance(scene, sensor, survey))
+                            **provenance(scene, sonar, survey))
 
 
 def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:

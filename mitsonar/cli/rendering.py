@@ -87,7 +87,7 @@ def _render_to(path, values, seed, output, preview, threads, sensor=0):
     set_up(threads)
     scene = load_file(path, **values)
     for which, suffix in _sensors(scene, sensor):
-        image, picture = (_with_suffix(name, suffix) for name in (output, preview))
+        image, picture = _with_suffix(output, suffix), preview and _with_suffix(preview, suffix)
         with Progress() as progress:
             dataset = render(scene, seed=seed, sensor=which, progress=progress, say=warn)
         exr.write(dataset, image)
@@ -111,8 +111,6 @@ def _sensors(scene, asked):
 
 
 def _with_suffix(path, suffix):
-    if path is None:
-        return None
     base, ending = os.path.splitext(path)
     return f"{base}{suffix}{ending}"
 

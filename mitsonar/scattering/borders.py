@@ -28,4 +28,10 @@ def drawn(lib: ArrayTypes, x: Float, y: Float) -> tuple[Float, Float]:
 
 def displacement(lib: ArrayTypes, x: Float, y: Float) -> tuple[Float, Float]:
     """Give displacements d / w, Float (R,), in -1/2 to 1/2 each, of places x, y [m] (R,)."""
-    return tuple(0.5 * (dr.sqrt(2 * dr.minimum(u, 1 - u)) - 1) * dr.select(u < 0.5, 1, -1) for u in drawn(lib, x, y))
+    first, second = drawn(lib, x, y)
+    return _triangular(first), _triangular(second)
+
+
+def _triangular(u):
+    """Numbers in -1/2 to 1/2 of a triangular density, from such in [0, 1)."""
+    return 0.5 * (dr.sqrt(2 * dr.minimum(u, 1 - u)) - 1) * dr.select(u < 0.5, 1, -1)

@@ -49,7 +49,7 @@ class ClassMap:
             si = self._displaced(si)
         number = self._read("sediment_class", si, active, self._scale)
         if "second_class" in self.textures:
-            share = self.textures["second_share"].eval_1(si, active)
+            share = self.textures["second_share"].eval_1(si, mi.Bool(active))
             there = drawn(self._lib, si.p.x, si.p.y)[0] < share
             number = dr.select(there, self._read("second_class", si, active, self._scale), number)
         return number

@@ -95,13 +95,15 @@ class SonarPath(mi.SamplingIntegrator):
                 progress: Callable[[float, float], None] | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
         """Render a planned run; see `mitsonar.render`."""
-        image = kind_of(sensor).picture(survey, sensor, sensor.own_seed(seed), progress, say)
-        return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
+        sonar: Any = sensor
+        image = kind_of(sonar).picture(survey, sonar, sonar.own_seed(seed), progress, say)
+        return image if sonar.leader is None else image.assign_attrs(seed=int(seed))
 
     def frames(self, survey: Survey, sensor: mi.Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
         """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
-        images = frame_kind_of(sensor).frames(survey, sensor, sensor.own_seed(seed))
-        return images if sensor.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
+        sonar: Any = sensor
+        images = frame_kind_of(sonar).frames(survey, sonar, sonar.own_seed(seed))
+        return images if sonar.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
 
     def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
                evaluate: bool = True) -> mi.TensorXf:

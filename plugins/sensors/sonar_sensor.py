@@ -96,8 +96,11 @@ class SonarSensor(mi.Sensor):
         return replace(leader.route, interval=interval, offset=offset)
 
     def _check_in_time(self, attributes: Attributes) -> None:
-        interval, needed = self.route.interval, _shortest(self) if self.leader is not None else 0.0
-        if interval is not None and needed > interval * (1 + 1e-9):
+        """Refuse a range whose last echo is not in before the sonar whose track it shares pings again."""
+        if self.leader is None or self.route.interval is None:
+            return
+        interval, needed = self.route.interval, _shortest(self)
+        if needed > interval * (1 + 1e-9):
             raise attributes.error(f"echoes from the range of its film take {needed:.4f} s, and the pings of "
                                    f'"{self.leader.id()}", whose track it shares, come every {interval:.4f} s; give '
                                    "the track to the sonar of the longer range, or write its ping_rate_hz.")
@@ -132,7 +135,6 @@ class SonarSensor(mi.Sensor):
         return f"{type(self).__name__}[{self.frequency / 1000:g} kHz, {self.route.pings} pings]"
 
 
-def _shortest(sonar: SonarSensor) -> float:
+def _shortest(sonar: Any) -> float:
     """Time [s] until the last echo of a ping is in."""
-    film: Any = sonar.film()
-    return float(film.window(slowest_speed(sonar))[0][1])
+    return float(sonar.film().window(slowest_speed(sonar))[0][1])
