@@ -8,6 +8,9 @@ Gaussian times √g (Jakeman 1980, J. Phys. A 13, 31; Abraham and Lyons 2002, IE
 holds N patches has ν of N times as much. g is hashed from the patch alone, as scatterers are from their cell: every
 element, ping and run sees the same seabed. It is drawn from a table of the means of cells of equal probability, whose
 mean is 1 to the last digit; within the cells the variance is lost, 1e-3 of <g²> at ν = 0.1 and less above.
+
+With a border of width w, a place may belong to a patch up to w/2 aside, as between sediments (`borders`). Its g has the
+same distribution, but a resolution cell on a border hears both patches, and is less patchy than ν says.
 """
 import drjit as dr
 import numpy as np
@@ -15,6 +18,7 @@ from scipy.special import gammainc, gammaincinv
 
 from ..device.chance import Salt, hashed
 from ..device.types import ArrayTypes, Bool, Float, Upload
+from .borders import displacement
 
 __all__ = ["LARGEST_SHAPE", "SMALLEST_SHAPE", "Patches", "gamma_cells"]
 
@@ -53,6 +57,8 @@ class Patches:
     lib : Dr.Jit namespace
     upload : callable(type, array)
         `propagation.device.upload`.
+    border : float [m]
+        w, at most ``size``; 0: none.
 
     Raises
     ------
@@ -60,11 +66,15 @@ class Patches:
         If a number is out of range.
     """
 
-    def __init__(self, shape: float, size: float, lib: ArrayTypes, upload: Upload):
+    def __init__(self, shape: float, size: float, lib: ArrayTypes, upload: Upload,
+                 border: float = 0.0):
         if not SMALLEST_SHAPE <= shape <= LARGEST_SHAPE:
             raise ValueError(f"patchiness is {shape}; it must lie in {SMALLEST_SHAPE:g}..{LARGEST_SHAPE:g}.")
         if not 0 < size < np.inf:
             raise ValueError(f"patch_size is {size} m; it must be above 0.")
+        if not 0 <= border <= size:
+            raise ValueError(f"patch_border is {border} m; it must lie in 0..{size:g}, the size of the patches.")
+        self.border = float(border)
         self.shape, self.size, self.lib = float(shape), float(size), lib
         self._per_metre = dr.opaque(lib.Float, 1 / self.size)
         self._cells = upload(lib.Float, gamma_cells(self.shape, 1 << CELL_BITS).astype(np.float32))
@@ -73,5 +83,8 @@ class Patches:
     def at(self, x: Float, y: Float, active: Bool | bool = True) -> Float:
         """Give g [-], Float (R,), at places x and y [m] Float (R,)."""
         lib = self.lib
+        if self.border:
+            aside = displacement(lib, x, y)
+            x, y = (v + part * dr.opaque(lib.Float, self.border) for v, part in zip((x, y), aside))
         i, j = (lib.UInt32(lib.Int32(dr.floor(v * self._per_metre))) for v in (x, y))
         return dr.gather(lib.Float, self._cells, hashed(lib, i, j, lib.UInt32(Salt.PATCH)) >> (32 - CELL_BITS), active)

@@ -20,6 +20,9 @@ PATCHES = (
            text="shape ν of the gamma distribution by which strength varies between squares, so that echoes are "
                 "K-distributed; none where it is not written"),
     Number("patch_size", default=1.0, above=0, unit="m", text="side of these squares"),
+    Number("patch_border", default=0.0, minimum=0, unit="m",
+           text="width over which one square goes over into the next, at most their side; 0: steps; resolution cells "
+                "on a border are less patchy"),
 )
 
 
@@ -134,10 +137,14 @@ class Material(mi.BSDF):
 def patches_of(attributes: Attributes) -> Patches | None:
     """Give the patches that the attributes of `PATCHES` say; None where there are none."""
     if attributes.patchiness is None:
-        if attributes.given("patch_size"):
-            raise attributes.error("patch_size is given without patchiness; give both or neither.")
+        if written := attributes.given("patch_size", "patch_border"):
+            raise attributes.error(f"{written[0]} is given without patchiness; give both or neither.")
         return None
-    return Patches(attributes.patchiness, attributes.patch_size, arrays_of(mi.Float), upload)
+    if attributes.patch_border > attributes.patch_size:
+        raise attributes.error(f"patch_border is {attributes.patch_border:g} m, and patches are "
+                               f"{attributes.patch_size:g} m wide; give at most that.")
+    return Patches(attributes.patchiness, attributes.patch_size, arrays_of(mi.Float), upload,
+                   attributes.patch_border)
 
 
 def _shown():

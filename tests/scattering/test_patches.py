@@ -16,7 +16,7 @@ def patches(variant):
     import mitsuba as mi
     from mitsonar.device.arrays import arrays_of, upload
 
-    return lambda shape, size=1.0: Patches(shape, size, arrays_of(mi.Float), upload)
+    return lambda shape, size=1.0, border=0.0: Patches(shape, size, arrays_of(mi.Float), upload, border)
 
 
 def drawn(patches, count=1000):
@@ -68,3 +68,31 @@ def test_a_patch_is_a_square_of_its_size(patches):
 def test_numbers_out_of_range_are_refused(patches, shape, size):
     with pytest.raises(ValueError, match="patch"):
         patches(shape, size)
+
+
+def test_borders_of_patches_are_no_steps(patches):
+    """Along an edge at x = 0 each 5 cm square has g of either side; means go over like (1 - 2 d / w)² / 2."""
+    import mitsuba as mi
+
+    # along the middle of patches of 100 m in y, so that no third one is near
+    d, y = np.array([-30.0, -10.0, -2.5, 2.5, 10.0, 30.0]), 50 + 0.05 * (np.arange(4000) % 200 - 100)
+    x = d[:, None] + 0.05 * (np.arange(4000) // 200)
+    places = mi.Float(x.ravel()), mi.Float(np.tile(y, 6))
+    steps, soft = (patches(1.0, 100.0, border).at(*places).numpy().reshape(6, -1) for border in (0.0, 40.0))
+    left, right = steps[0, 0], steps[5, 0]
+    assert left != right and np.array_equal(np.unique(steps), np.sort([left, right]))
+    share = ((soft - left) / (right - left)).mean(1)
+    middle = x.mean(1)
+    beyond = 0.5 * (1 - np.minimum(2 * np.abs(middle) / 40, 1)) ** 2
+    np.testing.assert_allclose(share, np.where(middle < 0, beyond, 1 - beyond), atol=0.03)
+
+
+def test_a_place_within_a_border_is_distributed_as_any_other(patches):
+    import mitsuba as mi
+
+    count = 300
+    x, y = (axis.ravel() * 3.0 + 0.02 for axis in np.meshgrid(np.arange(count), np.arange(count)))
+    g = patches(0.5, 1.0, 1.0).at(mi.Float(x), mi.Float(y)).numpy().astype(float)
+    assert g.mean() == pytest.approx(1, abs=0.02) and (g ** 2).mean() == pytest.approx(3, rel=0.05)
+    with pytest.raises(ValueError, match="patch_border is 2.0 m; it must lie in 0..1"):
+        patches(0.5, 1.0, 2.0)
