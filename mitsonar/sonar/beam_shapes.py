@@ -6,7 +6,9 @@ s is the sine of the angle to the normal, L -> the side, ξ from -1/2 to 1/2 alo
 `shading`. g -> ``sag`` [wavelengths], how far the edges of a curved face stand back: the phase of an arc, to second
 order; 0.5 to 1 make beams flat-topped. An even, flat line has p = sinc x. f -> ``floor``, the mean power of diffuse
 side lobes: what errors σ of amplitude and phase [rad] from segment to segment leave of a line of N of them,
-f = σ²/N of the axis (Mailloux 2005, Phased Array Antenna Handbook, ch. 7); -20 to -35 dB of faces in use.
+f = σ²/N of the axis (Mailloux 2005, Phased Array Antenna Handbook, ch. 7); -20 to -35 dB of faces in use. Where the
+housing shields the face above (``shielded``), f is f (1 + s) of s < 0: nothing straight up, which lies behind the plane
+of a face that looks down.
 """
 from __future__ import annotations
 
@@ -37,10 +39,13 @@ class BeamShape:
         Pressures at equal steps of s from -1 to 1; None: those of an even line, sinc(L s / λ).
     floor : float [-]
         Mean power of diffuse side lobes, relative to the axis.
+    shielded : bool
+        Whether they fade to nothing towards s = -1.
     """
 
     table: np.ndarray | None = None
     floor: float = 0.0
+    shielded: bool = False
 
     def __post_init__(self):
         if not 0 <= self.floor < 1:
@@ -59,7 +64,8 @@ class BeamShape:
         lobes = self.lobes(s, size)
         if not self.floor:
             return lobes
-        return np.copysign(np.sqrt((1 - self.floor) * lobes * lobes + self.floor), lobes)
+        floor = self.floor * np.clip(1 + s, 0, 1) if self.shielded else self.floor
+        return np.copysign(np.sqrt((1 - floor) * lobes * lobes + floor), lobes)
 
     def envelope(self, s: np.ndarray, size: float) -> np.ndarray:
         """Give what b does not exceed from |s| on outwards."""
@@ -82,7 +88,8 @@ def half_power(window: str = "boxcar", sag: float = 0.0) -> float:
     return _half_power(window, float(sag))
 
 
-def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: float = 0.0) -> BeamShape:
+def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: float = 0.0,
+               shielded: bool = False) -> BeamShape:
     """Give the beam of a line.
 
     Parameters
@@ -92,6 +99,8 @@ def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: 
         Of `shading.WINDOWS`; "boxcar": even.
     sag : float [wavelengths]
     floor : float [-]
+    shielded : bool
+        See `BeamShape`.
 
     Raises
     ------
@@ -99,13 +108,13 @@ def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: 
         If there is no such window, or the floor is no power below 1.
     """
     if size == 0 or (window.split() == ["boxcar"] and sag == 0):
-        return BeamShape(floor=floor)
+        return BeamShape(floor=floor, shielded=shielded)
     steps = max(FEWEST_STEPS, int(np.ceil(STEPS_PER_LOBE * size)))
     half = _line(np.linspace(0, size, steps + 1), window, sag, max(SEGMENTS, int(np.ceil(2 * size))))
-    return BeamShape(table=np.concatenate([half[:0:-1], half]), floor=floor)
+    return BeamShape(table=np.concatenate([half[:0:-1], half]), floor=floor, shielded=shielded)
 
 
-def measured_shape(angle: np.ndarray, level_db: np.ndarray, *, floor: float = 0.0) -> tuple[BeamShape, float]:
+def measured_shape(angle: np.ndarray, level_db: np.ndarray) -> tuple[BeamShape, float]:
     """Give a measured beam, and its full width at -3 dB [rad].
 
     Parameters
@@ -113,9 +122,7 @@ def measured_shape(angle: np.ndarray, level_db: np.ndarray, *, floor: float = 0.
     angle : (K,) [rad]
         To the normal, increasing, within -π/2 to π/2.
     level_db : (K,) [dB]
-        One way; the loudest is taken as 0 dB. Constant beyond the ends.
-    floor : float [-]
-        Added to what was measured.
+        One way, side lobes and all; the loudest is taken as 0 dB. Constant beyond the ends.
 
     Raises
     ------
@@ -131,7 +138,7 @@ def measured_shape(angle: np.ndarray, level_db: np.ndarray, *, floor: float = 0.
     table = 10 ** (levels / 20)
     loud = np.flatnonzero(levels >= -3.0103)
     ends = np.arcsin(np.clip(np.linspace(-1, 1, steps + 1)[[max(loud[0] - 1, 0), min(loud[-1] + 1, steps)]], -1, 1))
-    return BeamShape(table=table, floor=floor), float(ends[1] - ends[0])
+    return BeamShape(table=table), float(ends[1] - ends[0])
 
 
 @functools.cache

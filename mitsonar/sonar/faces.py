@@ -45,7 +45,7 @@ class BuiltFace:
     sag : float [wavelengths]
         How far the edges stand back across the platform.
     floor, vertical_floor : float [-]
-        Mean power of diffuse side lobes along and across, relative to the axis.
+        Mean power of diffuse side lobes along and across, relative to the axis; unused where a beam is measured.
     pattern, vertical_pattern : MeasuredBeam or None
         Beams as measured, in place of those that widths make.
     """
@@ -67,20 +67,20 @@ class BuiltFace:
         ValueError
             If there is no such window, or a measured beam is none.
         """
-        length, along = _side(self.width, wavelength, self.window, 0.0, self.floor, self.pattern)
+        length, along = _side(self.width, wavelength, self.window, 0.0, self.floor, False, self.pattern)
         height, across = _side(self.vertical_width, wavelength, "boxcar", self.sag, self.vertical_floor,
-                               self.vertical_pattern)
+                               True, self.vertical_pattern)
         return Aperture(length=length, height=height, along_shape=along, across_shape=across)
 
 
-def _side(width: float, wavelength: float, window: str, sag: float, floor: float,
+def _side(width: float, wavelength: float, window: str, sag: float, floor: float, shielded: bool,
           measured: MeasuredBeam | None) -> tuple[float, BeamShape]:
     """The side [m] that makes a beam in its plane, and that beam."""
     if measured is not None:
-        shape, width = measured_shape(measured.angle, measured.level_db, floor=floor)
+        shape, width = measured_shape(measured.angle, measured.level_db)
         return length_for_beam_width(width, wavelength), shape
     # an even line has its closed form to the last digit
     flat = window.split() == ["boxcar"] and not sag
     side = (length_for_beam_width(width, wavelength) if flat
             else length_for_beam_width(width, wavelength, half_power(window, sag)))
-    return side, line_shape(side / wavelength, window=window, sag=sag, floor=floor)
+    return side, line_shape(side / wavelength, window=window, sag=sag, floor=floor, shielded=shielded)

@@ -38,6 +38,7 @@ class Lobes:
 
     def __init__(self, shape: BeamShape, size: float):
         self._floor = dr.opaque(mi.Float, shape.floor) if shape.floor else None
+        self._shielded = shape.shielded
         self._size, self._table = dr.opaque(mi.Float, size), None
         if shape.table is not None:
             last = len(shape.table) - 1
@@ -49,14 +50,19 @@ class Lobes:
     def intensity(self, s: DrJitArray) -> DrJitArray:
         """Give b² of sines s."""
         lobes = dr.square(self._lobes(s))
-        return lobes if self._floor is None else dr.fma(lobes, 1 - self._floor, self._floor)
+        return lobes if self._floor is None else self._filled(s, lobes)
 
     def pressure(self, s: DrJitArray) -> DrJitArray:
         """Give b of sines s, with the sign of p."""
         lobes = self._lobes(s)
         if self._floor is None:
             return lobes
-        return dr.copysign(dr.sqrt(dr.fma(dr.square(lobes), 1 - self._floor, self._floor)), lobes)
+        return dr.copysign(dr.sqrt(self._filled(s, dr.square(lobes))), lobes)
+
+    def _filled(self, s, lobes):
+        """Intensities of lobes at sines s, with the floor."""
+        floor = self._floor * dr.clip(1 + s, 0, 1) if self._shielded else self._floor
+        return dr.fma(lobes, 1 - floor, floor)
 
     def _lobes(self, s):
         """p of sines s."""

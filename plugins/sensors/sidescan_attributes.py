@@ -21,15 +21,16 @@ FACES = (
                                            "`beam_width_deg` is then that of the shaded face"),
     Text("receive_shading", default=SameAs("shading"), text="along the receiving face"),
     Number("sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="mean level along track of the diffuse side lobes of each face, one way, re its axis: what errors of "
-                "segments leave; -20 to -35 of faces in use"),
+           text="mean level along track of the diffuse side lobes of each face whose beam is not measured, one way, re "
+                "its axis: what errors of segments leave; -20 to -35 of faces in use"),
     Number("vertical_sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="the same across, to nadir and upwards: the first return is as bright as that; -10 to -25"),
+           text="the same across, at its full height downwards: the first return is as bright as that; upwards the "
+                "housing shields it; -10 to -25"),
     Number("vertical_sag", default=0.0, minimum=0, maximum=LARGEST_SAG, unit="wavelengths",
            text="how far the edges of a face curved across stand back; 0: flat; 0.5 to 1 make flat-topped beams"),
     File("pattern", default=None,
-         text="CSV with `angle_deg` (to the normal, forward) and `level_db`: measured one-way beam along track; not "
-              "with `beam_width_deg` or `shading`"),
+         text="CSV with `angle_deg` (to the normal, forward) and `level_db`: measured one-way beam along track, side "
+              "lobes and all; not with `beam_width_deg` or `shading`"),
     File("vertical_pattern", default=None,
          text="the same across, angles downwards; not with `vertical_beam_width_deg` or `vertical_sag`"),
     File("receive_pattern", default=None, otherwise="`pattern`", text="of the receiving face, unless it has "

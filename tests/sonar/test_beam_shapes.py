@@ -54,6 +54,13 @@ def test_diffuse_side_lobes_fill_the_nulls_at_their_level():
     assert shape.pressure(0.0, SIZE) == 1
 
 
+def test_a_housing_shields_the_face_from_above():
+    shape = line_shape(1.0, floor=0.04, shielded=True)
+    sines = np.array([-1.0, -0.5, 1.0])
+    expected = np.array([0.0, 0.02, 0.04]) + np.array([1.0, 0.98, 0.96]) * np.sinc(sines) ** 2
+    assert shape.pressure(sines, 1.0) ** 2 == pytest.approx(expected, abs=1e-12)
+
+
 def test_measured_levels_are_kept_and_give_their_width():
     angle = np.radians(np.arange(-90, 91.0))
     level = -3.0103 * (np.degrees(angle) / 20) ** 2
