@@ -28,7 +28,7 @@ from ..sonar.trajectory import NEGLIGIBLE, PingTravel
 
 __all__ = ["Motion", "Reception", "Underway"]
 
-STEPS = 3                          # of iteration: each reduces the error by the sonar's speed over that of sound
+SHORTEST = 1e-9                    # [s]: no way takes less time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
 GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # of the beam, by which mean shifts within a group differ; groups at most
 SHIFTS = 9                         # that stand for a group at most,
@@ -192,19 +192,26 @@ class Motion:
         moves, turns = self._powers
         rows = [dr.gather(self._lib.Array4f, self._table, ping * (moves + turns) + k) for k in range(moves + turns)]
         rows = [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
-        later, time = mi.Float(0), mi.Float(delay)
+        time = mi.Float(delay)
         if moves:
-            for _ in range(STEPS):
-                moved = self._at(rows[:moves], time)
-                way = mi.Vector3f(distance) * towards - moved
-                # |w| - D, without the difference of large numbers
-                later = (dr.squared_norm(moved) - 2 * distance * dr.dot(towards, moved)) / (
-                    (dr.norm(way) + distance) * sound_speed)
-                time = mi.Float(delay) + later
+            leg = rows[:moves], towards, distance, sound_speed
+            _, later = self._later(*leg, time)
+            # a steady sonar is later by a share of the time, l(t) = l(τ) t / τ, which solves t = τ + l(t); what an
+            # unsteady one is off by then, the second step reduces by its speed over that of sound
+            way, later = self._later(*leg, time + later / (1 - later / dr.maximum(time, SHORTEST)))
+            time += later
             towards, delay = dr.normalize(way), delay + mi.Float64(later)
         if turns:
             towards = _turned_back(towards, self._at(rows[moves:], time))
         return Reception(delay=delay, towards=towards)
+
+    def _later(self, rows, towards, distance, sound_speed, time):
+        """The way to where the sonar is at a time, w, and how much later an echo arrives along it than at O."""
+        moved = self._at(rows, time)
+        way = mi.Vector3f(distance) * towards - moved
+        # |w| - D, without the difference of large numbers
+        return way, (dr.squared_norm(moved) - 2 * distance * dr.dot(towards, moved)) / (
+            (dr.norm(way) + distance) * sound_speed)
 
     def _at(self, rows, time):
         """Polynomials of the rows at times [s]."""
