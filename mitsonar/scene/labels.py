@@ -113,9 +113,12 @@ def part_of_face(shape: "mi.Shape") -> np.ndarray:
 
 def fingerprint(meshes: Iterable[tuple[np.ndarray, np.ndarray]]) -> str:
     """Hash of the geometry of meshes given as (vertices, faces), in any order: 16 hexadecimal digits."""
-    digests = sorted(hashlib.sha256(np.ascontiguousarray(vertices, np.float32).tobytes()
-                                    + np.ascontiguousarray(faces, np.uint32).tobytes()).hexdigest()
-                     for vertices, faces in meshes)
+    digests = []
+    for vertices, faces in meshes:
+        digest = hashlib.sha256(np.ascontiguousarray(vertices, np.float32))
+        digest.update(np.ascontiguousarray(faces, np.uint32))
+        digests.append(digest.hexdigest())
+    digests.sort()
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
 
 

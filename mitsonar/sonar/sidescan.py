@@ -81,12 +81,15 @@ class Sidescan:
 
     def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:
         """Give the two-way intensity pattern along the platform, of the cosine u, at reception of `u_back` if given."""
-        back = u if u_back is None else u_back
-        return (self.transmit.along(u, self.wavelength) * self.receive.along(back, self.wavelength)) ** 2
+        sent = self.transmit.along(u, self.wavelength)
+        if u_back is None and self.one_face:
+            return (sent * sent) ** 2
+        return (sent * self.receive.along(u if u_back is None else u_back, self.wavelength)) ** 2
 
     def across_intensity(self, v: Numbers) -> Numbers:
         """Give the two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
-        return (self.transmit.across(v, self.wavelength) * self.receive.across(v, self.wavelength)) ** 2
+        sent = self.transmit.across(v, self.wavelength)
+        return (sent * (sent if self.one_face else self.receive.across(v, self.wavelength))) ** 2
 
     def solid_angle(self) -> float:
         """Integrate the two-way equivalent beam ∫ b_t² b_r² dΩ of one face [sr]."""
@@ -101,7 +104,8 @@ class Sidescan:
     def _over_directions(self, along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers]) -> float:
         """Integrate along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
         phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
+        sine = np.sin(phi)
         w = np.linspace(0, 1, 129)
-        ring = [trapezoid(across(root * np.sin(phi)), phi) for root in w]         # smooth in w = sqrt(1 - u²)
+        ring = [trapezoid(across(root * sine), phi) for root in w]                # smooth in w = sqrt(1 - u²)
         u = np.linspace(-1, 1, 200001)
         return float(trapezoid(along(u) * np.interp(np.sqrt(1 - u * u), w, ring), u))
