@@ -138,6 +138,10 @@ class DeviceWater:
         z0 = start.z if folded else -start.z
         return self.medium(folded).loss_db(mi.Float(z0), mi.Float(-end.z), way.arc_length, mi.Float(way.ray_parameter))
 
+    def one_way_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way, folded: bool = False) -> mi.Float:
+        """One-way absorption [dB], Float (R,), along ways between points; arguments as of `loss_db`."""
+        return 0.5 * self.loss_db(start, end, way, folded)
+
     @property
     def slowest(self) -> float:
         """Sound speed [m/s]."""
