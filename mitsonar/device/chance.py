@@ -49,10 +49,12 @@ class Salt:
     TAILS = 0x4F1BBCDD             # of those rays: what the neighbours share that leave aside of the beam
     # paths of more bounces and points of the water: in an energy record, and for an array
     BOUNCES, WATER = 0x6C62272E, 0x1B873593
+    BOUNCE_RAYS = 0x4B1D3C27       # rays of a sidescan's ping that such paths are made of
     ARRAY_BOUNCES, ARRAY_WATER = 0x3C6EF372, 0x78DDE6E4
     FAN_TRUTH = 0x3C6EF372         # added to keys, not mixed in as the others are
     # of a ray that bounces on: its partner, its next direction, its point target
     PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495
+    CANDIDATE = 0x7C9E1A4F         # of those that its partner is chosen from
     # of a cell of the seabed: where its scatterer lies, and that one's amplitude
     PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4
     # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
@@ -106,14 +108,14 @@ def seeded(row_key: UInt32, seed: int, salt: int) -> UInt32:
 @overload
 def salted(key: int, salt: int, number: int = 0) -> int: ...
 @overload
-def salted(key: UInt32, salt: int, number: int = 0) -> UInt32: ...
+def salted(key: UInt32, salt: int, number: UInt32 | int = 0) -> UInt32: ...
 
 
-def salted(key: UInt32 | int, salt: int, number: int = 0) -> UInt32 | int:
+def salted(key: UInt32 | int, salt: int, number: UInt32 | int = 0) -> UInt32 | int:
     """Give the key of another use; `number` tells apart repetitions of that use, as the bounces of a path."""
     if isinstance(key, int):
         return (key ^ (salt + number)) & WORD
-    return key ^ type(key)(salt + number)
+    return key ^ (type(key)(salt) + number)
 
 
 # ---- hashes

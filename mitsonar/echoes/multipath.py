@@ -8,7 +8,8 @@ along the exact bent ray. Both ends of the path then lie where the beams look, h
     e² = β_i (σ_i / sin θ_i) (1 / A_ij) (σ_j / sin θ_j) ΔΩ_j (c_j / c_0)² 10^(-ᾱ L / 10) / q_ij
 
 σ_i, σ_j towards each other, θ grazing angles that sound came in at, A_ij spreading area between the ends, c sound
-speeds at j and at the source, q_ij the chance that i was paired with j (`partners`).
+speeds at j and at the source, q_ij the chance that i was paired with j: partners are chosen by what the pair would
+bring (`chosen_partners`).
 (Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
 A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
 
@@ -22,8 +23,9 @@ those that begin and end at one, with something rough between, are left out). A 
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import product
 
 import drjit as dr
 import mitsuba as mi
@@ -34,14 +36,18 @@ from ..tracing.free_rays import FreeRays
 from ..tracing.hits import Hits
 from ..tracing.launch import Strata
 from ..tracing.tracer import Sources
+from .chosen_partners import ChosenPartners
 from .connected_ends import ConnectedEnds
 from .ghosts import Ghosts
-from .partners import partners
-from .path_ends import Origins, computed
+from .path_ends import Ends, Origins, computed
 from .paths import Paths
 from .traced_ends import TracedEnds
 
 __all__ = ["Bounces"]
+
+
+NUMBER_STEP = 1 << 8               # of numbers of uses of chance: the candidates of each take the next few
+MOST_WAYS = 8                      # to connect ends: of either view, folded or not, like or unlike
 
 
 class Bounces:
@@ -55,6 +61,11 @@ class Bounces:
     paths : Paths
     single : bool
         Make those of one bounce with the mirror before or after it as well: arrays make theirs of cells.
+
+    Attributes
+    ----------
+    targets : bool
+        Whether the scene has point targets.
     """
 
     def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float, paths: Paths,
@@ -64,10 +75,15 @@ class Bounces:
         self._mirror = geometry.surface_mirrors
         self._ends = TracedEnds(connector, free_rays, frequency=frequency)
         self._connected = ConnectedEnds(connector, frequency=frequency, max_depth=paths.max_depth)
+        self._partners = ChosenPartners(connector.water.profile, frequency=frequency, surface=geometry.surface_label)
+        # pairs of a bed and a surface, and the others, each get partners of their own
+        self._unlike = (True, False) if geometry.surface_label and not self._mirror else (None,)
+        self.targets = bool(self._connected.targets)
         self._smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
 
     def follow(self, hits: Hits, solid_angle: mi.Float, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
-               strata: Strata, key: mi.UInt32) -> Iterator[Ghosts]:
+               strata: Strata, key: mi.UInt32, seen: mi.Float | None = None, *, surfaces: bool = True,
+               targets: bool = True) -> Iterator[Ghosts]:
         """Follow and connect a bundle of rays.
 
         Parameters
@@ -83,39 +99,57 @@ class Bounces:
             How the rays are numbered; partners are of the same row.
         key : UInt32 (R,)
             Of the chance in partners and lobes; the same for all rays of a row.
+        seen : Float (R,) or None
+            Intensity of the sonar's beams towards each ray, in any unit: partners are chosen by it. None: all alike.
+        surfaces, targets : bool
+            Make the paths between surfaces alone; make those that meet a point target.
 
         Yields
         ------
         Ghosts
         """
-        most = self._most
+        most, targets = self._most, targets and self.targets
+        seen = dr.ones(mi.Float, strata.rays) if seen is None else seen
         sonar = Origins(sources=sources, origin=origin, source=source,
                         speed=mi.Float(sources.state.gather(self._lib, source)[1]))
         views = {1: self._ends.first(hits, solid_angle, origin)}        # by bounces made so far
-        points = self._connected.points(sonar, strata, key) if self._connected.targets else {}
+        points = self._connected.points(sonar, strata, key) if targets else {}
         if self._mirror:
             views[2] = self._ends.folded(views[1], origin)
-            if self._single:
+            if self._single and surfaces:
                 yield from self._connected.by_the_mirror(views[1], views[2], sonar)
         for made, a in views.items():
             for bounces in range(made, most):
-                partner, chance = partners(strata, salted(key, Salt.PARTNER, bounces))
-                for more, b in views.items():
-                    for folded in (False, True)[:len(views)]:
-                        if bounces + folded + more <= most:
-                            ghosts = self._connected.pairs(a, b.chosen(partner), chance, sonar, folded)
-                            yield ghosts
-                            if self._smooth and bounces > made:
-                                yield ghosts.reversed(a, origin)
+                if surfaces:
+                    use = MOST_WAYS * (made * most + bounces)
+                    for ghosts in self._between(a, views, most - bounces, seen, sonar, strata, key, use):
+                        yield ghosts
+                        if self._smooth and bounces > made:
+                            yield ghosts.reversed(a, origin)
                 for more, target in points.items():
                     for folded in (False, True)[:len(views)]:
                         if bounces + folded + more <= most:
                             ghosts = self._connected.at_target(a, target, folded)
                             yield ghosts
                             yield ghosts.turned(a, origin)
-                if bounces + 1 < most or self._smooth:
-                    a, mirrored = self._ends.next(a, strata, salted(key, Salt.DIRECTION, bounces))
+                smooth = self._smooth and surfaces
+                if bounces + 1 < most or smooth:
+                    a, mirrored = self._ends.next(a, strata, salted(key, Salt.DIRECTION, bounces),
+                                                  smooth_only=bounces + 1 == most)
                     if bounces == made:
                         a = computed(replace(a, first_smooth=mirrored))
-                    if self._smooth:
+                    if smooth:
                         yield from self._connected.home(a.where(mirrored), sonar, bounces + 2 <= most)
+
+    def _between(self, a: Ends, views: Mapping[int, Ends], left: int, seen: mi.Float, sonar: Origins, strata: Strata,
+                 key: mi.UInt32, use: int) -> Iterator[Ghosts]:
+        """Yield ghosts from ends to chosen ones of the views, which have `left` bounces at most with the mirror's.
+
+        `use` numbers uses of chance, from which on those of these ghosts go.
+        """
+        ways = product(views.items(), (False, True)[:1 + self._mirror], self._unlike)
+        for number, ((more, b), folded, unlike) in enumerate(ways, use):
+            if more + folded <= left:
+                its_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
+                partner, chance = self._partners.choose(a, b, seen, strata, its_key, folded=folded, unlike=unlike)
+                yield self._connected.pairs(a.where(chance > 0), b.chosen(partner), chance, sonar, folded)

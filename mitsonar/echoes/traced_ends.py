@@ -68,8 +68,8 @@ class TracedEnds:
             solid_angle=solid_angle_of(ends.patch, spreading_area=way.spreading_area, sin_grazing=sine),
             loss_db=self._water.one_way_db(origin, hits.point, way, folded=True)))
 
-    def next(self, ends: Ends, strata: Strata, key: mi.UInt32) -> tuple[Ends, mi.Bool]:
-        """Give the ends after one bounce more, and whether that was a mirror's."""
+    def next(self, ends: Ends, strata: Strata, key: mi.UInt32, *, smooth_only: bool) -> tuple[Ends, mi.Bool]:
+        """Give the ends after one bounce more, and whether that was off a smooth target; `smooth_only`: no others."""
         first, second = pair(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
         third, _ = other_pair(second, key)
         first, second, third = (uniform(self._lib, bits) for bits in (first, second, third))
@@ -80,6 +80,8 @@ class TracedEnds:
             image = towards - 2 * dr.dot(last.normal, towards) * last.normal
             direction, share = dr.select(at_surface, image, direction), dr.select(at_surface, 1, share)
         active = last.valid & (share > 0)
+        if smooth_only:
+            active &= mirrored
         hits = self._free_rays.hit(last.point, last.normal, direction, active)
         sine = -dr.dot(hits.normal, hits.arrival_direction)
         return computed(replace(

@@ -7,11 +7,14 @@ the rest of the echo: see `echoes.multipath` and `echoes.volume`.
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import drjit as dr
 import mitsuba as mi
 
 from ..device.chance import Salt, seeded
 from ..echoes.energy_sums import EchoSums
+from ..echoes.ghosts import Ghosts
 from ..echoes.multipath import Bounces
 from ..echoes.volume import WaterEchoes
 from ..tracing.hits import Hits
@@ -28,7 +31,10 @@ FEWER_POINTS = 4                   # of the water than rays: there is no shape t
 
 
 class SideMultipath:
-    """Echoes of more than one bounce, which go on from what rays hit first.
+    """Echoes of more than one bounce, from rays of their own; those of point targets from the rays of a pass.
+
+    Sound leaves for one end of such a path and comes back from the other. Either end is seen by one face, whose beam is
+    wider than the two-way beam that the rays of a pass are drawn for. Of those rays the few between would bring most.
 
     Parameters
     ----------
@@ -36,18 +42,36 @@ class SideMultipath:
     sound : SoundPaths
     beams : FaceBeams
     bins : EnergyBins
+    launch : SideLaunch
     seed : int
     """
 
-    def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins, seed: int):
+    def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
+                 launch: SideLaunch, seed: int):
+        self._launch, self._tracer = launch, sound.tracer
         self._beams, self._bins, self._seed, self._paths = beams, bins, seed, survey.paths
         self._bounces = Bounces(sound.connector, sound.free_rays, frequency=survey.sonar.frequency, paths=survey.paths)
 
     def add(self, place: Place, rays: SideRays, hits: Hits, sums: EchoSums) -> None:
-        """Add the echoes of a pass of rays to the sums."""
-        origin, source = place.origin(rays.ping), place.source(rays.ping)
+        """Add the echoes of several bounces to the sums; `rays` and `hits` are those of a pass."""
         key = seeded(place.key(rays.row), self._seed, Salt.BOUNCES)
-        for ghosts in self._bounces.follow(hits, rays.solid_angle, place.sources, origin, source, rays.strata, key):
+        if self._bounces.targets:
+            # small things near a bed want rays that are dense on it, as those of a pass are
+            followed = self._bounces.follow(hits, rays.solid_angle, place.sources, place.origin(rays.ping),
+                                            place.source(rays.ping), rays.strata, key, surfaces=False)
+            self._add(place, rays, followed, sums)
+        own = self._launch.one_way(place, rays, self._seed)
+        origin, source = place.origin(own.ping), place.source(own.ping)
+        met = self._tracer.trace(place.sources, origin, source, own.direction)
+        seen = self._seen(place, own)
+        dr.eval(met, seen)
+        key = seeded(place.key(own.row), self._seed, Salt.BOUNCES)
+        self._add(place, own, self._bounces.follow(met, own.solid_angle, place.sources, origin, source, own.strata, key,
+                                                   seen, targets=False), sums)
+
+    def _add(self, place: Place, rays: SideRays, followed: Iterator[Ghosts], sums: EchoSums) -> None:
+        """Add ghosts of rays as the faces send and receive them."""
+        for ghosts in followed:
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
             received = place.receive(rays.ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
             bin, inside = self._bins.of(received.delay, ghosts.active)
@@ -60,6 +84,11 @@ class SideMultipath:
             sums.add(row=rays.row, label=ghosts.label, bin=bin, active=inside, in_beam=mi.Bool(False), counted=False,
                      units=self._bins.units(ghosts.energy * pattern, ghosts.loss_db, bin, inside), depth=ghosts.depth,
                      path=self._paths.numbers(ghosts.code))
+
+    def _seen(self, place: Place, rays: SideRays) -> mi.Float:
+        """The mean intensity of both faces towards rays."""
+        body = place.body(rays.ping, rays.direction)
+        return 0.5 * (self._beams.one_way(body, self._beams.transmit) + self._beams.one_way(body, self._beams.receive))
 
 
 class SideWater:

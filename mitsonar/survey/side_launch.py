@@ -6,6 +6,7 @@ wherever it turns while echoes are under way (`underway`); those of φ follow th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 
 import drjit as dr
@@ -15,7 +16,9 @@ import numpy as np
 from ..device.arrays import arrays_of, upload
 from ..device.chance import Salt, even_bits, hashed, other_pair, pair, salted, seeded, stratified, uniform
 from ..device.types import DrJitArray
-from ..tracing.launch import CELLS, WIDE_SHARE, Strata, across_quantiles, along_quantiles, draw, first_quantiles
+from ..tracing.launch import (
+    CELLS, WIDE_SHARE, Strata, across_quantiles, along_quantiles, draw, first_quantiles, one_way_quantiles,
+)
 from .places import Place
 from .rows import Rays
 from .sidescan_survey import SidescanSurvey
@@ -24,6 +27,7 @@ from .underway import Underway
 __all__ = ["SideLaunch", "SideRays", "drawn_across", "ray_grid", "strata_of"]
 
 TALL = 16                          # strata of φ in a tall tile
+BOUNCE_SHARE = 1 / 3               # of a pass's rays: as many more are drawn for paths of several bounces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,8 @@ class SideRays(Rays):
         Of the direction, see `face_beams`.
     strata : Strata
         How the rays are numbered.
+    quantiles : (rows, CELLS + 1) [rad] or None
+        Tables of φ that the rays were drawn through; None: one for all.
     """
 
     row: mi.UInt32
@@ -50,6 +56,7 @@ class SideRays(Rays):
     u: DrJitArray
     v: DrJitArray
     strata: Strata
+    quantiles: np.ndarray | None
 
 
 class SideLaunch:
@@ -68,6 +75,7 @@ class SideLaunch:
         self._survey, self._lib, self._depression = survey, arrays_of(mi.Float), depression
         self._group, shifts = underway.along_shifts(survey.track.rotation(), sonar.sound_speed,
                                                    sonar.wavelength / sonar.longest)
+        self._shifts = shifts
         self.largest_shift = max(float(np.abs(some).max()) for some in shifts)
         tables = np.stack([along_quantiles(sonar, some) for some in shifts])
         self._along = upload(mi.Float, tables.astype(np.float32))
@@ -97,8 +105,26 @@ class SideLaunch:
 
     def drawn(self, place: Place, quantiles: np.ndarray, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
         """Draw the rays of a pass: `grid` strata in φ and u for each row, through tables of φ."""
+        return self._drawn(place, quantiles, grid, seed, salt, self._along)
+
+    def one_way(self, place: Place, rays: SideRays, seed: int) -> SideRays:
+        """Draw rays for paths of several bounces: across like those of a pass, along by the beams of single faces."""
+        first, second = rays.strata.shape
+        grid = ray_grid(max(1, round(first * second * BOUNCE_SHARE)))
+        return self._drawn(place, rays.quantiles, grid, seed, Salt.BOUNCE_RAYS, self._along_one_way)
+
+    @cached_property
+    def _along_one_way(self) -> DrJitArray:
+        """The tables of u that follow the beams of the faces one by one."""
+        tables = np.stack([one_way_quantiles(self._survey.sonar, some) for some in self._shifts])
+        along = upload(mi.Float, tables.astype(np.float32))
+        dr.eval(along)
+        return along
+
+    def _drawn(self, place, quantiles, grid, seed, salt, along):
         strata = strata_of(self._lib, place.rows, grid)
-        return self._rays(place, *drawn_across(self._lib, place, strata, quantiles, seed, salt), strata)
+        drawn = drawn_across(self._lib, place, strata, quantiles, seed, salt)
+        return self._rays(place, *drawn, strata, quantiles, along)
 
     def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
         """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
@@ -110,17 +136,18 @@ class SideLaunch:
         xi_phi = stratified(lib, i_phi, uniform(lib, a), strata.first)
         phi, phi_width, cell = draw(self._across, mi.UInt32(0), xi_phi)
         xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
-        return self._rays(place, row, phi, phi_width, cell, xi_u, strata), mi.Float(uniform(lib, c))
+        rays = self._rays(place, row, phi, phi_width, cell, xi_u, strata, None, self._along)
+        return rays, mi.Float(uniform(lib, c))
 
-    def _rays(self, place, row, phi, phi_width, cell, xi_u, strata):
-        """Rays at angles φ, their u drawn with numbers of [0, 1)."""
-        u, u_width, _ = draw(self._along, self._table_of(place, row), xi_u)
+    def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along):
+        """Rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1)."""
+        u, u_width, _ = draw(along, self._table_of(place, row), xi_u)
         w = dr.sqrt(dr.maximum(1 - u * u, 0))
         sin_phi, cos_phi = dr.sincos(phi)
         side = mi.Float(row & 1) * 2 - 1
         direction = place.scene(row >> 1, mi.Vector3f(u, side * w * cos_phi, w * sin_phi))
         return SideRays(row=row, ping=row >> 1, cell=cell, direction=direction, side=side, strata=strata, u=u,
-                        v=w * dr.sin(phi - self._depression),
+                        v=w * dr.sin(phi - self._depression), quantiles=quantiles,
                         solid_angle=phi_width * u_width / mi.Float(strata.per_row))
 
     def _table_of(self, place, row):

@@ -33,7 +33,7 @@ from .underway import Underway
 __all__ = ["Sides"]
 
 RAYS_PER_BLOCK = 1 << 23           # a second of both of two threads: rays leave nothing in memory
-WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 18      # but for those of the water, and of several bounces
+WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 19      # but for those of the water, and of several bounces
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
 TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
 MOST_SUMS = 1 << 32                # what an index reaches
@@ -130,7 +130,8 @@ class Sides:
         """Give the sources of echoes of several bounces, and of the water."""
         sources: list[EchoSource[SideRays]] = []
         if self._survey.max_depth > 1:
-            sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, seed))
+            sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, self._launch,
+                                         seed))
         if self._survey.volume is not None:
             sources.append(SideWater(self._survey, sound, self._beams, self.bins, self._launch, seed))
         return sources

@@ -23,12 +23,13 @@ import numpy as np
 from ..sonar.sidescan import Sidescan
 
 __all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles",
-           "quantiles", "refine_quantiles"]
+           "one_way_quantiles", "quantiles", "refine_quantiles"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
 WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam,
 LIT_SHARE = 0.1                              # and that ignores the receiving one, where the platform turns
+FINEST = 1 << 16                             # cells of u that tell the side lobes of one face apart
 KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
 
 
@@ -125,6 +126,20 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
         lit = _normalised(sonar.transmit.along(middle, sonar.wavelength) ** 2, edges)
         beam = (1 - LIT_SHARE) * beam + LIT_SHARE * lit
     return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
+
+
+def one_way_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0.0,)) -> np.ndarray:
+    """Quantile table (CELLS + 1,) of u where sound goes out one way and comes back another.
+
+    Either end of such a path is seen by one face alone: a share of the draw follows the beam that sends, as much the
+    beam that receives, and one is spread over all directions. `shifts` (S,) are those of u until reception.
+    """
+    edges = np.linspace(-1, 1, FINEST + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    sent = _normalised(sonar.transmit.along(middle, sonar.wavelength) ** 2, edges)
+    received = (_normalised(sonar.receive.along(middle + shift, sonar.wavelength) ** 2, edges) for shift in shifts)
+    beams = 0.5 * (sent + sum(received, np.zeros(middle.shape)) / len(shifts))
+    return quantiles(edges, ((1 - WIDE_SHARE) * beams + WIDE_SHARE / 2)[None])[0]
 
 
 def _normalised(density: np.ndarray, edges: np.ndarray) -> np.ndarray:

@@ -28,6 +28,8 @@ RUNS = {
              "echoes and shadows"),
     "turns": (["turns.py", "-Drange=8", "-Drays=1000", "-Dcell=0.3", "--pings", "3", "--rounds", "1",
                "--elements", "1"], "1 pings by elements"),
+    "multipath": (["multipath.py", "-Drays=4000", "-Dbins=80", "--pings", "2", "--rounds", "1", "--seeds", "2"],
+                  "max_depth 2"),
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),

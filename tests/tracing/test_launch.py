@@ -3,6 +3,8 @@
 Stratified draws from a table must integrate any function: mean of f(x) / density = ∫ f, here to the stratification
 error; chi² over equal-probability cells is 0 for jittered strata, so the shares of cells are tested directly.
 """
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
@@ -11,7 +13,9 @@ import drjit as dr
 from drjit.auto import Float, UInt32
 from mitsonar.device.arrays import upload
 from mitsonar.sonar import Aperture, Sidescan
-from mitsonar.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, quantiles, refine_quantiles
+from mitsonar.tracing.launch import (
+    CELLS, along_quantiles, draw, first_quantiles, one_way_quantiles, quantiles, refine_quantiles,
+)
 
 
 @pytest.fixture
@@ -62,6 +66,20 @@ def test_draw_along_serves_all_shifts_between_transmission_and_reception(variant
         carried = sonar.along_intensity(u, u + shift) * width
         assert carried.mean() == pytest.approx(trapezoid(sonar.along_intensity(fine, fine + shift), fine), rel=1e-2)
         assert carried.max() < 15 * carried.mean()
+
+
+@pytest.mark.parametrize("shorter", [1.0, 0.25])
+def test_a_draw_for_one_way_gives_no_ray_much_of_either_beam(variant, sonar, rng, shorter):
+    """Half of the draw follows each face: a ray carries 2 / 0.95 of a beam's integral at most, but for the widths of
+    the cells (by the table for both ways, hundreds of times)."""
+    face = Aperture(length=0.66 * shorter, height=0.016)
+    sonar = replace(sonar, receive=face)
+    u, width, _ = drawn(one_way_quantiles(sonar), 50_000, rng)
+    fine = np.linspace(-1, 1, 400_001)
+    for one in (sonar.transmit, sonar.receive):
+        carried = one.along(u, sonar.wavelength) ** 2 * width
+        assert carried.mean() == pytest.approx(trapezoid(one.along(fine, sonar.wavelength) ** 2, fine), rel=1e-2)
+        assert carried.max() < 4 * carried.mean()
 
 
 def _across(sonar):

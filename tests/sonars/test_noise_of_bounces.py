@@ -1,0 +1,63 @@
+"""Echoes by way of a rough sea and the bed: their noise is small, nothing stands out, nothing is biased.
+
+Both are level, the sonar stands still and the water has one sound speed, so that every ping and side is a run of the
+same experiment. Partners that are drawn without a look are the reference: they need no weights but their own chance.
+"""
+import numpy as np
+import pytest
+
+import mitsonar
+from mitsonar.echoes import chosen_partners
+from mitsonar.validation.scenes import bed, lambert, sidescan, water_of
+from mitsonar.water import SoundSpeedProfile
+
+RUNS = 60                          # pings, of two sides
+
+
+def ghosts(shapes, path, *, pings=RUNS, **more):
+    """Powers (runs, bins) of a path, of 20,000 rays a ping."""
+    scene = sidescan({"seabed": bed(30.0, lambert(-10.0)), **shapes}, rays=20_000, pings=pings,
+                     sensor={"vertical_beam_width_deg": 60.0, "beam_width_deg": 1.0}, film={"bins": 100, "range": 60.0},
+                     integrator={"max_depth": 2}, **more)
+    level = mitsonar.render(scene)["path_level"].sel(path_name=path).values.astype(float)
+    return (10 ** (level / 10)).reshape(-1, 100)
+
+
+SEA = {"sea": {"type": "sea_surface", "wind_speed": 6.0, "size": 400.0}}
+
+
+@pytest.fixture(scope="module")
+def by_the_sea():
+    return ghosts(SEA, "bs")
+
+
+def heard(power):
+    mean = power.mean(0)
+    return power[:, mean > 1e-4 * mean.max()]
+
+
+def test_no_bin_stands_out(variant, by_the_sea):
+    # of rays drawn for the two-way beam and partners drawn without a look, the brightest bin is 14 times the mean
+    power = heard(by_the_sea)
+    assert power.shape[1] > 40
+    assert (power / power.mean(0)).max() < 8
+
+
+def test_chosen_partners_save_noise_and_bias_nothing(variant, monkeypatch, by_the_sea):
+    monkeypatch.setattr(chosen_partners, "CANDIDATES", 1)
+    unseen, chosen = ghosts(SEA, "bs"), by_the_sea
+    quiet, noisy = (float((heard(power).var(0) / heard(power).mean(0) ** 2).mean()) for power in (chosen, unseen))
+    assert quiet < 0.6 * noisy
+    totals = [power[:, some].sum(1) for some in (slice(0, 75), slice(75, 100)) for power in (chosen, unseen)]
+    for one, other in (totals[:2], totals[2:]):
+        error = np.hypot(*(total.std(ddof=1) / np.sqrt(len(total)) for total in (one, other)))
+        assert error < 0.05 * one.mean()
+        assert abs(one.mean() - other.mean()) < 4 * error
+
+
+def test_a_level_bed_lights_itself_where_rays_bulge_upwards(variant):
+    """Straight lines between its points graze it: only bent rays connect them, and they are candidates all the same."""
+    bulging, sagging = (ghosts({}, "bb", pings=4, water=water_of(SoundSpeedProfile([0.0, 40.0], speeds))).max()
+                        for speeds in ([1540.0, 1480.0], [1480.0, 1540.0]))
+    assert bulging > 1e-12
+    assert sagging < 1e-19
