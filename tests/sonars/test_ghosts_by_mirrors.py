@@ -73,7 +73,7 @@ def test_a_wall_that_mirrors_first_last_and_between(variant):
             if echoes.path == "bbb":
                 half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
                 energy = echoes.energy.numpy().astype(float) / keys
-                first, last = (abs(end.offset.x.numpy() - 12) < 1e-3 for end in (echoes.out, echoes.back))
+                first, last = (abs(end.offset.x.numpy() - 12) < 1e-5 for end in (echoes.out, echoes.back))
                 for name, some in ((True, first), ("last", last), (False, ~first & ~last)):
                     found[name] = found[name] + np.histogram(half[some], EDGES, weights=energy[some])[0]
     first, between = expected((True, False, False)), expected((False, True, False)) + expected((False,) * 4)
