@@ -6,7 +6,8 @@ plane, `depression_angle` below horizontal, the length along x, the height acros
     d_body = (u, ± sqrt(1 - u²) cos φ, sqrt(1 - u²) sin φ)            + starboard, - port
 
 u the cosine along x, φ the depression in the athwart plane; dΩ = du dφ. A face receives nothing from behind it, that
-is from the other side of the body (a hard baffle in the plane y = 0).
+is from the other side of the body (a hard baffle in the plane y = 0); what leaks through the baffle is the other side's
+own record, fainter (`imaging.recorder`).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
