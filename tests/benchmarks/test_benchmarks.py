@@ -14,6 +14,7 @@ RUNS = {
     "eigenrays": (["eigenrays.py", *SMALL, "--rays", "200"], "gradient -1 1/s"),
     "return_times": (["return_times.py", "--hits", "50", "--lanes", "1024", "--rounds", "1"], "| guarded | vertical |"),
     "ping": (["ping.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "mitsonar.render"),
+    "pings": (["pings.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "this checkout"),
     "accumulation": (["accumulation.py", "--hits", "2000", "--elements", "1", "6", "--rounds", "1"], "numpy bincount"),
     "beam_grid": (["beam_grid.py", "--echoes", "2000", "--elements", "16", "--beams", "20", "--farthest", "8",
                    "--rounds", "1"], "echoes on the grid"),
