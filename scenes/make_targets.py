@@ -2,10 +2,10 @@
 
     python3 scenes/make_targets.py [FOLDER]
 
-Writes meshes/*.ply, targets/*.ply and bathymetry/sandwaves.tif, by default beside this script. Every mesh stands on the
-seabed z = 0, metres, z up, its bow or front to the north (+y). In meshes/, what lies below z = 0 is buried; those in
-targets/ are whole, to be strewn by the shape `targets`. All surfaces are closed and look outwards. Scenes should load
-them with face_normals = true: these are plates, not smooth bodies.
+Writes meshes/*.ply, targets/*.ply, bathymetry/sandwaves.tif and textures/*.pfm, by default beside this script. Every
+mesh stands on the seabed z = 0, metres, z up, its bow or front to the north (+y). In meshes/, what lies below z = 0 is
+buried; those in targets/ are whole, to be strewn by the shape `targets`. All surfaces are closed and look outwards.
+Scenes should load them with face_normals = true: these are plates, not smooth bodies.
 """
 import sys
 from pathlib import Path
@@ -162,6 +162,60 @@ def wreck():
     return join([bow, stern, *debris])
 
 
+def plank(from_y, to_y, side, top, *, length, beam, depth, thick=0.14):
+    """Make one side of an open hull between two stations; ``top`` (stations,) is its height, 1 at the gunwale."""
+    y = np.linspace(from_y, to_y, len(top))
+    rings = []
+    for here, high in zip(y, top):
+        outside = hull_section(here, np.linspace(0.06, high, 9), side, length, beam, depth)
+        inside = outside[::-1] - (side * thick, 0, 0) + (0, 0, 0.3 * thick)
+        rings.append(np.concatenate((outside, inside)))
+    return loft(rings)
+
+
+def hull_section(y, girth, side, length, beam, depth):
+    """Give points (N, 3) of a hull's skin at the distance y from midships; girth 0 at the keel, 1 at the gunwale."""
+    along = 2 * y / length
+    half = beam / 2 * (1 - np.abs(along) ** (2.6 if along > 0 else 4.0)) + 0.2
+    lift = 1.3 * max(along - 0.55, 0) + 0.9 * max(-along - 0.7, 0)
+    x, z = side * half * girth ** 0.45, lift + (depth + 0.5 * along ** 2 - lift) * girth ** 1.7
+    return np.stack((x, np.full_like(girth, y), z), -1)
+
+
+def hulk():
+    """A wooden steamer's hull of 24 m, open and broken down: planking, ribs, two boilers, an engine, a sternpost."""
+    size = {"length": 24.0, "beam": 8.4, "depth": 3.3}
+    generator = np.random.default_rng(23)
+    parts = []
+    for side in (-1, 1):
+        stations = np.linspace(-11.6, 11.7, 71)
+        waves = sum(high * np.sin(stations / scale + generator.uniform(0, 2 * np.pi))
+                    for high, scale in ((0.09, 2.6), (0.09, 0.9), (0.06, 0.35)))
+        top = np.clip(0.84 + waves - 0.5 * np.exp(-((stations - side * 3.5) / 1.6) ** 2), 0.18, 1.0)
+        parts.append(plank(stations[0], stations[-1], side, top, **size))
+        for rib in np.arange(-10.8, 10.9, 0.9):
+            start = float(np.interp(rib, stations, top)) - 0.08
+            girth = np.linspace(start, min(start + generator.uniform(0.05, 0.3), 1.06), 4)
+            bones = hull_section(rib, girth, side, *size.values()) - (side * 0.22, 0, 0)
+            parts += [tube(low, high, 0.09, sides=5) for low, high in zip(bones[:-1], bones[1:])]
+    parts.append(box((0.6, 20.5, 1.2), (0, 0, 0.7)))                                # keelson
+    parts += [moved(tube((0, -1.7, 0), (0, 1.7, 0), 1.05, sides=28), turn=turn, by=(x, y, 1.25))
+              for x, y, turn in ((-1.35, -1.6, 6), (1.3, -1.0, -14))]               # boilers
+    parts += [box((1.4, 2.0, 1.6), (0.1, -5.2, 1.5)), tube((0, -6.2, 1.3), (0, -11.2, 1.3), 0.14)]     # engine, shaft
+    parts += [tube((0, -11.9, -0.3), (0, -12.3, 5.0), (0.2, 0.13), sides=8),        # sternpost
+              box((0.12, 1.2, 2.2), (0, -12.9, 1.1)),                               # rudder
+              tube((0, 11.7, 0.4), (0, 12.5, 3.6), (0.22, 0.15), sides=8),          # stem
+              tube((-3.6, 5.5, 1.3), (3.4, 2.5, 2.3), 0.13, sides=8),               # a fallen mast
+              tube((0.3, 8.3, 1.3), (-0.2, 8.4, 2.1), 0.35, sides=14)]              # windlass
+    parts += [moved(box((generator.uniform(0.15, 0.3), 6.6, 0.2), (0, 0, 0)), turn=90 + generator.uniform(-6, 6),
+                    roll=generator.uniform(-5, 5), by=(0, y, 2.3)) for y in (6.6, 7.8, 9.0)]    # deck beams
+    for _ in range(70):
+        place = generator.normal((0.6, 0.0, 1.3), (2.9, 6.8, 0.12))
+        wide = generator.uniform((0.15, 0.3, 0.05), (0.7, 2.4, 0.35))
+        parts.append(moved(box(wide, (0, 0, 0)), *generator.uniform((-25, -25, 0), (25, 25, 360)), place))
+    return moved(join(parts), roll=6, pitch=1, by=(0, 0, -1.25))
+
+
 def diver():
     """A diver who swims, prone and head first: 2.5 m with fins, 0.6 m across, a cylinder on the back."""
     trunk = turned_body([(-0.34, 0.12), (-0.3, 0.17), (0.1, 0.19), (0.28, 0.2), (0.36, 0.12)], sides=20)
@@ -280,7 +334,8 @@ SPECIES = {"anchor": anchor, "boulder": lambda: grounded([boulder()]), "clump": 
            "cylinder": cylinder, "drum": drum, "lobster_pot": lobster_pot, "sphere": sphere, "torpedo": torpedo,
            "truncated_cone": lambda: grounded([truncated_cone()]), "tyre": lambda: grounded([tyre()]), "wedge": wedge}
 
-TARGETS = {"boulder": boulder, "diver": diver, "truncated_cone": truncated_cone, "tyre": tyre, "wreck": wreck}
+TARGETS = {"boulder": boulder, "diver": diver, "hulk": hulk, "truncated_cone": truncated_cone, "tyre": tyre,
+           "wreck": wreck}
 
 
 # ---- a survey ----------------------------------------------------------------------------------------------------
@@ -302,6 +357,27 @@ def sandwaves():
     edge = 6 + 4 * np.sin(y[:, None] / 37) + 3 * np.sin(y[:, None] / 11)
     heights[(x < edge) | (x > 398 - edge[::-1])] = np.nan
     return np.round(heights[::-1], 2).astype(np.float32)
+
+
+def bottom_map():
+    """Make a map of a bed's strength, (150, 150) [dB] from the south-west over 110 x 118 m: sand, silt, shell, weed."""
+    from scipy.ndimage import gaussian_filter
+
+    generator = np.random.default_rng(31)
+
+    def smooth(cells):
+        field = gaussian_filter(generator.standard_normal((150, 150)), cells, mode="wrap")
+        return field / field.std()
+
+    x, y = np.meshgrid(*((np.arange(150) + 0.5 - 75) * side / 150 for side in (110, 118)))
+    streak = gaussian_filter(generator.standard_normal((150, 150)), (3, 16), mode="wrap")
+    level = -24 + 1.3 * smooth(14) + 0.7 * smooth(4) + 1.1 * streak / streak.std()
+    level -= 4.5 / (1 + np.exp(-6 * (smooth(12) - 1.0)))                            # silt in hollows
+    level += 4.0 / (1 + np.exp(-8 * (smooth(7) - 1.5)))                             # shell and gravel
+    weed = gaussian_filter((generator.random((150, 150)) < 0.06) * 1.0, 0.7) / 0.1
+    level += 3.0 * np.minimum(weed, 2) / (1 + np.exp(-8 * (smooth(16) - 0.7)))      # clumps, where weed grows
+    level += 2.5 * np.exp(-(((x - 4.7) ** 2 + (y - 8.4) ** 2) / 13.0 ** 2))         # coarse in the wreck's scour
+    return np.round(np.clip(level, -34, -14), 2).astype(np.float32)
 
 
 # ---- files -------------------------------------------------------------------------------------------------------
@@ -329,14 +405,20 @@ def write_survey(path, heights):
         raster.set_band_description(1, "elevation")
 
 
+def write_pfm(path, values):
+    """Write a grey picture of floats, from below."""
+    path.write_bytes(f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode() + values.astype("<f4").tobytes())
+
+
 def main(folder=ROOT):
     """Write everything into ``folder``."""
-    for name in ("meshes", "targets", "bathymetry"):
+    for name in ("meshes", "targets", "bathymetry", "textures"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     for inside, made in (("meshes", TARGETS), ("targets", SPECIES)):
         for name, make in made.items():
             write_ply(folder / inside / f"{name}.ply", *make())
     write_survey(folder / "bathymetry" / "sandwaves.tif", sandwaves())
+    write_pfm(folder / "textures" / "wreck_bed.pfm", bottom_map())
 
 
 if __name__ == "__main__":

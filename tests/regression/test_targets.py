@@ -42,6 +42,13 @@ def test_shipped_survey_is_what_the_script_makes(made):
     assert 0.9 < shipped.valid.mean() < 1 and -40 < np.nanmin(shipped.heights) and np.nanmax(shipped.heights) < -20
 
 
+def test_shipped_map_of_a_bed_is_what_the_script_makes(made):
+    file = "textures/wreck_bed.pfm"
+    shipped, fresh = (np.frombuffer((folder / file).read_bytes()[16:], "<f4") for folder in (SCENES, made))
+    assert shipped.size == 150 * 150 and -34 <= shipped.min() and shipped.max() <= -14
+    np.testing.assert_allclose(fresh, shipped, atol=0.011)                  # another SciPy may round otherwise
+
+
 @pytest.mark.parametrize("name", MESHES)
 def test_targets_are_closed_and_look_outwards(name):
     vertices, faces = mesh(name)
@@ -55,7 +62,7 @@ def test_targets_are_closed_and_look_outwards(name):
 
 @pytest.mark.parametrize("name, size, height", [
     ("truncated_cone", (1.0, 1.0), 0.43), ("tyre", (1.0, 1.0), 0.19), ("boulder", (1.8, 1.5), 0.78),
-    ("wreck", (16.0, 33.0), 8.5),
+    ("wreck", (16.0, 33.0), 8.5), ("hulk", (17.0, 27.0), 3.9),
 ])
 def test_targets_have_their_size_and_are_partly_buried(name, size, height):
     vertices, faces = SCRIPT["TARGETS"][name]()
