@@ -49,8 +49,7 @@ class Lobes:
 
     def intensity(self, s: DrJitArray) -> DrJitArray:
         """Give b² of sines s."""
-        lobes = dr.square(self._lobes(s))
-        return lobes if self._floor is None else self._filled(s, lobes)
+        return self._filled(s, dr.square(self._lobes(s)))
 
     def pressure(self, s: DrJitArray) -> DrJitArray:
         """Give b of sines s, with the sign of p."""
@@ -61,6 +60,8 @@ class Lobes:
 
     def _filled(self, s, lobes):
         """Intensities of lobes at sines s, with the floor."""
+        if self._floor is None:
+            return lobes
         floor = self._floor * dr.clip(1 + s, 0, 1) if self._shielded else self._floor
         return dr.fma(lobes, 1 - floor, floor)
 
