@@ -11,6 +11,7 @@ __all__ = ["CASE"]
 LOG_MEAN_DB, LOG_SPREAD_DB = -2.506816, 5.570043   # of exponential intensity in decibels: mean and standard deviation
 KNOWN_MEAN, ESTIMATED_MEAN = 1.628, 1.28           # √n D at 1 % (Kolmogorov; Lilliefors for a mean that is estimated)
 PATCH, PINGS = 16.0, 1500                          # [m]
+APART = 1.0                                        # [m], of pings, more than the aperture
 
 
 def k_distribution(intensity: np.ndarray, shape: float) -> np.ndarray:
@@ -21,11 +22,13 @@ def k_distribution(intensity: np.ndarray, shape: float) -> np.ndarray:
 
 
 def _sidescan(pings):
-    """Intensities of bins one pulse long over their means."""
+    """Intensities of bins one pulse long over their means, of pings that share no ground."""
     import mitsonar
 
+    track = {"start": [0.0, -APART * (pings - 1) / 2, -20.0], "ping_rate_hz": 4.0,
+             "speed_knots": APART * 4.0 * 3600 / 1852}
     scene = scenes.sidescan({"bed": scenes.bed(40.0, scenes.lambert(-20.0))}, depth=20.0, rays=60_000, pings=pings,
-                            sensor={"speckle": True}, film={"range_min": 25.0, "range": 62.5, "bins": 500})
+                            sensor={"speckle": True, **track}, film={"range_min": 25.0, "range": 62.5, "bins": 500})
     image = mitsonar.render(scene, seed=4)
     return 10 ** ((image["level"].values.astype(float) - image["mean_level"].values.astype(float)).ravel() / 10)
 
