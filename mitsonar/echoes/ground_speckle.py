@@ -1,13 +1,14 @@
 """Speckle that stays with the ground: what a resolution cell of a sidescan makes of the scatterers that lie in it.
 
-    g(p, j) = Σ_c b(u_c) a_c exp(2ik (R_c - r_j)) / √(Σ_c b²(u_c)),        r_j <= R_c < r_j + Δr,   c on this side
+    g(p, j) = Σ_c b(u_c) a_c exp(2ik R_c) / √(Σ_c b²(u_c)),        r_j <= R_c < r_j + Δr,   c on this side
 
 of ping p in the gate j, r_j away: unit variance, circular Gaussian. a_c is the complex Gaussian amplitude of a
 scatterer c, hashed from its place; R_c its distance from the phase centre, half-way between where the sonar sends and
 where it receives; u_c the cosine of its direction along the platform, half-way between the attitudes of both; b the
 complex two-way pressure of both faces at that range (`SpeckleBeam`). k -> ``wavenumber``, Δr -> ``gate``.
 
-Gates share no scatterers, so their values are independent; pings share those that both have in the gate. So
+Gates share no scatterers, so their values are independent; pings share those that both have in the gate. Phases count
+from the sonar, not from the gate: a pulse that is several gates long sums the same ground alike wherever it begins. So
 
     <g(p) g*(q)> = ∫ a(x) a*(x - Δ) exp(2ik δ x) dx / ∫ |a|² dx
 
@@ -113,6 +114,9 @@ class GroundSpeckle:
         self._start, self._length, self._speed, self._twice = (
             dr.opaque(mi.Float, value) for value in (start, gate, sound_speed, 2 * wavenumber))
         self._seed = dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF)
+        # exp(2ik r_j): in double precision, as r_j is many wavelengths
+        begin = np.maximum(start + np.arange(gates) * gate, 0)
+        self._begin = np.exp(2j * wavenumber * begin).astype(np.complex64)
         nodes = beam.pressure.shape[1]
         steps = np.diff(beam.pressure, axis=1, append=beam.pressure[:, -1:])
         table = np.stack([np.real(beam.pressure), np.imag(beam.pressure), np.real(steps), np.imag(steps)], -1)
@@ -132,7 +136,7 @@ class GroundSpeckle:
         table, place = self._pings(ping)
         real, imaginary = self._speckle(thread, table, place)
         dr.eval(real, imaginary)
-        return (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self._gates)
+        return (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self._gates) * self._begin
 
     def _pings(self, ping):
         """Ways of pings in their lattices' frames, near the lattices' anchors, and the anchors' cells."""
@@ -151,7 +155,7 @@ class GroundSpeckle:
         return upload(mi.Float, rows), upload(mi.UInt32, number)
 
     def _speckle(self, thread, table, place):
-        """Real and imaginary part of g, Float (T,)."""
+        """Real and imaginary part of g exp(-2ik r_j), Float (T,)."""
         lib, U = self._lib, mi.UInt32
         row, gate = thread // self._gates, thread % self._gates
         words = dr.gather(lib.Array4u, place, row >> 1)

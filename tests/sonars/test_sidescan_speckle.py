@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from track_files import write_track
 
+from mitsonar.imaging.sidescan import pulse_shares, realisation
 from mitsonar.scene.loading import prepare
 from mitsonar.survey.sidescan import plan
 from mitsonar.survey.side_speckle import side_speckle
@@ -152,6 +153,22 @@ def test_heave_moves_the_ground_through_the_record():
     found = [correlation(high[:, :, part.start + lag:part.stop + lag], low[:, :, part]) for lag in range(25)]
     assert int(np.argmax(found)) == pytest.approx(0.2 * 19.9 / 71.5 / 0.005, abs=2)
     assert max(found) > 0.5
+
+
+@pytest.mark.parametrize("shift", [0.005, 0.02])
+def test_pulses_of_several_gates_keep_the_ground_that_heave_moves_by_parts_of_a_gate(shift):
+    """Bins of 2.5 cm, pulses of 7.5 cm: moved by s in slant range they share 1 - s/7.5 cm of the ground, squared.
+
+    Heave s · r/20 moves ground at r by s; from 58 to 70 m it is shifted by 10 % less to more.
+    """
+    bins, levels = 3000, []
+    for height in (-20.0, -20.0 + shift * 64 / 20):
+        speckle, survey = speckle_of(pings=1, seed=5, start=[0.0, 0.0, height], heading_deg=37.0, film={"bins": bins})
+        shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
+        level = realisation(np.ones((1, 2, bins)), shares, speckle, 0.0, np.random.default_rng(0))
+        levels.append(level[..., 58 * bins // 75:70 * bins // 75].ravel())
+    expected = (1 - shift / survey.sonar.resolution) ** 2
+    assert np.corrcoef(*levels)[0, 1] == pytest.approx(expected, abs=0.12)       # some 320 cells: 0.06 by chance
 
 
 def test_speckle_has_unit_variance_whatever_the_course():
