@@ -60,7 +60,8 @@ def test_levels_of_the_shipped_scenes(variant, request, name):
 
     stored = kept(request, name, measure)
     mean, spread = stored["mean"], stored["spread"]
-    found = block_means(scene, 1)
+    # the middle one of three runs: a rare bright ghost in one of them moves nothing
+    found = np.median([block_means(scene, seed) for seed in (1, 2, 3)], axis=0)
     # the stored spread has 15 degrees of freedom; rounding of a float32 level is 1e-5 dB
     z = (found - mean) / np.hypot(spread * np.sqrt(1 + 1 / RUNS), 2e-3)
     assert np.abs(z).max() < 5.5, f"{name}: levels moved by {np.abs(found - mean).max():.3f} dB"
