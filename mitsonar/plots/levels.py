@@ -2,7 +2,8 @@
 
 The sea surface, and what the water itself sends back, are some 40 dB weaker than the bed. What comes before the bed's
 first return is therefore raised by a gain of its own, in steps of 5 dB, where an echo there would else be
-dark. Records that do not say where the bed is seen, or what is noise, are shown without.
+dark. Records that do not say where the bed is seen, or what is noise, are shown without, and so is all that has the
+gain of recorders, which do not raise it either.
 """
 import numpy as np
 import xarray as xr
@@ -58,7 +59,7 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray,
         column = np.asarray(ndimage.binary_erosion(water, np.ones((1, 3))), bool)
     bed = shown & ~column
     limits = display_window(image[bed if bed.any() else shown if shown.any() else ...])
-    raised = "mean_level" in dataset and column.any() and bed.any()
+    raised = tvg != "recorder" and "mean_level" in dataset and column.any() and bed.any()
     column_db = _column_gain(dataset, grid, image, column, limits) if raised else 0.0
     image[column] += column_db
     return image, limits, words, column_db

@@ -218,19 +218,20 @@ def test_black_and_white_are_the_beds_where_noise_fills_most_of_the_record():
     np.testing.assert_allclose(*limits, atol=1.0)
 
 
-def drawn(dataset, monkeypatch):
+def drawn(dataset, monkeypatch, **options):
     """The figure that a preview saves."""
     figures = []
     monkeypatch.setattr(canvas, "save", lambda figure, path: figures.append(figure))
-    plots.preview(dataset, "a.png")
+    plots.preview(dataset, "a.png", **options)
     figures[0].canvas.draw()
     return figures[0]
 
 
 def test_the_gain_of_the_water_column_is_told(monkeypatch):
-    words = [[text.get_text() for text in drawn(dataset, monkeypatch).texts] for dataset in
-             (with_surface(90.0), with_surface(15.0))]
-    assert any("water column + " in text for text in words[0]) and not any("water column" in text for text in words[1])
+    words = [[text.get_text() for text in drawn(dataset, monkeypatch, tvg=tvg).texts] for dataset, tvg in
+             ((with_surface(90.0), "seabed"), (with_surface(15.0), "seabed"), (with_surface(90.0), "recorder"))]
+    assert any("water column + " in text for text in words[0])
+    assert not any("water column" in text for text in [*words[1], *words[2]])       # recorders do not raise it
 
 
 @pytest.mark.parametrize(("dataset", "scale"), [
