@@ -10,6 +10,7 @@ import xarray as xr
 from .. import __version__
 from ..imaging.gain import Tvg
 from ..imaging.georeference import origin
+from .xtf_input import ANGLES
 from .xtf_pings import Passage, navigation
 from .xtf_samples import Scale, scale_of
 
@@ -80,7 +81,7 @@ def file_header(channels: Sequence[Channels], passage: Passage, name: str) -> by
         info.Reserved, info.VoltScale, info.Frequency, info.BeamsPerArray = each.count, VOLTS, khz, 1
         info.HorizBeamAngle, info.BeamWidth, info.TiltAngle = (
             np.rad2deg(each.record.attrs.get(angle, 0.0))
-            for angle in ("beam_width", "vertical_beam_width", "depression_angle"))
+            for angle in ANGLES)
         info.ChannelName = _ascii(f"{('Port', 'Starboard')[number % 2]} {khz:g}", 15)
     return bytes(header)
 

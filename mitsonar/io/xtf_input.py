@@ -4,11 +4,13 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-__all__ = ["MOST_RECORDS", "SIDES", "check", "check_same_track"]
+__all__ = ["ANGLES", "MOST_RECORDS", "SIDES", "check", "check_same_track"]
 
 MOST_RECORDS = 3                   # two channels each; the header has room for six
 SIDES = ("port", "starboard")
 NEEDED = ("ping_time", "x", "y", "z", "roll", "pitch", "heading", "altitude")
+FARTHEST, LOUDEST_DB = 1e8, 300.0           # [m], [dB re 1 µPa]
+ANGLES = ("beam_width", "vertical_beam_width", "depression_angle")      # attributes that need not be there
 SAME_TIME, SAME_PLACE = 1e-6, 1e-3          # [s], [m]
 
 
@@ -32,8 +34,16 @@ def check(record: xr.Dataset) -> None:
         value = record.attrs[name]
         if not isinstance(value, (int, float)) or not 0 < value < np.inf:
             raise ValueError(f"the record's {name} is {value!r}; it takes a number above 0.")
+    for name in ANGLES:
+        value = record.attrs.get(name, 0.0)
+        if not isinstance(value, (int, float)) or not np.isfinite(value):
+            raise ValueError(f"the record's {name} is {value!r}; it takes an angle [rad].")
+    if (level.values > LOUDEST_DB).any():
+        raise ValueError(f"the record has levels of {level.values.max():.4g} dB, beyond any sound; render it anew.")
     if not all(np.isfinite(record[name].values).all() for name in NEEDED if name != "altitude"):
         raise ValueError("the record's track has times, places or angles that are no numbers; render it anew.")
+    if any((np.abs(record[axis].values) > FARTHEST).any() for axis in "xyz"):
+        raise ValueError(f"the record's track goes beyond {FARTHEST:g} m, farther than any place on Earth.")
     if (np.diff(record["ping_time"].values) <= 0).any():
         raise ValueError("the record's pings are not one after the other in time; sort them.")
     if not record.sizes["ping"]:
