@@ -5,7 +5,8 @@
     0, 0
     60, -21.0
 
-Angles are those to the face's normal, forward or downwards positive, within -90 to 90; rows may come in any order.
+Angles are those to the face's normal, forward or downwards positive, within -90 to 90; levels lie within 300 dB of 0.
+Rows may come in any order.
 """
 import numpy as np
 
@@ -16,6 +17,7 @@ from .tables import floats, records
 __all__ = ["read"]
 
 COLUMNS = ("angle_deg", "level_db")
+LARGEST_DB = 300.0                 # of a level, either way
 
 
 def read(path: FilePath) -> MeasuredBeam:
@@ -34,7 +36,7 @@ def read(path: FilePath) -> MeasuredBeam:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no such table, has an angle twice, or one that no face sees.
+        If it is no such table, has an angle twice, one that no face sees, or a level that is none.
     """
     names, lines, rows = records(path, "beam pattern")
     missing = [name for name in COLUMNS if name not in names]
@@ -46,6 +48,10 @@ def read(path: FilePath) -> MeasuredBeam:
     if wrong.size:
         raise ValueError(f"{path}, line {lines[wrong[0]]}: the angle is {angle[wrong[0]]:g}; it must lie within -90 to "
                          "90 degrees of the face's normal.")
+    wrong = np.flatnonzero(np.abs(level) > LARGEST_DB)
+    if wrong.size:
+        raise ValueError(f"{path}, line {lines[wrong[0]]}: the level is {level[wrong[0]]:g} dB; it must lie within "
+                         f"-{LARGEST_DB:g} to {LARGEST_DB:g} dB.")
     order = np.argsort(angle, kind="stable")
     angle, level = angle[order], level[order]
     same = np.flatnonzero(np.diff(angle) == 0)

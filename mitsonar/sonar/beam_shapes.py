@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import czt
 
 from ..device.types import Numbers
 from .shading import window_weights
@@ -25,7 +26,8 @@ __all__ = ["EVEN", "BeamShape", "half_power", "line_shape", "measured_shape"]
 
 SEGMENTS = 256                     # that a line is summed of, at least; two a wavelength
 STEPS_PER_LOBE, FEWEST_STEPS = 32, 512
-BLOCK = 1 << 21                    # phases summed at a time
+NARROWEST = np.deg2rad(0.01)       # measured beam, of which steps of tables are a tenth
+BLOCK = 1 << 21                    # phases that are summed one by one; more go by the chirp z transform
 FAR, FINE = 8.0, 4001              # x within which half the power lies, and steps of the search
 
 
@@ -127,7 +129,7 @@ def measured_shape(angle: np.ndarray, level_db: np.ndarray) -> tuple[BeamShape, 
     Raises
     ------
     ValueError
-        If angles do not increase within these bounds, or are fewer than two.
+        If angles do not increase within these bounds, are fewer than two, or the beam is too narrow.
     """
     if not (len(angle) > 1 and (np.diff(angle) > 0).all() and np.abs(angle).max() <= np.pi / 2 + 1e-9):
         raise ValueError("a measured beam needs two angles or more that increase from -90 degrees to 90 at most; sort "
@@ -138,7 +140,11 @@ def measured_shape(angle: np.ndarray, level_db: np.ndarray) -> tuple[BeamShape, 
     table = 10 ** (levels / 20)
     loud = np.flatnonzero(levels >= -3.0103)
     ends = np.arcsin(np.clip(np.linspace(-1, 1, steps + 1)[[max(loud[0] - 1, 0), min(loud[-1] + 1, steps)]], -1, 1))
-    return BeamShape(table=table), float(ends[1] - ends[0])
+    width = float(ends[1] - ends[0])
+    if width < NARROWEST:
+        raise ValueError(f"a measured beam is {np.rad2deg(width):.3g} degrees wide at -3 dB; give one of "
+                         f"{np.rad2deg(NARROWEST):g} degrees or more")
+    return BeamShape(table=table), width
 
 
 @functools.cache
@@ -154,13 +160,18 @@ def _half_power(window, sag):
 
 
 def _line(x: np.ndarray, window: str, sag: float, segments: int) -> np.ndarray:
-    """Pressures of a line at x (K,): signed where it is flat, without their phases where it is curved."""
+    """Pressures of a line at even steps x (K,): signed where it is flat, without their phases where it is curved."""
     weights = window_weights(window, segments)
     place = (np.arange(segments) + 0.5) / segments - 0.5
     weights = weights * np.exp(8j * np.pi * sag * place ** 2) if sag else weights
-    step = max(1, BLOCK // segments)
-    # windows are symmetric, so that the sum of phases is that of cosines
-    sums = np.concatenate([np.cos(2 * np.pi * x[start:start + step, None] * place) @ weights
-                           for start in range(0, len(x), step)])
+    if len(x) * segments <= BLOCK:
+        # windows are symmetric, so that the sum of phases is that of cosines
+        sums = np.cos(2 * np.pi * x[:, None] * place) @ weights
+    else:
+        # the same at even steps of x, without the phase of the first segment
+        turns = (x[-1] - x[0]) / (len(x) - 1) / segments
+        sums = czt(weights * np.exp(-2j * np.pi * x[0] * place), len(x), np.exp(-2j * np.pi * turns))
+        sums = sums * np.exp(-2j * np.pi * (x - x[0]) * place[0])
+        sums = sums if sag else sums.real
     lobes = sums / weights.sum() * np.sinc(x / segments)
     return np.abs(lobes) if sag else lobes

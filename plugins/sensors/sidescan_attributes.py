@@ -76,9 +76,9 @@ def read_faces(attributes: Attributes) -> tuple[BuiltFace, BuiltFace]:
             raise attributes.error(f"{measured} and {doubled[0]} are both given; a measured beam has its own width, "
                                    "leave one of them out.")
     floor, vertical_floor = power_of(attributes.sidelobe_db), power_of(attributes.vertical_sidelobe_db)
-    faces = []
+    faces, files = [], {}
     for prefix in ("", "receive_"):
-        pattern, vertical = (_measured(attributes, prefix, name) for name in ("pattern", "vertical_pattern"))
+        pattern, vertical = (_measured(attributes, prefix, name, files) for name in ("pattern", "vertical_pattern"))
         faces.append(BuiltFace(
             width=getattr(attributes, f"{prefix}beam_width_deg"),
             vertical_width=getattr(attributes, f"{prefix}vertical_beam_width_deg"),
@@ -110,8 +110,11 @@ def power_of(level_db: float) -> float:
     return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
 
 
-def _measured(attributes: Attributes, prefix: str, name: str) -> MeasuredBeam | None:
-    """The measured beam of a face: the receiving one's own, or the transmitting one's where nothing else is said."""
+def _measured(attributes: Attributes, prefix: str, name: str, files: dict[str, MeasuredBeam]) -> MeasuredBeam | None:
+    """The measured beam of a face: the receiving one's own, or the transmitting one's where nothing else is said.
+
+    `files` keeps what was read.
+    """
     path = getattr(attributes, prefix + name)
     width = f"{prefix}{'beam_width_deg' if name == 'pattern' else 'vertical_beam_width_deg'}"
     if path is None and prefix and not attributes.given(width):
@@ -119,6 +122,8 @@ def _measured(attributes: Attributes, prefix: str, name: str) -> MeasuredBeam | 
     if path is None:
         return None
     try:
-        return beam_levels.read(path)
+        if path not in files:
+            files[path] = beam_levels.read(path)
+        return files[path]
     except ValueError as error:
         raise attributes.error(error) from None

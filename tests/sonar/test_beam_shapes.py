@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
+from mitsonar.sonar import beam_shapes
 from mitsonar.sonar.beam_shapes import BeamShape, half_power, line_shape, measured_shape
 from mitsonar.sonar.directivity import Aperture, length_for_beam_width
 
@@ -95,3 +96,15 @@ def test_a_shaded_face_tells_its_width(window):
     length = length_for_beam_width(width, wavelength, half_power(window))
     face = Aperture(length=length, along_shape=line_shape(length / wavelength, window=window))
     assert face.beam_widths(wavelength)[0] == pytest.approx(width, rel=5e-3)          # steps of the table
+
+
+@pytest.mark.parametrize("sag, window", [(0.0, "taylor 4 30"), (1.3, "boxcar")])
+def test_a_long_face_has_the_sum_over_its_segments(monkeypatch, sag, window):
+    summed = line_shape(40.0, window=window, sag=sag).table
+    monkeypatch.setattr(beam_shapes, "BLOCK", 1)
+    assert np.abs(line_shape(40.0, window=window, sag=sag).table - summed).max() < 1e-9
+
+
+def test_a_measured_beam_finer_than_tables_is_refused():
+    with pytest.raises(ValueError, match="degrees wide at -3 dB; give one of 0.01 degrees or more"):
+        measured_shape(np.radians([-1e-3, 0, 1e-3]), np.array([-40.0, 0.0, -40.0]))
