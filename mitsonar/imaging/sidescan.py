@@ -26,7 +26,8 @@ from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 __all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation", "speckle_gates"]
 
 NOTHING_DB = -200.0                # level where no sound arrives at all
-WORK = 1 << 18                     # bins drawn at a time
+WORK = 1 << 18                     # bins drawn at a time,
+FEW_CELLS = 64                     # fewer of them where they have more cells than these
 
 
 def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
@@ -153,7 +154,9 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     mean_level = np.empty_like(level)
     in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
     depth = record.depth if coherent is None else record.depth.copy()
-    step = max(1, WORK // (2 * bins))                      # float64 work space that does not grow with the survey
+    # float64 work space that does not grow with the survey, nor much with the cells of a bin
+    many = max(1, speckle_gates(bin_length, sonar.pulse_length) // FEW_CELLS)
+    step = max(1, WORK // (2 * bins * many))
     for start in range(0, pings, step):
         some = slice(start, start + step)
         energy = record.intensity[some].astype(float)

@@ -15,6 +15,7 @@ __all__ = ["near_pressure"]
 
 POINTS = 64                        # of half a face, at least
 LOBES = 8                          # of a beam that its face is found from
+BLOCK = 1 << 22                    # phases summed at a time
 
 
 def near_pressure(face: Aperture, u: np.ndarray, ranges: np.ndarray, wavelength: float) -> np.ndarray:
@@ -42,7 +43,10 @@ def near_pressure(face: Aperture, u: np.ndarray, ranges: np.ndarray, wavelength:
     x = (np.arange(points) + 0.5) / points * length * (0.5 if even else 1.0)
     weight = np.ones(points) if even else _weights(face, x, wavelength)
     bent = np.exp(1j * np.pi / wavelength * x * x / np.asarray(ranges)[:, None]) * weight
-    return bent @ np.cos(2 * np.pi / wavelength * x[:, None] * u) / weight.sum()
+    step = max(1, BLOCK // points)
+    sums = [bent @ np.cos(2 * np.pi / wavelength * x[:, None] * u[start:start + step])
+            for start in range(0, len(u), step)]
+    return np.concatenate(sums, -1) / weight.sum()
 
 
 def _weights(face: Aperture, x: np.ndarray, wavelength: float) -> np.ndarray:

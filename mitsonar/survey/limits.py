@@ -3,6 +3,7 @@ import os
 
 import numpy as np
 
+from ..imaging.sidescan import speckle_gates
 from .array_survey import ArraySurvey
 from .sidescan_survey import SidescanSurvey
 
@@ -13,6 +14,7 @@ BYTES_PER_LABEL = 13               # and of each shape's share,
 BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made
 BYTES_PER_PATH = 12                # and of each path where there is more than one
 BINS_PER_PULSE = 10_000
+MOST_GATES = 1 << 19               # of speckle, up to the end of the range: far below where float32 ends to count
 
 
 def check_sidescan(survey: SidescanSurvey) -> None:
@@ -21,7 +23,7 @@ def check_sidescan(survey: SidescanSurvey) -> None:
     Raises
     ------
     ValueError
-        If the record does not fit into memory, or a pulse lasts over too many bins.
+        If the record does not fit into memory, a pulse lasts over too many bins, or the gates of speckle are too many.
     """
     pings, bins, paths = survey.track.pings, survey.bins, len(survey.paths)
     bin_length, pulse_length = survey.bin_length, survey.sonar.pulse_length
@@ -34,6 +36,11 @@ def check_sidescan(survey: SidescanSurvey) -> None:
         by_path, fewer = (f" and {paths} paths", "pings, bins or bounces") if paths > 1 else ("", "pings or bins")
         raise ValueError(f"a record of {pings} pings with 2 x {bins} bins{by_path} takes {needed / 1e9:.0f} GB, more "
                          f"than the {there / 1e9:.0f} GB of this machine; take fewer {fewer}")
+    gate = bin_length / speckle_gates(bin_length, pulse_length)
+    if survey.window[1] > MOST_GATES * gate * (1 + 1e-9):
+        raise ValueError(f"speckle is drawn in steps of {1e6 * gate:.3g} µs, after the film's bins and the pulse, and "
+                         f"the range lasts more than {MOST_GATES} of them; take longer bins, a longer pulse or a "
+                         "shorter range")
 
 
 def check_beams(survey: ArraySurvey, beams: int, *, pings: int) -> None:

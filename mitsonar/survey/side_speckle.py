@@ -17,7 +17,7 @@ LOBE_END = 1e-3                    # two-way intensity at which the main lobe en
 STEP = 1 / 32                      # of cosines, in wavelengths over the face's length
 NODES = 64                         # of a lobe's table
 PER_OCTAVE = 6.0                   # ranges that the beam is tabulated at
-NEAREST = 0.5                      # [m]
+NEAREST, NEAREST_LENGTHS = 0.5, 0.5      # [m], and in lengths of the face: where its beam is looked at first
 LEVEL_OVER = 20.0                  # [m] of the track over which the bed's depth is averaged
 ALONG = 0.75                       # of the lattices' spacing: a course that strays further takes another lattice
 TIMES = np.array([0.0, 0.5, 1.0])
@@ -37,12 +37,13 @@ def side_speckle(survey: SidescanSurvey, seed: int) -> GroundSpeckle:
 def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
     """Give the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
     wavelength, length = sonar.wavelength, max(sonar.transmit.length, sonar.receive.length)
+    nearest = max(NEAREST, NEAREST_LENGTHS * length)
     # beyond, all ranges are alike
-    far = max(NEAREST, min(farthest, 8 * length ** 2 / wavelength))
-    ranges = np.geomspace(NEAREST, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / NEAREST))))
+    far = max(nearest, min(farthest, 8 * length ** 2 / wavelength))
+    ranges = np.geomspace(nearest, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / nearest))))
     widest, step = WIDEST, WIDEST / NODES
     if length:
-        widest, step = min(2 * wavelength / length + length / NEAREST, WIDEST), STEP * wavelength / length
+        widest, step = min(2 * wavelength / length + length / nearest, WIDEST), STEP * wavelength / length
     u = np.linspace(0, widest, NODES + int(widest / step))
     pressure = near_pressure(sonar.transmit, u, ranges, wavelength)
     pressure = pressure * (pressure if sonar.receive is sonar.transmit or sonar.receive == sonar.transmit

@@ -25,12 +25,12 @@ from .sidescan_attributes import FACES, PRESET, RECORDER, read_faces, read_recor
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 
 NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals over the beam resolve
-SHORTEST_MS = 1e-6
+SHORTEST_MS, LOWEST_KHZ = 1e-6, 0.001
 
 ATTRIBUTES = (
     Choice("preset", default="towed_400khz", choices=tuple(presets()), text="where the defaults marked *preset* come "
                                                                            "from"),
-    Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
+    Number("frequency_khz", default=PRESET, minimum=LOWEST_KHZ, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
            text="on the axis of a face, rms over the pulse"),
     Number("pulse_ms", default=PRESET, minimum=SHORTEST_MS, unit="ms",

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
+from mitsonar.sonar import near_field
 from mitsonar.sonar.beam_shapes import half_power, line_shape, measured_shape
 from mitsonar.sonar.directivity import Aperture, length_for_beam_width
 from mitsonar.sonar.near_field import near_pressure
@@ -40,3 +41,10 @@ def test_a_measured_beam_comes_back():
 
 def test_a_point_hears_all_directions_alike():
     assert np.all(near_pressure(Aperture(length=0.0), U, [1.0, 50.0], WAVELENGTH) == 1)
+
+
+def test_blocks_of_cosines_change_nothing(monkeypatch):
+    face, ranges = Aperture(length=length_for_beam_width(np.radians(1.0), WAVELENGTH)), np.array([2.0, 40.0])
+    whole = near_pressure(face, U, ranges, WAVELENGTH)
+    monkeypatch.setattr(near_field, "BLOCK", 1)
+    assert np.allclose(near_pressure(face, U, ranges, WAVELENGTH), whole, rtol=0, atol=1e-12)
