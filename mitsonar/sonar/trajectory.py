@@ -254,7 +254,7 @@ class Trajectory:
         times, duration = np.asarray(times, float), max(float(duration), 1e-6)
         swings = self.motion.fastest * duration
         if swings > MOST_SWINGS:
-            raise ValueError(f"strum: the cable swings {swings:.1f} times while the echoes of a ping come in, "
+            raise ValueError(f"strum: the cable swings {swings:.2g} times while the echoes of a ping come in, "
                              f"{duration:.3g} s, and the motion within a ping is followed for {MOST_SWINGS:g}; give a "
                              f"strum_hz of at most {self.motion.strum_frequency * MOST_SWINGS / swings:.3g} or a "
                              "shorter range")
