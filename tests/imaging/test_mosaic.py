@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import mitsonar
 from mitsonar.imaging import mosaic
 from mitsonar.io import geotiff
 
@@ -222,3 +223,9 @@ def test_a_record_without_a_coordinate_system_is_taken_to_be_in_the_one_that_is_
 def test_what_cannot_be_laid_out_is_refused(change, options, words):
     with pytest.raises(ValueError, match=words):
         mosaic(change(line(pings=100)), **options)
+
+
+def test_maps_are_kept_as_netcdf_with_what_their_numbers_mean(tmp_path):
+    chart = mosaic(line(labels={"1": "seabed"}), 0.5, quantity="label")
+    mitsonar.write(chart, tmp_path / "map.nc")
+    assert mitsonar.read(tmp_path / "map.nc").identical(chart)
