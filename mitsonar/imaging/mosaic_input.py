@@ -94,3 +94,11 @@ def _check_alike(line, first, quantity):
     if quantity in NAMES and line.attrs.get(NAMES[quantity]) != first.attrs.get(NAMES[quantity]):
         raise ValueError(f"the records have different {NAMES[quantity]}, so that a number of theirs means several "
                          "things; lay them out one by one.")
+    if quantity not in NAMES and line.attrs.get("frequency") != first.attrs.get("frequency"):
+        raise ValueError(f"the records are of {_khz(first)} and {_khz(line)}, whose levels do not mix; lay them out one by "
+                         "one.")
+
+
+def _khz(record):
+    frequency = record.attrs.get("frequency")
+    return f"{frequency / 1000:g} kHz" if isinstance(frequency, (int, float)) else "no known frequency"

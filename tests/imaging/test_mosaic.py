@@ -219,6 +219,7 @@ def test_a_record_without_a_coordinate_system_is_taken_to_be_in_the_one_that_is_
     (lambda r: r.assign_coords(x=r["x"] + 1e7 * (r["ping"] > 80)), {}, "take cells of"),
     (lambda r: [r, r.assign_attrs(crs=None)], {}, "only some of the records"),
     (lambda r: [r.assign_attrs(labels={"1": "bed"}), r], {"quantity": "label"}, "have different labels"),
+    (lambda r: [r.assign_attrs(frequency=100e3), r.assign_attrs(frequency=400e3)], {}, "100 kHz and 400 kHz"),
     (lambda r: [r, r.assign(label=r["label"].astype(np.uint8))], {"quantity": "label"}, "different types")])
 def test_what_cannot_be_laid_out_is_refused(change, options, words):
     with pytest.raises(ValueError, match=words):
