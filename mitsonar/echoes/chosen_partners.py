@@ -1,18 +1,19 @@
 """Partners of the ends of paths: which end of its row each is connected with, chosen by what the two would bring.
 
 Of M candidates that are drawn without a look (`partners`), each with its chance q_k, one is kept with a chance in
-proportion to f_k / q_k. f is about what the pair brings: the sonar equation of the path along the straight line
-between the ends, no matter what stands in the way. What the path brings is then divided by
+proportion to f_k / q_k. f is the root of about what the pair brings: the sonar equation of the path along the
+straight line between the ends, no matter what stands in the way. What the path brings is then divided by
 
     q = f M / Σ_k (f_k / q_k)
 
 Its mean is that of partners drawn in any other way, however wrong f is, as long as f is above 0 wherever something is
-heard (resampled importance sampling: Talbot, Cline and Egbert 2005, eq. 4). What a better f saves is noise.
+heard (resampled importance sampling: Talbot, Cline and Egbert 2005, eq. 4). What a better f saves is noise. Without the
+root loud pairs would take nearly all draws, and bins that hear faint pairs alone, as those of shadows, a few of them.
 
-f counts the beams towards the partner, both strengths, the distance, and the length of the whole path to the power
-`LATE`: late bins are quieter, and shall not be forgotten for early ones. Rays bend. Ends that do not see each other
-along the straight line count if a ray that is bent as the water bends it may leave one for the other, and strengths are
-asked for no lower than `LOWEST` above the surfaces.
+What the pair brings counts the beams towards the partner, both strengths, the distance, and the length of the whole
+path to the power `LATE`: late bins are quieter, and shall not be forgotten for early ones. Rays bend. Ends that do not
+see each other along the straight line count if a ray that is bent as the water bends it may leave one for the other,
+and strengths are asked for no lower than `LOWEST` above the surfaces.
 """
 from __future__ import annotations
 
@@ -103,7 +104,7 @@ class ChosenPartners:
         return partner, chance
 
     def _brings(self, a, b, seen, strata, folded, unlike):
-        """About what pairs bring, but for what all pairs of an end of a have in common."""
+        """f, but for what all pairs of an end of a have in common."""
         way = mi.Vector3f(b.point - (image_of(a.point) if folded else a.point))
         distance = dr.norm(way)
         towards = way / dr.maximum(distance, NEAREST)
@@ -117,7 +118,7 @@ class ChosenPartners:
         power = scattered(b.solid_angle * mi.Float(strata.per_row) * seen * strength_a, strength_b, sine_b)
         length = distance + mi.Float((a.leg.travel_time + a.between + b.leg.travel_time) * b.hits.sound_speed)
         brings = passed_on(power, spreading_area=dr.square(distance), patch=b.patch) * length ** LATE
-        return dr.select(active & dr.isfinite(brings), brings, 0)
+        return dr.select(active & dr.isfinite(brings), dr.sqrt(brings), 0)
 
     def _strength(self, end, towards, distance, folded):
         """Strength of ends about along straight lines, and whether bent rays may lead there."""
