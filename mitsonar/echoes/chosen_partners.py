@@ -30,7 +30,7 @@ from .partners import partners
 from .path_ends import Ends, image_of
 from .sonar_equation import GRAZING, passed_on, scattered
 
-__all__ = ["ChosenPartners"]
+__all__ = ["CANDIDATES", "ChosenPartners"]
 
 CANDIDATES = 8                     # M
 LATE = 3
@@ -117,7 +117,7 @@ class ChosenPartners:
         sine_b = -dr.dot(b.hits.normal, b.hits.arrival_direction)
         power = scattered(b.solid_angle * mi.Float(strata.per_row) * seen * strength_a, strength_b, sine_b)
         length = distance + mi.Float((a.leg.travel_time + a.between + b.leg.travel_time) * b.hits.sound_speed)
-        brings = passed_on(power, spreading_area=dr.square(distance), patch=b.patch) * length ** LATE
+        brings = passed_on(power, spreading_area=dr.square(distance), patch=b.patch / CANDIDATES) * length ** LATE
         return dr.select(active & dr.isfinite(brings), dr.sqrt(brings), 0)
 
     def _strength(self, end, towards, distance, folded):

@@ -11,6 +11,7 @@ from ..device.chance import Salt, pair, salted, uniform
 from ..scene.materials import bistatic_strength
 from ..tracing.connection import Connection, Connector
 from ..tracing.launch import Strata
+from .chosen_partners import CANDIDATES
 from .ghosts import Ghosts, joined
 from .path_ends import Ends, Origins, TargetEnds, computed, image_of
 from .paths import Paths
@@ -60,8 +61,9 @@ class ConnectedEnds:
         active &= way.free
         strength_a, sine_a = bistatic_strength(a.hits, way.launch_direction, active, self._frequency)
         strength_b, sine_b = bistatic_strength(b.hits, -way.arrival_direction, active, self._frequency)
+        # neighbours in a corner are found as often as if rays were denser by the candidates
         intensity = passed_on(scattered(a.solid_angle, strength_a, sine_a), spreading_area=way.spreading_area,
-                              patch=b.patch)
+                              patch=b.patch / CANDIDATES)
         energy = returned_by_patch(intensity, solid_angle=b.solid_angle, strength=strength_b, sin_grazing=sine_b,
                                    speed_ratio=speed_ratio(b.hits.sound_speed, sonar.speed)) / chance
         loss_db = self._water.one_way_db(a.point, b.point, way, folded)

@@ -74,6 +74,14 @@ def test_bins_that_hear_faint_pairs_alone_get_their_share(variant):
     assert power.std() < 1.4 * power.mean()
 
 
+def test_few_rays_do_not_dim_the_corner_at_the_foot_of_a_box(variant):
+    few, many = (by_a_box(rays=rays, pings=pings, seed=1)[:, 22:25].sum(1)
+                 for rays, pings in ((4000, 800), (64_000, 160)))
+    error = np.hypot(*(power.std() / power.mean() / np.sqrt(len(power)) for power in (few, many)))
+    assert error < 0.025
+    assert few.mean() / many.mean() == pytest.approx(1, abs=0.07)
+
+
 def test_a_level_bed_lights_itself_where_rays_bulge_upwards(variant):
     """Straight lines between its points graze it: only bent rays connect them, and they are candidates all the same."""
     bulging, sagging = (ghosts({}, "bb", pings=4, water=water_of(SoundSpeedProfile([0.0, 40.0], speeds))).max()
