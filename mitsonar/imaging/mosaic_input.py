@@ -95,8 +95,8 @@ def _check_alike(line, first, quantity):
         raise ValueError(f"the records have different {NAMES[quantity]}, so that a number of theirs means several "
                          "things; lay them out one by one.")
     if quantity not in NAMES and line.attrs.get("frequency") != first.attrs.get("frequency"):
-        raise ValueError(f"the records are of {_khz(first)} and {_khz(line)}, whose levels do not mix; lay them out one by "
-                         "one.")
+        raise ValueError(f"the records are of {_khz(first)} and {_khz(line)}, whose levels do not mix; lay them out "
+                         "one by one.")
 
 
 def _khz(record):
