@@ -115,8 +115,8 @@ def fingerprint(meshes: Iterable[tuple[np.ndarray, np.ndarray]]) -> str:
     """Hash of the geometry of meshes given as (vertices, faces), in any order: 16 hexadecimal digits."""
     digests = []
     for vertices, faces in meshes:
-        digest = hashlib.sha256(np.ascontiguousarray(vertices, np.float32))
-        digest.update(np.ascontiguousarray(faces, np.uint32))
+        digest = hashlib.sha256(np.ascontiguousarray(vertices, np.float32).data)
+        digest.update(np.ascontiguousarray(faces, np.uint32).data)
         digests.append(digest.hexdigest())
     digests.sort()
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]

@@ -95,17 +95,16 @@ class Sides:
         """Yield the rays that make the record, in one pass."""
         quantiles = self._launch.first_quantiles(place)
         if self._first_grid is not None:
-            quantiles = refine_quantiles(quantiles, self._need(place, seed, bins_of))
+            quantiles = refine_quantiles(quantiles, self._need(place, self._first_grid, seed, bins_of))
         yield self._launch.drawn(place, quantiles, self._second_grid, seed, Salt.SECOND_PASS)
 
-    def _need(self, place, seed, bins_of):
+    def _need(self, place, grid, seed, bins_of):
         """How far cells lead into bins that few rays reach, (rows, CELLS), as the pings' scouts find out."""
         asked = self._scouts[place.ping]
         known, new = self._needs, np.array([one for one in np.unique(asked) if (seed, one) not in self._needs], int)
         if len(new):
             scouts = place.of(new)
-            rays = self._launch.drawn(scouts, self._launch.first_quantiles(scouts), self._first_grid, seed,
-                                      Salt.FIRST_PASS)
+            rays = self._launch.drawn(scouts, self._launch.first_quantiles(scouts), grid, seed, Salt.FIRST_PASS)
             need = ray_need(rays.row, rays.cell, *bins_of(scouts, rays), rows=scouts.rows, bins=self.bins)
             known = known | {(seed, one): rows for one, rows in zip(new, need.reshape(len(new), self.per_ping, -1))}
         # a later block may ask those of this one: a group has no more of them than pings
