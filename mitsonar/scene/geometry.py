@@ -9,6 +9,7 @@ import numpy as np
 
 from ..device.arrays import upload
 from .labels import ShapeLabels
+from .vertex_normals import vertex_normals
 
 __all__ = ["Geometry", "interpolated"]
 
@@ -77,7 +78,7 @@ class Geometry:
             texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
                              else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
-            normals.append(parameters["vertex_normals"].numpy().reshape(-1, 3) if _is_smooth(shape)
+            normals.append(vertex_normals(vertex, face) if _is_smooth(shape)
                            else np.zeros((len(vertex), 3), np.float32))
             label = self.named.of_faces(shape, len(face))
             faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))

@@ -69,11 +69,11 @@ show(folder / "waterfall.png")
 # the sonar, and behind each lies a shadow, where it keeps the sound off the seabed. Two objects lie almost under the
 # track: they are nearer than the seabed, and so their echoes stand in the water column.
 #
-# Where nothing is nearer, the first bin that a ray reaches must lie at the sonar's altitude.
+# Where nothing is nearer, the first bin that the main lobe hears must lie at the sonar's altitude.
 
 # %%
 seabed = next(int(number) for number, name in image.attrs["labels"].items() if name == "seabed")
-first = (image["rays"] > 0).argmax("range")                                # number of a bin, for every ping and side
+first = (image["label"] > 0).argmax("range")                               # number of a bin, for every ping and side
 free = (image["label"].isel(range=first) == seabed).all("side")            # pings that meet nothing before the seabed
 off = image["range"].isel(range=first).min("side") - image["altitude"]     # [m]
 print(f"{int(free.sum())} of {PINGS} pings meet the seabed first, at most {float(abs(off[free]).max()):.3f} m off the "

@@ -100,7 +100,7 @@ def hits(count):
 def stage(description, seen, bistatic=False):
     """A function that asks the material of a shape for its strength at the hits."""
     shape = mi.load_dict({"type": "rectangle", "bsdf": description})
-    own = SimpleNamespace(**vars(seen), shape=dr.full(mi.ShapePtr, shape, dr.width(seen.primitive)))
+    own = SimpleNamespace(**vars(seen), smooth=None, shape=dr.full(mi.ShapePtr, shape, dr.width(seen.primitive)))
     back = mi.Vector3f(seen.arrival_direction.y, -seen.arrival_direction.x, -seen.arrival_direction.z)
     active = mi.Bool(True)
 

@@ -65,7 +65,7 @@ def test_a_comment_on_the_next_line_is_of_something_else(folder, said):
 def test_attributes_of_a_plugin(said):
     out = joined(said("describe", "sidescan"))
     assert out.startswith('<sensor type="sidescan"> Sidescan sonar: port and starboard faces')
-    assert "frequency_khz: a number [kHz] above 0 and at most 10000, default preset centre frequency" in out
+    assert "frequency_khz: a number [kHz] at least 0.001 and at most 10000, default preset centre frequency" in out
     assert 'preset: one of "towed_100khz", "towed_300khz", "towed_400khz"' in out and "default towed_400khz" in out
     assert "depth: a number [m], needed of the mean bed" in joined(said("describe", "seabed"))
     array = joined(said("describe", "array_sonar"))

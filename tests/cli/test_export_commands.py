@@ -46,9 +46,11 @@ def test_images_become_netcdf_and_exr_again(record, capfd):
 def test_a_mosaic_is_a_geotiff_of_the_lines(record):
     import rasterio
 
-    assert cli.main(["mosaic", "low.exr", "high.exr", "-o", "a.tif", "--resolution", "0.5", "--blend", "mean",
+    beside = exr.read("low.exr").assign_coords(y=record["y"] + 20.0)
+    exr.write(beside, "beside.exr")
+    assert cli.main(["mosaic", "low.exr", "beside.exr", "-o", "a.tif", "--resolution", "0.5", "--blend", "mean",
                      "--gain", "none", "--nadir", "10", "--fill", "3"]) == 0
-    drawn = mitsonar.imaging.mosaic([exr.read("low.exr"), exr.read("high.exr")], 0.5, blend="mean", gain=None,
+    drawn = mitsonar.imaging.mosaic([exr.read("low.exr"), exr.read("beside.exr")], 0.5, blend="mean", gain=None,
                                     nadir_deg=10, fill=3)
     with rasterio.open("a.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), drawn["level"].values)
@@ -69,6 +71,7 @@ def test_a_mosaic_is_a_geotiff_of_the_lines(record):
     (["convert", "low.exr", "a.nc", "--tvg", "none"], "--tvg is of XTF files"),
     (["convert", "low.exr", "a.xtf", "--start", "noon"], "--start is 'noon'"),
     (["convert", "low.exr", "a.xtf", "--start", "1950-01-01"], "1970 to 9999"),
+    (["mosaic", "low.exr", "high.exr", "-o", "a.tif"], "whose levels do not mix"),
     (["mosaic", "low.exr", "-o", "a.png"], "must end in .tif"),
     (["mosaic", "low.exr", "-o", "a.tif", "--resolution", "0"], "length above 0"),
     (["mosaic", "low.exr", "-o", "a.tif", "--resolution", "0.00001"], "take cells of"),

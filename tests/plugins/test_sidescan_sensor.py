@@ -240,7 +240,7 @@ def test_recorded_track_leaves_no_choice(refused, recorded, name, value):
 
 @pytest.mark.parametrize("attributes, words", [
     ({"preset": "towed"}, 'preset is the string "towed"; expected one of "towed_100khz"'),
-    ({"frequency_khz": 20_000.0}, "expected a number [kHz] above 0 and at most 10000"),
+    ({"frequency_khz": 20_000.0}, "expected a number [kHz] at least 0.001 and at most 10000"),
     ({"source_level_db": 301.0}, "at least -200 and at most 300"),
     ({"noise_level_db": -201.0}, "at least -200 and at most 300"),
     ({"pulse_ms": 0.0}, "expected a number [ms] at least 1e-06"),

@@ -33,7 +33,8 @@ def test_what_the_law_does_not_hold_for_is_refused_before_a_run(scene, plan, mat
 def test_a_map_of_sediments_under_a_sidescan(variant):
     bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(HALVES[..., None]), "raw": True, "filter_type": "nearest",
               "wrap_mode": "clamp"}
-    painted = {"type": "sediment", "classes": "clay, sandy gravel", "sediment_class": bitmap}
+    painted = {"type": "sediment", "classes": "clay, sandy gravel", "sediment_class": bitmap,
+               "class_border": 0.0}
     level = {name: render(sidescan({"bed": bed(40.0, material, size=300.0)}, rays=20_000))[1]
              for name, material in (("map", painted), ("clay", sediment("clay")),
                                     ("gravel", sediment("sandy gravel")))}

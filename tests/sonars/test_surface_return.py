@@ -88,6 +88,8 @@ def test_a_mirror_takes_no_rays_and_lights_no_shadow(variant):
     alone = mitsonar.render(sidescan(shapes, rays=20_000))
     under = mitsonar.render(sidescan({**shapes, "surface": {"type": "sea_surface", "wind_speed": 0.0}}, rays=20_000))
     assert alone["shadow"].values.any()
-    # the mean speed that rays are aimed by is over all depths of the scene: its last bit differs
+    # the mean speed that rays are aimed by is over all depths of the scene: its last bit differs, and packets whose
+    # rays leave the beam together may miss an edge together
     np.testing.assert_array_equal(under["shadow"].values, alone["shadow"].values)
-    np.testing.assert_allclose(under["rays"].values, alone["rays"].values, atol=2)
+    apart = np.abs(under["rays"].values.astype(int) - alone["rays"].values.astype(int))
+    assert apart.max() <= 4 and np.mean(apart > 0) < 0.03
