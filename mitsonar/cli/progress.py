@@ -3,6 +3,8 @@ import datetime
 import sys
 import time
 
+from .words import end_if_interrupted
+
 __all__ = ["Progress"]
 
 QUIET_SECONDS = 2.0                # progress is shown on anything longer
@@ -34,6 +36,7 @@ class Progress:
             self.bar.stop()
 
     def __call__(self, done: float, total: float, failed: int = 0) -> None:
+        end_if_interrupted()
         now = time.monotonic()
         if now - self.start < QUIET_SECONDS or not done:
             return

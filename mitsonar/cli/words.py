@@ -3,20 +3,24 @@ import os
 import signal
 import sys
 
-__all__ = ["Signals", "announce", "mute", "warn"]
+__all__ = ["Signals", "announce", "end_if_interrupted", "mute", "warn"]
 
 
 class Signals:
     """Let Ctrl-C and a request to terminate end the command by the same way, and remember which of them came."""
 
+    active: "Signals | None" = None            # those of the command that runs
+
     def __enter__(self):
         self.received, self.before = None, {}
+        Signals.active = self
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) is not signal.SIG_IGN:                 # whoever started us wants it ignored
                 self.before[number] = signal.signal(number, self._stop)
         return self
 
     def __exit__(self, *_):
+        Signals.active = None
         for number, handler in self.before.items():
             signal.signal(number, handler)
 
@@ -34,6 +38,12 @@ class Signals:
             return 128 + signal.SIGINT
         # Python's orderly end crashes on a library whose import was interrupted
         os._exit(128 + self.received)
+
+
+def end_if_interrupted() -> None:
+    """Interrupt the command once more if it goes on after a signal: libraries may swallow what that raised."""
+    if Signals.active is not None and Signals.active.received:
+        raise KeyboardInterrupt
 
 
 def announce(path: object) -> None:

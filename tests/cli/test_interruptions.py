@@ -80,6 +80,23 @@ def test_interrupted_long_render(folder):
     child = run(folder)
     time.sleep(2)
     child.send_signal(signal.SIGINT)
+    try:
+        out, err = child.communicate(timeout=120)
+    finally:
+        child.kill()                               # should it go on, it would for hours
+    assert (child.returncode, out, err) == (130, "", "mitsonar: interrupted; no unfinished file is left\n")
+    assert left(folder) == []
+
+
+def test_interrupt_that_is_swallowed(folder):
+    """Somebody's ``except BaseException`` eats the first interrupt; the next block of pings ends the render."""
+    child = run(folder, trap="""
+def spring():
+    try:
+        kill()
+    except BaseException:
+        pass
+from mitsonar.survey import energy; trap(energy, "gathered", spring)""")
     out, err = child.communicate(timeout=120)
     assert (child.returncode, out, err) == (130, "", "mitsonar: interrupted; no unfinished file is left\n")
     assert left(folder) == []
