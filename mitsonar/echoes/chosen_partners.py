@@ -91,7 +91,7 @@ class ChosenPartners:
             candidate, chance = partners(strata, its_key)
             brings = self._brings(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)
             weight = brings / chance
-            total += weight
+            total = total + weight
             bits, _ = other_pair(within, its_key)
             kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
             return (k + 1, total, dr.select(kept, candidate, partner), dr.select(kept, brings, worth))

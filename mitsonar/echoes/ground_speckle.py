@@ -76,14 +76,14 @@ class SpeckleBeam:
 
 @dataclass(frozen=True, kw_only=True)
 class SpeckleWay:
-    """Where pings look from, as quadratics of the time since their transmission: value + rate t + half t².
+    """Where pings look from, as quadratics c_0 + c_1 t + c_2 t² of the time t since their transmission.
 
     Attributes
     ----------
     centre : (P, 3, 3) [m, m/s, m/s²]
-        Phase centre: coefficient, then x, y and height above the bed.
+        Phase centre: number of the coefficient, then x, y and height above the bed.
     axis : (P, 3, 3) [-, 1/s, 1/s²]
-        Forward direction half-way between the attitudes: coefficient, then x, y, z.
+        Forward direction half-way between the attitudes: number of the coefficient, then x, y, z.
     lattice : (P,) int
         Which orientation serves the ping.
     """
@@ -151,7 +151,8 @@ class GroundSpeckle:
         centre[:, 0, :2] -= anchor * size
         rows = np.zeros((len(ping), COEFFICIENTS), np.float32)
         rows[:, :18] = np.stack([centre, axis], 1).reshape(len(ping), 18)
-        number = np.c_[anchor.astype(np.int64) & 0xFFFFFFFF, way.lattice[ping], way.lattice[ping]].astype(np.uint32)
+        number = np.zeros((len(ping), 4), np.uint32)             # four wide: a ping's are one aligned packet
+        number[:, :2], number[:, 2] = anchor.astype(np.int64) & 0xFFFFFFFF, way.lattice[ping]
         return upload(mi.Float, rows), upload(mi.UInt32, number)
 
     def _speckle(self, thread, table, place):

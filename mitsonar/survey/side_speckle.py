@@ -20,6 +20,7 @@ PER_OCTAVE = 6.0                   # ranges that the beam is tabulated at
 NEAREST, NEAREST_LENGTHS = 0.5, 0.5      # [m], and in lengths of the face: where its beam is looked at first
 LEVEL_OVER = 20.0                  # [m] of the track over which the bed's depth is averaged
 ALONG = 0.75                       # of the lattices' spacing: a course that strays further takes another lattice
+STRETCH = 64                       # pings that the end of a stretch is first looked for in
 TIMES = np.array([0.0, 0.5, 1.0])
 
 
@@ -46,8 +47,7 @@ def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
         widest, step = min(2 * wavelength / length + length / nearest, WIDEST), STEP * wavelength / length
     u = np.linspace(0, widest, NODES + int(widest / step))
     pressure = near_pressure(sonar.transmit, u, ranges, wavelength)
-    pressure = pressure * (pressure if sonar.receive is sonar.transmit or sonar.receive == sonar.transmit
-                           else near_pressure(sonar.receive, u, ranges, wavelength))
+    pressure = pressure * (pressure if sonar.one_face else near_pressure(sonar.receive, u, ranges, wavelength))
     pressure /= np.abs(pressure).max(1, keepdims=True)
     edge, table = np.empty(len(ranges)), np.empty((len(ranges), NODES), complex)
     for number, lobe in enumerate(pressure):
@@ -88,10 +88,14 @@ def _lattices(course: np.ndarray) -> np.ndarray:
     spacing = np.pi / LATTICES
     number, start = np.empty(len(course), int), 0
     while start < len(course):
-        first = np.round(course[start] / spacing)
-        away = np.angle(np.exp(1j * (course[start:] - first * spacing)))
-        strays = np.flatnonzero(np.abs(away) > ALONG * spacing)
+        first, ahead = np.round(course[start] / spacing) * spacing, STRETCH
+        while True:                            # a stretch is looked for no further than twice its length
+            away = np.angle(np.exp(1j * (course[start:start + ahead] - first)))
+            strays = np.flatnonzero(np.abs(away) > ALONG * spacing)
+            if strays.size or start + ahead >= len(course):
+                break
+            ahead *= 2
         stop = start + (int(strays[0]) if strays.size else len(away))
-        number[start:stop] = int(np.round((first * spacing + away[:stop - start].mean()) / spacing)) % LATTICES
+        number[start:stop] = int(np.round((first + away[:stop - start].mean()) / spacing)) % LATTICES
         start = stop
     return number

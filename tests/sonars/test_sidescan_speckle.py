@@ -20,7 +20,8 @@ from track_files import write_track
 from mitsonar.imaging.sidescan import pulse_shares, realisation
 from mitsonar.scene.loading import prepare
 from mitsonar.survey.sidescan import plan
-from mitsonar.survey.side_speckle import side_speckle
+from mitsonar.echoes.ground_speckle import LATTICES
+from mitsonar.survey.side_speckle import _lattices, side_speckle
 from mitsonar.units import metres_per_second_from_knots
 from mitsonar.validation.scenes import bed, sidescan
 
@@ -193,3 +194,14 @@ def test_echoes_of_the_water_column_have_speckle_too():
     water = between(speckle, 5.0, 18.0)
     expected = overlap(survey.sonar, 0.25, ranges=np.linspace(5, 18, 19))
     assert correlation(water[1:], water[:-1]) == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("pings, turn", [(1, 0.0), (63, 0.01), (64, 0.01), (65, 0.01), (500, 0.02), (300, 0.4)])
+def test_lattices_follow_the_course(pings, turn):
+    """None lies further from it than three quarters of their spacing and what the mean of a stretch is rounded by; one
+    serves a straight stretch, whatever its length."""
+    course = 1.0 + turn * np.arange(pings)
+    number, spacing = _lattices(course), np.pi / LATTICES
+    away = np.angle(np.exp(2j * (course - number * spacing))) / 2
+    assert np.abs(away).max() <= (2 * 0.75 + 0.5) * spacing
+    assert np.count_nonzero(np.diff(number)) <= np.ceil(pings * turn / (0.25 * spacing))
