@@ -103,9 +103,9 @@ class Sides:
         asked = self._scouts[place.ping]
         known, new = self._needs, np.array([one for one in np.unique(asked) if (seed, one) not in self._needs], int)
         if len(new):
-            scouts = place.of(new)
-            rays = self._launch.drawn(scouts, self._launch.first_quantiles(scouts), grid, seed, Salt.FIRST_PASS)
-            need = ray_need(rays.row, rays.cell, *bins_of(scouts, rays), rows=scouts.rows, bins=self.bins)
+            ahead = place.of(new)
+            rays = self._launch.drawn(ahead, self._launch.first_quantiles(ahead), grid, seed, Salt.FIRST_PASS)
+            need = ray_need(rays.row, rays.cell, *bins_of(ahead, rays), rows=ahead.rows, bins=self.bins)
             known = known | {(seed, one): rows for one, rows in zip(new, need.reshape(len(new), self.per_ping, -1))}
         # a later block may ask those of this one: a group has no more of them than pings
         self._needs = {key: known[key] for key in ((seed, one) for one in np.unique(asked)[-GROUP:])}
@@ -129,8 +129,7 @@ class Sides:
         """Give the sources of echoes of several bounces, and of the water."""
         sources: list[EchoSource[SideRays]] = []
         if self._survey.max_depth > 1:
-            sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, self._launch,
-                                         seed))
+            sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, self._launch, seed))
         if self._survey.volume is not None:
             sources.append(SideWater(self._survey, sound, self._beams, self.bins, self._launch, seed))
         return sources
