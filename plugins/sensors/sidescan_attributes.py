@@ -30,7 +30,7 @@ FACES = (
            text="how far the edges of a face curved across stand back; 0: flat; 0.5 to 1 make flat-topped beams"),
     File("pattern", default=None,
          text="CSV with `angle_deg` (to the normal, forward) and `level_db`: measured one-way beam along track, side "
-              "lobes and all; not with `beam_width_deg` or `shading`"),
+              "lobes and all; speckle takes its forward half for both; not with `beam_width_deg` or `shading`"),
     File("vertical_pattern", default=None,
          text="the same across, angles downwards; not with `vertical_beam_width_deg` or `vertical_sag`"),
     File("receive_pattern", default=None, otherwise="`pattern`", text="of the receiving face, unless it has "
