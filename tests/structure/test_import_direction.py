@@ -17,6 +17,7 @@ FLOORS = """
     propagation
     sonar
     signal
+    hydrography
     imaging
     io
     scene
@@ -33,7 +34,8 @@ FLOORS = """
     __main__
 """
 RANK = {room: rank for rank, room in enumerate(FLOORS.split())}
-PHYSICS = {"units", "water", "seabed", "scattering", "propagation", "sonar", "signal", "imaging"}
+PHYSICS = {"units", "water", "seabed", "scattering", "propagation", "sonar", "signal", "imaging",
+           "hydrography"}
 WITHOUT_MITSUBA = PHYSICS | {"device", "io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
 STANDARD_LIBRARY_ONLY = {"mitsonar", "mitsonar.__main__", "mitsonar.cli", "mitsonar.cli.bootstrap",
