@@ -28,16 +28,37 @@ from ..device.chance import Salt, gaussian, hashed, hashed_pair, uniform, unifor
 from .cells import divisions, place
 from .scatterers import Scatterers
 
-__all__ = ["Density", "ThinnedScatterers", "ThinnedSet"]
+__all__ = ["Density", "ThinnedScatterers", "ThinnedSet", "TransmitLobe"]
 
 EDGE_ON = 0.25                     # of the density that a surface seen edge-on keeps
 NEAREST = 0.3                      # [m] nearer, the density no longer grows
 MOST_PATCHES = 2_000_000           # that large facets are cut into, about
 MOST = 1 << 26                     # scatterers of a ping
 SHARE = 1 / 64                     # of the reach, that a patch is long at most
+LOBE = 1.0, 2.0                    # cells off its axis: the main lobe is whole to the first, and gone from the second
+BESIDE = 0.5, 1 / 32               # share of scatterers a cell off it, which falls as 1 / off; and the least
 BLOCK = 1024                       # patches that are looked at together when a ping's are chosen
 PLASTIC = 1.324717957244746        # g
 STEP_U, STEP_V = (round(2 ** 32 / PLASTIC ** power) for power in (1, 2))        # as 32-bit fractions
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransmitLobe:
+    """Where a transmitting line sends to.
+
+    Attributes
+    ----------
+    axis : (3,) [-]
+        b; scene coordinates.
+    sine : float [-]
+        Along it, that it is steered to.
+    cell : float [-]
+        Δt, of sines that it tells apart: wavelength / length.
+    """
+
+    axis: np.ndarray
+    sine: float
+    cell: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +80,8 @@ class Density:
     around : bool
         The picture is one over range and the bearing about the axis: a beam turns about it. For a, the way it turns, is
         taken.
+    lobe : TransmitLobe or None
+        Of a line that sends across the one that receives.
     """
 
     origin: np.ndarray
@@ -69,6 +92,7 @@ class Density:
     nearest: float
     farthest: float
     around: bool = False
+    lobe: TransmitLobe | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,10 +206,9 @@ class ThinnedScatterers:
         R = dr.norm(d)
         least = dr.maximum(dr.maximum(abs(dr.dot(d, normal)), R - radius), NEAREST)
         sight = d / dr.maximum(R, NEAREST)
-        seen = _covered(density, normal, sight) + radius / least
         reached = (R - radius < dr.opaque(mi.Float, density.farthest)) & (
             R + radius > dr.opaque(mi.Float, density.nearest)) & useful(sight, dr.maximum(R - radius, NEAREST))
-        most = _count(density, dr.minimum(seen, 1), least, area)
+        most = _count(density, normal, sight, least, area, radius / least)
         number = dr.select(reached, dr.maximum(dr.ceil(most - self._threshold(patch)), 0), 0)
         total = float(dr.sum(number)[0])
         if not total <= MOST:
@@ -213,7 +236,7 @@ class ThinnedScatterers:
         normal, area = across / dr.maximum(twice, 1e-30), 0.5 * twice / (cuts * cuts)
         d = mi.Vector3f(offset)
         R = dr.maximum(dr.norm(d), NEAREST)
-        m = _count(density, _covered(density, normal, d / R), R, area)
+        m = _count(density, normal, d / R, R, area)
         return ThinnedSet(exists=mi.Float(k) + self._threshold(patch) < m, offset=offset, normal=normal,
                           area=area / dr.maximum(m, 1e-30), amplitude=gaussian(lib, third, fourth),
                           shape=reinterpreted(mi.ShapePtr, facts[0]), primitive=facts[1], registry=facts[0],
@@ -286,10 +309,23 @@ def _covered(density: Density, normal: mi.Vector3f, sight: mi.Vector3f) -> mi.Fl
     return abs(dr.dot(normal, across)) * dr.rcp(dr.maximum(dr.norm(across), 1e-6))
 
 
-def _count(density: Density, seen: mi.Float, distance: mi.Float, area: mi.Float) -> mi.Float:
-    """m of (1)."""
+def _count(density: Density, normal: mi.Vector3f, sight: mi.Vector3f, distance: mi.Float, area: mi.Float,
+           slack: mi.Float | float = 0.0) -> mi.Float:
+    """m of (1) and (3) along unit vectors l; with `slack` [rad], what it is at most as far off them."""
     per_area = dr.opaque(mi.Float, density.per_cell / (density.range_cell * density.sine_cell))
-    return per_area * dr.maximum(seen, EDGE_ON) * area / distance
+    seen = dr.minimum(_covered(density, normal, sight) + slack, 1)
+    m = per_area * dr.maximum(seen, EDGE_ON) * area / distance
+    if density.lobe is None:
+        return m
+    b, cell = opaque_vector(mi.Vector3f, density.lobe.axis), dr.opaque(mi.Float, density.lobe.cell)
+    off = dr.maximum(abs(dr.dot(sight, b) - dr.opaque(mi.Float, density.lobe.sine)) - slack, 0) / cell
+    by_range = dr.minimum(abs(dr.dot(normal, dr.cross(sight, b))) + slack, 1) / dr.opaque(mi.Float, density.range_cell)
+    by_sine = dr.minimum(abs(dr.dot(normal, sight)) + slack, 1) / (distance * dr.opaque(mi.Float, density.sine_cell))
+    finer = dr.opaque(mi.Float, density.per_cell) * dr.maximum(by_range, by_sine) * area / (distance * cell)
+    whole, gone = LOBE
+    inside = dr.minimum(dr.maximum((gone - off) / (gone - whole), 0), 1)
+    beside = dr.maximum(BESIDE[0] * dr.rcp(dr.maximum(off, BESIDE[0])), BESIDE[1])
+    return dr.maximum(inside * dr.maximum(m, finer), beside * m)
 
 
 @dr.syntax

@@ -10,9 +10,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
+from ..device.arrays import arrays_of, opaque_vector, upload
+from ..device.lookups import held
 
-__all__ = ["ArraySum"]
+__all__ = ["ArraySum", "LineSum", "along_a_line"]
+
+FINER = 64                         # places of a line's table, over those that resolve it: read within 3e-4
+STRAIGHT = 1e-3                    # wavelengths that elements may stand off a line
 
 
 class ArraySum:
@@ -47,6 +51,50 @@ class ArraySum:
         on_device = upload(mi.Float, table.astype(np.float32))
         dr.eval(on_device)
         return _summed(on_device, self._weight, self._count, direction)
+
+
+class LineSum:
+    """The same of elements on a line, from a table: F is one function of the sine along it.
+
+    Parameters
+    ----------
+    axis : (3,) [-]
+        Unit vector.
+    place : (E, 3) [wavelengths]
+        On the line through 0.
+    weight : (E,) [-]
+    late : (E,) [cycles]
+    """
+
+    def __init__(self, axis: np.ndarray, place: np.ndarray, weight: np.ndarray, late: np.ndarray):
+        along = place @ axis
+        # a direction less what steers it has sines up to 2
+        count = int(np.ceil(4 * FINER * max(np.abs(along).max(), 1))) + 1
+        sine = np.linspace(-2, 2, count)
+        values = np.concatenate([np.exp(2j * np.pi * (some[:, None] * along - late)) @ weight
+                                 for some in np.array_split(sine, -(-count // 4096))])
+        self._axis, self._nodes = axis, count
+        self._table = upload(mi.Float, values.astype(np.complex64).view(np.float32))
+        dr.eval(self._table)
+
+    def of(self, direction: mi.Vector3f, rotation: np.ndarray | None = None) -> tuple[mi.Float, mi.Float]:
+        """Give real and imaginary part of F; see `ArraySum.of`."""
+        axis = self._axis if rotation is None else rotation @ self._axis
+        sine = dr.dot(direction, opaque_vector(mi.Vector3f, axis))
+        place = held((sine + 2) * dr.opaque(mi.Float, (self._nodes - 1) / 4), 0.0, self._nodes - 1.001)
+        node = mi.UInt32(place)
+        share = place - mi.Float(node)
+        low, high = (dr.gather(arrays_of(mi.Float).Array2f, self._table, node + step) for step in (0, 1))
+        value = low + (high - low) * share
+        return value.x, value.y
+
+
+def along_a_line(place: np.ndarray) -> np.ndarray | None:
+    """Give the unit vector of the line through 0 that places (E, 3) [wavelengths] lie on, None where there is none."""
+    _, _, axes = np.linalg.svd(place, full_matrices=False)
+    axis = axes[0]
+    off = place - np.outer(place @ axis, axis)
+    return axis if np.abs(off).max() <= STRAIGHT else None
 
 
 @dr.syntax

@@ -41,6 +41,9 @@ class ArraySurvey(Survey):
     sources : RaySources
         Where rays start.
     noise : ElementNoise or None
+    steering : (P, 3) or None [-]
+        What the transmit array is steered by at each ping, besides its own delays: body frame, the part of a unit
+        vector that its elements tell apart. None: by nothing.
     absorption_db : callable or None
         Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
 
@@ -63,6 +66,7 @@ class ArraySurvey(Survey):
     ensonification: str
     sources: RaySources
     noise: ElementNoise | None = None
+    steering: np.ndarray | None = None
     absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
     @cached_property
@@ -98,6 +102,14 @@ class ArraySurvey(Survey):
     def sound_speed(self, ping: int) -> float:
         """At the array [m/s]."""
         return float(self.profile.at(-self.track.position[ping, 2]))
+
+    def transmit_delay(self, ping: int) -> np.ndarray:
+        """Of the transmit elements at a ping, (E,) [s]: their own, and r_e·u / c about their middle, by `steering`."""
+        array = self.transmit
+        if self.steering is None:
+            return array.delay
+        place = array.position - array.position[array.working].mean(0)
+        return array.delay + place @ self.steering[ping] / self.sound_speed(ping)
 
     def travel(self, ping: int, position: np.ndarray) -> PingTravel:
         """Follow a point (3,) [m] of the body while the echoes of a ping come in: a `PingTravel` of one ping."""

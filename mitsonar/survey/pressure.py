@@ -130,6 +130,7 @@ class PressureRecord:
         glide = glide_of(pulse) if pulse is self.survey.pulse else None
         classes = OneClass() if still else DopplerClasses(doppler, begin, pulse, glide)
         senders, count = np.flatnonzero(weight).tolist(), len(classes.factors)
+        delay = self.survey.transmit_delay(ping)
         # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
         sums = self.sums()
         together = min(max(1, SUMS_BYTES // (4 * dr.width(sums.sums))), count)
@@ -140,7 +141,7 @@ class PressureRecord:
             for number, element in enumerate(senders):
                 part = len(now) / count / len(senders)
                 self._add(sums, classes, now, ping, element, weight=weight[element],
-                          delay=float(transmit.delay[element]),
+                          delay=float(delay[element]),
                           progress=_of_a_part(progress, first / count + number * part, part))
             for sheet, one in enumerate(now):
                 response = sums.read(sheet)

@@ -21,7 +21,7 @@ from scipy import fft
 
 from ...device.arrays import arrays_of, upload
 from ...device.chance import Salt, salted
-from ...device.types import DrJitArray, Float
+from ...device.types import DrJitArray, Float, UInt32
 from ...sonar.pulse import Pulse, Window
 from ..bells import Bell
 from ..impulses import BandLimited
@@ -50,8 +50,8 @@ class LineBeams:
         Of the backend to use.
     position : (E,) [m]
         Of the elements along the axis, from the phase centre.
-    weight : real or complex (E,) [-]
-        0 for one that is dead.
+    weight : real or complex (E,) or (K, E) [-]
+        0 for one that is dead. Several rows are several apertures of one line, such as its halves.
     pulse : Pulse
     sampling_rate : float [Hz]
     samples, lead : int
@@ -86,14 +86,16 @@ class LineBeams:
         steps, self.period = _rows(position, wavenumber, 1 + float(np.abs(self.sines).max()))
         _check_size(len(position), steps, self.period, len(wavenumber))
         step = 2 / steps
-        self.line = LineResponse(position, weight, wavenumber, step, self.period)
+        self.lines = [LineResponse(position, one, wavenumber, step, self.period) for one in np.atleast_2d(weight)]
+        self.line = self.lines[0]
         terms = None if absorption_db is None else self.pulse.weaken(absorption_db, sound_speed, start, MARGIN)
         self.shape = GridShape(rows=steps + 1 + 2 * EDGE, samples=samples, length=self.length,
                                along=Bell(BandLimited().band), across=self.line.bell, first=-1 - EDGE * step, step=step,
                                absorption=terms)
         self._row_sines = self.shape.first + step * np.arange(self.shape.rows)
         self._set_tables()
-        self._drawn: tuple[NoiseDensity, Float | None, Float | None] = NoiseDensity(), None, None
+        self._drawn: tuple[NoiseDensity, Float | None, list[Float | None]] = (NoiseDensity(), None,
+                                                                              [None] * len(self.lines))
 
     def grid(self) -> BeamGrid:
         """Make empty sums on the device."""
@@ -101,6 +103,18 @@ class LineBeams:
 
     def form(self, grid: BeamGrid, *, doppler: np.ndarray | None = None, noise: NoiseDensity | None = None,
              key: int = 0) -> np.ndarray:
+        """Form the beams of a line of one aperture; see `form_each`.
+
+        Returns
+        -------
+        complex64 (B, samples - lead)
+        """
+        if len(self.lines) > 1:
+            raise ValueError(f"the line has {len(self.lines)} apertures; form the beams of each.")
+        return self.form_each(grid, doppler=doppler, noise=noise, key=key)[0]
+
+    def form_each(self, grid: BeamGrid, *, doppler: np.ndarray | None = None, noise: NoiseDensity | None = None,
+                  key: int = 0, sines: np.ndarray | None = None) -> np.ndarray:
         """Form the beams of the echoes on a grid, which is empty afterwards.
 
         Parameters
@@ -112,29 +126,40 @@ class LineBeams:
         noise : NoiseDensity or None
         key : int
             Of a ping, as of `device.chance.ping_key`: equal ones give equal noise.
+        sines : (N,) or None [-]
+            Of this ping's beams, where they are others: no farther from 0 than those the line was made for.
 
         Returns
         -------
-        complex64 (B, samples - lead)
-            An echo at a beam's sine peaks at its time with its amplitude.
+        complex64 (K, B, samples - lead)
+            Of each aperture. An echo at a beam's sine peaks at its time with its amplitude.
+
+        Raises
+        ------
+        ValueError
+            If the grid is not of this line, or sines lie too far out.
         """
+        read = self._reading if sines is None else self._read_at(sines)
         if grid.shape is not self.shape:
             raise ValueError("beams were asked of a grid of another line; make it by grid() of this one.")
         factors = np.ones(2) if doppler is None else np.asarray(doppler, float)
         row_factors = np.interp(self._row_sines, np.linspace(-1, 1, len(factors)), factors)
-        rows, waves = (None, None) if noise is None else self._noise_tables(noise)
+        rows, waves = (None, [None] * len(self.lines)) if noise is None else self._noise_tables(noise)
         on_rows = None
         if rows is not None:
             bell = tuple(self.line.bell.impulse([0, 1]).tolist())
             on_rows = Noise(key=salted(key, Salt.BEAM_AMBIENT), row=rows, frequency=self._replica, taps=bell)
         sizes, spectra = self._sizes, transformed(grid.taken(), self.length)
         spectra = by_frequency(spectra, sizes, self.pulse.transfers(row_factors), on_rows)
-        spectra = through_the_line(transformed(spectra, sizes.period), sizes, self._waves, self._pattern, waves,
-                                   salted(key, Salt.BEAM_NOISE))
-        spectra = by_beam(transformed(spectra, sizes.period, inverse=True), sizes, self._rows, self._taps)
-        beams = transformed(spectra, self.length, inverse=True)
-        whole = beams.numpy().view(np.complex64).reshape(len(self.sines), self.length)
-        return whole[:, MARGIN + self.lead:MARGIN + self.samples]
+        spectra = transformed(spectra, sizes.period)
+        formed = []
+        for number, (table, own) in enumerate(zip(self._tables, waves)):
+            through = through_the_line(spectra, sizes, *table, own, salted(key, Salt.BEAM_NOISE) + number)
+            through = by_beam(transformed(through, sizes.period, inverse=True), sizes, *read)
+            beams = transformed(through, self.length, inverse=True)
+            whole = beams.numpy().view(np.complex64).reshape(-1, self.length)
+            formed.append(whole[:, MARGIN + self.lead:MARGIN + self.samples])
+        return np.stack(formed)
 
     # -- tables ----------------------------------------------------------------------------------------------------
 
@@ -142,37 +167,47 @@ class LineBeams:
         lib, U = self.lib, self.lib.UInt32
         self._sizes = Sizes(rows=self.shape.rows, length=self.length, period=self.period,
                             used=upload(U, self.pulse.used.astype(np.uint32)))
-        self._waves = upload(U, self.line.used.astype(np.uint32))
-        self._pattern = upload(lib.Float, self.line.values.view(np.float32))
-        place = (self.sines - self.shape.first) / self.shape.step
-        rows = np.floor(place).astype(np.int64)[:, None] + np.arange(-1, 3)
-        taps = self.line.bell.impulse(place[:, None] - rows)
-        self._rows, self._taps = upload(U, rows.astype(np.uint32)), upload(lib.Float, taps.astype(np.float32))
+        self._tables = [(upload(U, line.used.astype(np.uint32)), upload(lib.Float, line.values.view(np.float32)))
+                        for line in self.lines]
+        self._reading = self._read_at(self.sines)
         self._replica = upload(lib.Float, np.abs(self.pulse.replica).astype(np.float32))
 
-    def _noise_tables(self, noise: NoiseDensity) -> tuple[Float | None, Float | None]:
-        """Amplitudes of noise drawn on rows, (R,), and of that drawn on (f, ν), (F, U); see the module `noise`."""
+    def _read_at(self, sines: np.ndarray) -> tuple[UInt32, Float]:
+        """Rows and weights (B, 4) that beams at these sines are read from."""
+        if not (np.abs(sines) <= np.abs(self.sines).max() + 1e-12).all():
+            raise ValueError(f"beams of a line made for sines within {np.abs(self.sines).max():.4g} are asked for at "
+                             f"{np.abs(sines).max():.4g}; make it for those.")
+        place = (np.asarray(sines, float) - self.shape.first) / self.shape.step
+        rows = np.floor(place).astype(np.int64)[:, None] + np.arange(-1, 3)
+        taps = self.line.bell.impulse(place[:, None] - rows)
+        return (upload(self.lib.UInt32, rows.astype(np.uint32)),
+                upload(self.lib.Float, taps.astype(np.float32)))
+
+    def _noise_tables(self, noise: NoiseDensity) -> tuple[Float | None, list[Float | None]]:
+        """Amplitudes of noise on rows, (R,), and of that on (f, ν), (F, U), for each aperture; see `noise`."""
         if self._drawn[0] != noise:
-            band, line = self._rate * self.length, self.line
-            rows = waves = None
+            band = self._rate * self.length
+            rows, waves = None, [None] * len(self.lines)
             if noise.ambient:
                 # rows at the very ends count half
                 inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)
                 power = 0.5 * self.shape.step * inside
                 rows = upload(self.lib.Float, np.sqrt(noise.ambient * band * power).astype(np.float32))
             if noise.own:
-                power = noise.own * band * self.period * line.own_noise(float(np.ptp(self.sines)))
-                size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
-                waves = upload(self.lib.Float, size.astype(np.float32))
+                for number, line in enumerate(self.lines):
+                    power = noise.own * band * self.period * line.own_noise(float(np.ptp(self.sines)))
+                    size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
+                    waves[number] = upload(self.lib.Float, size.astype(np.float32))
             self._drawn = noise, rows, waves
         return self._drawn[1:]
 
 
 def _check(position: np.ndarray, weight: np.ndarray, sines: np.ndarray, samples: int, lead: int) -> None:
-    if position.ndim != 1 or not len(position) or weight.shape != position.shape or not np.isfinite(position).all():
+    shaped = position.ndim == 1 and len(position) and weight.ndim in (1, 2) and weight.shape[-1:] == position.shape
+    if not shaped or not np.isfinite(position).all():
         raise ValueError(f"beams of a line: positions have shape {position.shape}, weights {weight.shape}; give a "
                          "finite position [m] and a weight for every element.")
-    if not np.isfinite(weight).all() or not weight.any():
+    if not np.isfinite(weight).all() or not np.atleast_2d(weight).any(1).all():
         raise ValueError("beams of a line: weights must be finite, and one of them other than 0.")
     if sines.ndim != 1 or not len(sines) or not (np.abs(sines) <= 1).all():
         raise ValueError(f"beams of a line: sines have shape {sines.shape} and reach "

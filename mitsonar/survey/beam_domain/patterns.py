@@ -4,6 +4,7 @@
 
 b_t, b_r patterns of the elements, n direction sent, n' direction received in the frame that turns with the body; r_e
 about the transmit array's centre, w_e and τ_e weights and delays of its elements; the second sum is that of the rows.
+An array that is steered anew at every ping, by u, is heard along n - u.
 """
 from __future__ import annotations
 
@@ -12,9 +13,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ...device.arrays import opaque_vector
 from ...echoes.element_beams import omni, pressure
 from ...sonar.array import Array
-from ..array_sums import ArraySum
+from ..array_sums import ArraySum, LineSum, along_a_line
 from ..array_survey import ArraySurvey
 from .line import LineArray
 
@@ -30,7 +32,19 @@ class Patterns:
     survey : ArraySurvey
     line : LineArray
         Of the receive array.
+
+    Attributes
+    ----------
+    transmit_centre : (3,) [m]
+        Body frame.
+    transmit_axis : (3,) or None [-]
+        Unit vector, body frame, of a transmitting line that is steered ping by ping,
+    transmit_length : float [m]
+        and its length, as of `LineArray`.
     """
+
+    transmit_axis: np.ndarray | None = None
+    transmit_length: float = 0.0
 
     def __init__(self, survey: ArraySurvey, line: LineArray):
         self._transmit, self._receive, self._wavelength = survey.transmit, survey.receive, survey.wavelength
@@ -41,7 +55,13 @@ class Patterns:
         self._sent = None
         if steered:
             late = survey.frequency * transmit.delay
-            self._sent = ArraySum((transmit.position - self.transmit_centre) / self._wavelength, weight, late)
+            place = (transmit.position - self.transmit_centre) / self._wavelength
+            axis = along_a_line(place) if survey.steering is not None else None
+            if axis is None:
+                self._sent = ArraySum(place, weight, late)
+            else:
+                self._sent, self.transmit_axis = LineSum(axis, place, weight, late), axis
+                self.transmit_length = self._wavelength * float(np.ptp(place @ axis)) * len(place) / (len(place) - 1)
         self.drive_delay = 0.0 if steered else float(transmit.delay[np.flatnonzero(weight)[0]])
         self._sign = 1.0 if steered else float(np.sign(weight[np.flatnonzero(weight)[0]]))
         self._rows = None
@@ -51,8 +71,8 @@ class Patterns:
             self._rows = ArraySum(line.row_place[:, None] * across / self._wavelength, weights,
                               np.zeros(len(weights)))
 
-    def factor(self, sent: mi.Vector3f, towards: mi.Vector3f,
-               rotation: np.ndarray) -> tuple[mi.Float, mi.Float | None]:
+    def factor(self, sent: mi.Vector3f, towards: mi.Vector3f, rotation: np.ndarray,
+               steering: np.ndarray | None = None) -> tuple[mi.Float, mi.Float | None]:
         """Give real and imaginary part of f, the latter None where it is 0.
 
         Parameters
@@ -61,6 +81,8 @@ class Patterns:
             Scene, and the scene at the transmission turned with the body.
         rotation : (3, 3)
             Body to scene, at the transmission.
+        steering : (3,) or None
+            u, body frame.
         """
         real, imaginary = dr.opaque(mi.Float, self._sign), None
         for array, direction in ((self._transmit, sent), (self._receive, towards)):
@@ -68,7 +90,8 @@ class Patterns:
                 face = array.faces()[0]
                 real = real * pressure(array, direction, self._wavelength, rotation @ face.normal,
                                        rotation @ face.along)
-        for part, direction in ((self._sent, sent), (self._rows, towards)):
+        aimed = sent if steering is None else sent - opaque_vector(mi.Vector3f, rotation @ steering)
+        for part, direction in ((self._sent, aimed), (self._rows, towards)):
             if part is not None:
                 a, b = part.of(direction, rotation)
                 real, imaginary = _product(real, imaginary, a, b)

@@ -20,7 +20,7 @@ from ...device.chance import ping_key
 from ...device.lookups import held
 from ...echoes.element_beams import ElementBeams
 from ...echoes.record import Echoes
-from ...echoes.thinned_scatterers import Density
+from ...echoes.thinned_scatterers import Density, TransmitLobe
 from ...signal.beam_grid.residual_doppler import residual_doppler
 from ..array_survey import ArraySurvey
 from ..ground import FREE, HIDDEN_BY_OBJECT, Ground
@@ -82,7 +82,7 @@ class PingEchoes:
         arrival = reception.receive(sent=legs.launch_direction, out_distance=legs.distance, out_time=legs.travel_time,
                                     towards=legs.launch_direction, back_distance=legs.distance,
                                     back_time=legs.travel_time)
-        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation)
+        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
         return self._on_grid(arrival, _RowDoppler(self.doppler(ping)), lit.energy, lit.scatterers.amplitude, factor,
                              state=lit.state, label=lit.scatterers.label, launch=legs.launch_direction,
                              offset=lit.scatterers.offset, origin=density.origin)
@@ -101,7 +101,15 @@ class PingEchoes:
         return Density(origin=survey.track.position[ping], axis=reception.rotation @ self.line.axis,
                        per_cell=self.per_cell, range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth),
                        sine_cell=survey.wavelength / self.line.length, nearest=self.ground.nearest,
-                       farthest=self.ground.farthest)
+                       farthest=self.ground.farthest, lobe=self._lobe(reception))
+
+    def _lobe(self, reception: Reception) -> TransmitLobe | None:
+        """Where a transmitting line that is steered ping by ping sends to."""
+        axis = self.patterns.transmit_axis
+        if axis is None or reception.steering is None:
+            return None
+        return TransmitLobe(axis=reception.rotation @ axis, sine=float(reception.steering @ axis),
+                            cell=self.survey.wavelength / self.patterns.transmit_length)
 
     def _useful(self, ping: int) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
         """Whether directions are looked into: not those that the beams make negligible."""
@@ -144,7 +152,7 @@ class PingEchoes:
             sent=mi.Vector3f(out.sent_towards), out_distance=mi.Float(dr.norm(out.offset)),
             out_time=echoes.arrival, towards=mi.Vector3f(back.sent_towards),
             back_distance=mi.Float(dr.norm(back.offset)), back_time=back.travel_time)
-        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation)
+        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
         root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
         nothing = dr.zeros(mi.UInt32, echoes.count)
         unit = tuple(part * root for part in echoes.amplitude)

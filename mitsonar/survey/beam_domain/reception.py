@@ -80,6 +80,7 @@ class Reception:
                  transmit_centre: np.ndarray, receive_centre: np.ndarray):
         rotation = survey.track.rotation()[ping]
         self.rotation, self.speed = rotation, survey.sound_speed(ping)
+        self.steering = None if survey.steering is None else survey.steering[ping]
         travel = survey.travel(ping, receive_centre)
         self._sender, self._receiver = rotation @ transmit_centre, rotation @ receive_centre
         d, r = travel.displacement[0], travel.turn[0]
