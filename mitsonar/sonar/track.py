@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..device.types import Real
 
-__all__ = ["Track", "rotation_matrix"]
+__all__ = ["Track", "mounting_matrix", "rotation_matrix"]
 
 LATEST, FARTHEST = 1e11, 1e8       # [s], [m]: three thousand years, and more than once around the Earth
 FIELDS = ("time", "position", "roll", "pitch", "heading")
@@ -228,6 +228,12 @@ def rotation_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
     east = [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr]
     up = [sp, -cp * sr, -cp * cr]
     return np.moveaxis(np.array([east, north, up]), (0, 1), (-2, -1))
+
+
+def mounting_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
+    """Give the rotations from a head to the body it is mounted in, Rz(heading) Ry(pitch) Rx(roll), (..., 3, 3)."""
+    east, north, up = np.moveaxis(rotation_matrix(roll, pitch, heading), -2, 0)
+    return np.stack([north, east, -up], -2)
 
 
 def _array(name: str, value: ArrayLike) -> np.ndarray:

@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from . import array, forward_looking, sector_scan, sidescan
+from . import array, forward_looking, multibeam, sector_scan, sidescan
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .survey import Survey
@@ -46,7 +46,7 @@ class Kind(Protocol):
 
 
 KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking,
-                          "sector_scan": sector_scan}
+                          "sector_scan": sector_scan, "multibeam": multibeam}
 
 
 class FrameKind(Kind, Protocol):
@@ -57,7 +57,7 @@ class FrameKind(Kind, Protocol):
         ...
 
 
-FRAMES: dict[str, FrameKind] = {"array": array, "forward_looking": forward_looking}
+FRAMES: dict[str, FrameKind] = {"array": array, "forward_looking": forward_looking, "multibeam": multibeam}
 
 
 def frame_kind_of(sensor: Any) -> FrameKind:

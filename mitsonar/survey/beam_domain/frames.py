@@ -8,21 +8,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain
 
 import mitsuba as mi
 import numpy as np
 
 from ...device.chance import ping_key
 from ...imaging.energy_record import EnergyRecord
-from ...signal.beam_grid import BeamGrid, LineBeams, NoiseDensity
+from ...signal.beam_grid import LineBeams, NoiseDensity
 from ...signal.reception import delayed
 from ...units import amplitude_from_db, power_from_db
 from ..array_survey import ArraySurvey
 from .blur import Blur
+from .laying import lay
 from .line import LineArray, refusal
 from .ping_echoes import PingEchoes
-from .record import GridEchoes
 from .truth import FrameTruth
 
 __all__ = ["Frames", "why_not"]
@@ -100,20 +99,12 @@ class Frames:
             Arrays (B, ..., bins).
         """
         survey, grid = self.survey, self._beams.grid()
-        scatterers = self.echoes.of_scatterers(ping)
-        hidden = mi.UInt32(), mi.UInt32()
-        if scatterers is not None:
-            _add(grid, scatterers)
-            hidden = self.echoes.hiding(ping, scatterers)
-        targets = list(self.echoes.of_targets(ping))
-        for target in targets:
-            _add(grid, target.echoes)
-        for some in chain(self.echoes.mirrored(ping), self.echoes.by_chance(ping, seed)):
-            _add(grid, some)
+        laid = lay(self.echoes, grid, ping, seed)
         beams = self._beams.form(grid, doppler=self.echoes.doppler(ping), noise=self._noise, key=ping_key(seed, ping))
         beams = self._referred(beams) * np.float32(amplitude_from_db(survey.source_level_db))
         truth = self._truth.of(
-            scatterers, hidden, targets, origin=survey.track.position[ping],
+            laid.scatterers, self.echoes.hiding(ping, laid.scatterers), laid.targets,
+            origin=survey.track.position[ping],
             depth_below=float(survey.depth_below[ping]), farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
             source_power=float(power_from_db(survey.source_level_db)))
         return beams, truth
@@ -133,9 +124,4 @@ class Frames:
         near = (R - np.linalg.norm(point - centre, axis=-1)) / speed - far[:, None]
         turn = np.exp(-2j * np.pi * survey.frequency * near).astype(np.complex64)
         return delayed(beams, far, survey.sampling_rate, survey.frequency) * turn
-
-
-def _add(grid: BeamGrid, echoes: GridEchoes) -> None:
-    grid.add(column=echoes.column, sine=echoes.sine, real=echoes.real, imaginary=echoes.imaginary)
-
 

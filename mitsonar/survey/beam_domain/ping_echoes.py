@@ -46,10 +46,13 @@ class PingEchoes:
         Of the receive array.
     per_cell : float [-]
         Scatterers a resolution cell.
+    beams_from_origin : bool
+        Beams look from the body's origin; else from the middle of the receive array.
     """
 
-    def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float):
+    def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True):
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
+        self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
         self.ground = Ground(survey)
         turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
@@ -62,7 +65,8 @@ class PingEchoes:
         if self._reception is None or self._reception[0] != ping:
             self._reception = ping, Reception(self.survey, ping, axis=self.line.axis, normal=self.line.normal,
                                               receive_centre=self.line.centre,
-                                              transmit_centre=self.patterns.transmit_centre)
+                                              transmit_centre=self.patterns.transmit_centre,
+                                              beams_from_origin=self._from_origin)
         return self._reception[1]
 
     def doppler(self, ping: int) -> np.ndarray | None:
@@ -87,8 +91,10 @@ class PingEchoes:
                              state=lit.state, label=lit.scatterers.label, launch=legs.launch_direction,
                              offset=lit.scatterers.offset, origin=density.origin)
 
-    def hiding(self, ping: int, echoes: GridEchoes) -> tuple[mi.UInt32, mi.UInt32]:
+    def hiding(self, ping: int, echoes: GridEchoes | None) -> tuple[mi.UInt32, mi.UInt32]:
         """Give which scatterers objects hide, by their numbers, and the numbers of the objects: UInt32 (H,)."""
+        if echoes is None:
+            return mi.UInt32(), mi.UInt32()
         index = compressed(echoes.state == HIDDEN_BY_OBJECT)
         if not dr.width(index):
             return index, mi.UInt32()

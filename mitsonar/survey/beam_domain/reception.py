@@ -15,7 +15,7 @@ distance D lies beside that by
 
     (a·r_c - s û·r_c) / D,     û = s a + √(1 - s²) b                                                              (3)
 
-which is added to the echo's sine instead.
+which is added to the echo's sine instead; beams that look from the array's centre do without.
 Its Doppler factor is (c + v_back·n') / (c - v_out·n), v_out the transmitter's velocity.
 """
 from __future__ import annotations
@@ -74,10 +74,12 @@ class Reception:
         a and b, body frame.
     transmit_centre, receive_centre : (3,) [m]
         Body frame.
+    beams_from_origin : bool
+        Beams look from O; else from the receive array's centre.
     """
 
     def __init__(self, survey: ArraySurvey, ping: int, *, axis: np.ndarray, normal: np.ndarray,
-                 transmit_centre: np.ndarray, receive_centre: np.ndarray):
+                 transmit_centre: np.ndarray, receive_centre: np.ndarray, beams_from_origin: bool = True):
         rotation = survey.track.rotation()[ping]
         self.rotation, self.speed = rotation, survey.sound_speed(ping)
         self.steering = None if survey.steering is None else survey.steering[ping]
@@ -91,6 +93,7 @@ class Reception:
         sender_travel = survey.travel(ping, transmit_centre)
         self._sent_velocity = sender_travel.displacement[0][0] if len(sender_travel.displacement[0]) else np.zeros(3)
         self._axis, self._normal = rotation @ axis, rotation @ normal
+        self._from_origin = beams_from_origin
         self._off = float(axis @ receive_centre), float(normal @ receive_centre)
         self._velocity = d[0] if len(d) else np.zeros(3)
 
@@ -142,7 +145,7 @@ class Reception:
             heard = mi.Vector3f(*rotated(list(heard), [mi.Float(part) for part in turned], back=True))
         c = dr.opaque(mi.Float, self.speed)
         sine = dr.dot(heard, opaque_vector(mi.Vector3f, self._axis)) * c / (c + closing)
-        if np.linalg.norm(self._receiver) > SMALL:
+        if self._from_origin and np.linalg.norm(self._receiver) > SMALL:
             along, ahead = (dr.opaque(mi.Float, part) for part in self._off)
             seen = sine * along + dr.sqrt(dr.maximum(1 - sine * sine, 0)) * ahead
             sine = sine + (along - sine * seen) / dr.maximum(back_distance, NEAREST)                     # (3)

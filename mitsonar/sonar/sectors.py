@@ -1,0 +1,81 @@
+"""Sectors of a swath: transmissions of one ping that differ in direction, frequency and pulse, and their beams."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from .pulses import Pulse
+from .shading import window_weights
+
+__all__ = ["SPACINGS", "Sector", "beam_angles", "elements_for_beam_width"]
+
+SPACINGS = ("angle", "distance")
+TRIED = 256                        # elements of the line on which a window's beam is measured
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sector:
+    """One transmission of a ping, and the beams that listen to it.
+
+    Attributes
+    ----------
+    pulse : Pulse
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        On its axis.
+    delay : float [s]
+        After the ping's first transmission.
+    tilt : float [rad]
+        Of the transmission, forward of the vertical plane across the track.
+    beams : (B,) [rad]
+        Angles from the vertical, positive to starboard, rising.
+    first, last : float [rad]
+        Edges of the sector.
+    """
+
+    pulse: Pulse
+    source_level_db: float
+    delay: float
+    tilt: float
+    beams: np.ndarray
+    first: float
+    last: float
+
+    @property
+    def middle(self) -> float:
+        """Angle [rad] that the transmitting faces look at."""
+        return 0.5 * (self.first + self.last)
+
+
+def beam_angles(beams: int, swath: float, spacing: str) -> np.ndarray:
+    """Give the angles (B,) [rad] of beams over a swath [rad]: evenly, or even distances on a level bed.
+
+    Raises
+    ------
+    ValueError
+        If the spacing is unknown, or even distances are asked for of a swath of 180 degrees.
+    """
+    if spacing not in SPACINGS:
+        raise ValueError(f'beam spacing is "{spacing}"; give one of {", ".join(SPACINGS)}.')
+    if spacing == "angle":
+        return np.linspace(-0.5 * swath, 0.5 * swath, beams)
+    if swath > np.deg2rad(170):
+        raise ValueError(f"a swath of {np.rad2deg(swath):g} degrees has no even distances on a level bed; take at most "
+                         "170 degrees, or even angles.")
+    return np.arctan(np.linspace(-1, 1, beams) * np.tan(0.5 * swath))
+
+
+def elements_for_beam_width(beam_width: float, spacing: float, window: str | None) -> int:
+    """Choose how many elements a line has for a full one-way width at -3 dB [rad]; spacing in wavelengths.
+
+    A line N d long of a window w has |W(s)|² = 1/2 where s = x / (N d), x that of the window.
+    """
+    weight = np.ones(TRIED) if window is None else window_weights(window, TRIED)
+    place = (np.arange(TRIED) - (TRIED - 1) / 2) / TRIED
+
+    def above_half(x: float) -> float:
+        return float((weight @ np.cos(2 * np.pi * place * x) / weight.sum()) ** 2 - 0.5)
+
+    half = brentq(above_half, 0.05, 3.0)
+    return max(2, int(round(float(half) / (spacing * np.sin(0.5 * beam_width)))))

@@ -1,0 +1,1 @@
+"""Swaths of multibeam echo sounders: sectors, steering, beams, and the soundings they make."""

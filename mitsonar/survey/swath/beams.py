@@ -1,0 +1,116 @@
+"""The beams of a sector's pings in the beam domain: those of either half of the receiving line, and their truth."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+
+from ...device.chance import ping_key, sonar_seed
+from ...imaging.energy_record import EnergyRecord
+from ...signal.beam_grid import LineBeams, NoiseDensity
+from ...units import amplitude_from_db, power_from_db
+from ..beam_domain.blur import Blur
+from ..beam_domain.laying import LaidPing, lay
+from ..beam_domain.line import LineArray
+from ..beam_domain.ping_echoes import PingEchoes
+from ..beam_domain.truth import FrameTruth
+from .survey import SectorRun
+
+__all__ = ["Halves", "SectorBeams"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Halves:
+    """Beams of a ping, compressed.
+
+    Attributes
+    ----------
+    port, starboard : complex64 (B, T) [µPa]
+        Of either half of the receiving line.
+    """
+
+    port: np.ndarray
+    starboard: np.ndarray
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Beams of the whole line."""
+        return 0.5 * (self.port + self.starboard)
+
+
+class SectorBeams:
+    """Form the beams of one sector, ping by ping.
+
+    Parameters
+    ----------
+    run : SectorRun
+    number : int
+        Of the sector: its noise is its own.
+    """
+
+    def __init__(self, run: SectorRun, number: int):
+        self.run, self._number = run, number
+        survey = run.survey
+        self.line = line = _line(run)
+        self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False)
+        port = line.place < 0
+        halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
+        #: between the phase centres of the halves [wavelengths]
+        self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
+        widest = float(np.abs(run.sines).max())
+        self._beams = LineBeams(
+            mi.Float, position=line.place, weight=halves, pulse=survey.pulse, samples=survey.samples,
+            sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start,
+            sines=np.array([-widest, widest]), sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
+        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
+        self._truth: tuple[np.ndarray, FrameTruth] | None = None
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the samples after the transmission [s], (T,)."""
+        return self.run.survey.time[self.run.survey.lead:]
+
+    def halves(self, ping: int, seed: int) -> Halves:
+        """Form the beams of a ping."""
+        return self._formed(ping, seed)[0]
+
+    def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
+        """Form the beams (B, T) [µPa] of the whole line, and their truth."""
+        halves, laid = self._formed(ping, seed)
+        survey = self.run.survey
+        truth = self._truth_of(ping).of(
+            laid.scatterers, self._echoes.hiding(ping, laid.scatterers), laid.targets,
+            origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
+            farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
+            source_power=float(power_from_db(survey.source_level_db)))
+        return halves.whole, truth
+
+    def _formed(self, ping: int, seed: int) -> tuple[Halves, LaidPing]:
+        own = seed if not self._number else sonar_seed(seed, f"sector {self._number}")
+        grid = self._beams.grid()
+        laid = lay(self._echoes, grid, ping, own)
+        beams = self._beams.form_each(grid, doppler=self._echoes.doppler(ping), noise=self._noise,
+                                      key=ping_key(own, ping), sines=self.run.sines[ping])
+        beams *= np.float32(amplitude_from_db(self.run.survey.source_level_db))
+        return Halves(port=beams[0], starboard=beams[1]), laid
+
+    def _truth_of(self, ping: int) -> FrameTruth:
+        """The truth's beams of a ping; the last ones are kept."""
+        sines = self.run.sines[ping]
+        if self._truth is None or not np.array_equal(self._truth[0], sines):
+            survey, line = self.run.survey, self.line
+            blur = Blur(sines, line.place / survey.wavelength, line.weight,
+                        survey.pulse.bandwidth / survey.sampling_rate)
+            self._truth = sines, FrameTruth(blur, lead=survey.lead, bins=survey.samples - survey.lead,
+                                            named=survey.geometry.named)
+        return self._truth[1]
+
+
+def _line(run: SectorRun) -> LineArray:
+    """The receiving line, whose fan lies about where its elements look."""
+    receive = run.survey.receive
+    along, normal = receive.along[0], receive.normal[0]
+    sines = np.array([-0.5, 0.0, 0.5])
+    fan = sines[:, None] * along + np.sqrt(1 - sines ** 2)[:, None] * normal
+    return LineArray.of(receive, fan, run.survey.wavelength)

@@ -1,0 +1,129 @@
+"""Planning of a multibeam echo sounder's run: one route, and for every sector a run of arrays over the same scene."""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+
+from ...hydrography.motion_errors import MotionErrors
+from ...scene import materials
+from ...scene.geometry import Geometry
+from ...sonar.array import Array
+from ...sonar.sectors import Sector
+from ...sonar.trajectory import Voyage
+from ..array import survey_of
+from ..array_survey import ArraySurvey
+from ..sensor import RunSettings, Sensor, slowest_speed
+from ..signals import LEAD
+from ..voyage import Passage
+from .steering import Stabilised, Swath
+from .survey import SectorRun, SwathSurvey
+
+__all__ = ["MultibeamSensor", "plan"]
+
+
+class MultibeamSensor(Sensor, Protocol):
+    """What the sensor of a multibeam echo sounder says, beside what all do.
+
+    Attributes
+    ----------
+    preset : str
+    sectors : tuple of Sector
+    transmit : tuple of Array
+        One a sector.
+    receive : Array
+    mounting : (3,) [rad]
+        Roll, pitch, heading of the head.
+    stabilised : (bool, bool, bool)
+        Roll, pitch, yaw.
+    head_speed_error : float [m/s]
+    motion_errors : MotionErrors
+    depth_gate : (float, float) or None [m]
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+    """
+
+    preset: str
+    sectors: tuple[Sector, ...]
+    transmit: tuple[Array, ...]
+    receive: Array
+    mounting: np.ndarray
+    stabilised: tuple[bool, bool, bool]
+    head_speed_error: float
+    motion_errors: MotionErrors
+    depth_gate: tuple[float, float] | None
+    self_noise_db: float | None
+
+
+def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = LEAD) -> SwathSurvey:
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together.
+    """
+    geometry = Geometry(scene)
+    last = max(sector.delay for sector in sensor.sectors)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + last)
+    depth = -passage.voyage.track.position[:, 2]
+    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+    for sector in sensor.sectors:
+        materials.check(geometry, sensor.water.profile, sector.pulse.frequency)
+    runs = _alike([_of_a_sector(geometry, sensor, settings, passage, speed, k, lead)
+                   for k in range(len(sensor.sectors))], lead)
+    swath = Swath(trajectory=passage.voyage.trajectory, mounting=sensor.mounting,
+                  stabilised=Stabilised(roll=sensor.stabilised[0], pitch=sensor.stabilised[1],
+                                        yaw=sensor.stabilised[2]))
+    sectors, first = [], 0
+    for sector, array, survey in zip(sensor.sectors, sensor.transmit, runs):
+        steered = _steered(sector, array, survey, swath, sensor, speed, first)
+        sectors.append(steered)
+        first += len(sector.beams)
+    whole = sectors[0].survey
+    return SwathSurvey(
+        geometry=geometry, profile=whole.profile, absorption=whole.absorption, volume=whole.volume, passage=passage,
+        rays=settings.rays, max_depth=settings.max_depth, sectors=tuple(sectors), mounting=sensor.mounting,
+        head_speed_error=sensor.head_speed_error, motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate,
+        preset=sensor.preset)
+
+
+def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSettings, passage: Passage, speed: float,
+                 number: int, lead: float) -> ArraySurvey:
+    """The run of a sector's arrays, before it is steered."""
+    sector = sensor.sectors[number]
+    track = passage.voyage.track
+    later = passage
+    if sector.delay:
+        later = replace(passage, voyage=Voyage.of(passage.voyage.trajectory, track.time + sector.delay))
+    return survey_of(geometry, sensor, settings, later, lead=lead, sound_speed=speed,
+                     transmit=sensor.transmit[number], receive=sensor.receive, pulse=sector.pulse,
+                     source_level_db=sector.source_level_db, bins_are_samples=True, self_noise_db=sensor.self_noise_db)
+
+
+def _alike(runs: list[ArraySurvey], longest: float) -> list[ArraySurvey]:
+    """Let all runs be sampled at the highest rate, from the same time on: their beams stand in one picture."""
+    rate = max(run.sampling_rate for run in runs)
+    begin = runs[0].start + runs[0].lead / runs[0].sampling_rate
+    samples = max(int(np.ceil((run.samples - run.lead) * rate / run.sampling_rate - 1e-9)) for run in runs)
+    alike = []
+    for run in runs:
+        lead = int(np.ceil(longest * run.pulse.duration * rate))
+        noise = None if run.noise is None else replace(run.noise, sampling_rate=rate)
+        alike.append(replace(run, sampling_rate=rate, samples=samples + lead, lead=lead, start=begin - lead / rate,
+                             noise=noise))
+    return alike
+
+
+def _steered(sector: Sector, array: Array, survey: ArraySurvey, swath: Swath, sensor: MultibeamSensor, speed: float,
+             first: int) -> SectorRun:
+    times = survey.track.time
+    there = survey.profile.at(-survey.track.position[:, 2])
+    # delays are made with the head's sound speed, so that beams look where the true one puts them
+    astray = there / (there + sensor.head_speed_error)
+    sines = swath.receive_sines(sector, times, survey.depth_below, speed) * astray[:, None]
+    sent = swath.transmit_sines(sector, times) * astray
+    along = array.along[0]
+    return SectorRun(sector=sector, survey=replace(survey, steering=sent[:, None] * along), sines=sines,
+                     said=1 / astray, transmit_sines=sent, first=first)

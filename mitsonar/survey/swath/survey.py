@@ -1,0 +1,81 @@
+"""What a run of a multibeam echo sounder is: a run of arrays for every sector, and where its beams look."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...hydrography.motion_errors import MotionErrors
+from ...sonar.sectors import Sector
+from ..array_survey import ArraySurvey
+from ..survey import Survey
+
+__all__ = ["SectorRun", "SwathSurvey"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SectorRun:
+    """A sector's transmissions of all pings.
+
+    Attributes
+    ----------
+    sector : Sector
+    survey : ArraySurvey
+        Of its transmissions: its track is at their times, its `steering` what they are steered by.
+    sines : (P, B) [-]
+        Of the beams on the receiving line, as they are; rising with the beam.
+    said : (P,) [-]
+        Times these, what the instrument takes the sines to be: c_head / c, by the head's own sound speed.
+    transmit_sines : (P,) [-]
+        Of the transmissions along the transmitting line, as they are.
+    first : int
+        Number of its first beam among all.
+    """
+
+    sector: Sector
+    survey: ArraySurvey
+    sines: np.ndarray
+    said: np.ndarray
+    transmit_sines: np.ndarray
+    first: int
+
+    @property
+    def beams(self) -> slice:
+        """Of all beams, those of this sector."""
+        return slice(self.first, self.first + self.sines.shape[1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SwathSurvey(Survey):
+    """A run of a multibeam echo sounder.
+
+    Attributes
+    ----------
+    sectors : sequence of SectorRun
+        In the order of their beams.
+    mounting : (3,) [rad]
+        Roll, pitch, heading of the head.
+    head_speed_error : float [m/s]
+    motion_errors : MotionErrors
+    depth_gate : (float, float) or None [m]
+        Below the sonar.
+    preset : str
+    """
+
+    sectors: Sequence[SectorRun]
+    mounting: np.ndarray
+    head_speed_error: float
+    motion_errors: MotionErrors
+    depth_gate: tuple[float, float] | None
+    preset: str
+
+    @property
+    def beams(self) -> int:
+        """How many, of all sectors."""
+        return sum(run.sines.shape[1] for run in self.sectors)
+
+    @property
+    def frequency(self) -> float:
+        """Of the first sector [Hz]."""
+        return self.sectors[0].survey.frequency

@@ -1,0 +1,246 @@
+"""Multibeam echo sounder (`multibeam`): a swath across the track, a sounding a beam.
+
+A transmitting line along the track and a receiving one across it (a Mills cross) see together what neither sees alone.
+A ping has one or more transmissions, the swath's sectors: each has a frequency, a pulse, a level, a direction and a
+moment of its own, and the absorption of its frequency. Beams listen to the sector that they lie in.
+
+Lists have a number for each sector, from port to starboard, or one for all: ``frequency_khz``, ``source_level_db``,
+``pulse_ms``, ``bandwidth_khz``, ``sector_tilt_deg``, ``sector_delay_ms``. ``sector_edges_deg`` says where one ends and
+the next begins; a list of one frequency has no edges. With ``swaths`` of 2 a ping sends them all twice, a step apart
+along the track, and has twice the beams.
+
+Roll, pitch and yaw are compensated as instruments do: beams are steered for the roll that is there when their echo
+comes in, transmissions for pitch and yaw when they leave. Two heads, or two swaths of different settings, are two
+sensors, the second one on the track of the first by ``<ref id="..."/>``; ``mounting_deg`` turns a head.
+
+What the instrument believes may differ from what is there: ``head_speed_error``, and what its motion sensors say
+(``roll_bias_deg`` and what follows). Pictures do not change by them; soundings do.
+
+`mitsonar.render` makes the picture of the water column: `level` over (ping, beam, range) with its truth. Soundings are
+`mitsonar.soundings` and ``mitsonar soundings``.
+
+.. code-block:: xml
+
+    <sensor type="multibeam">
+        <string name="preset" value="shallow_300khz_three_sectors"/>
+        <point name="start" x="0" y="0" z="-2"/>
+        <medium type="seawater"/>
+        <film type="sonar_film"><float name="range" value="120"/></film>
+    </sensor>
+"""
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.hydrography.motion_errors import MotionErrors
+from mitsonar.sonar import PULSES, Array, length_for_beam_width, line_array
+from mitsonar.sonar.presets import presets
+from mitsonar.sonar.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
+from mitsonar.sonar.track import mounting_matrix
+from mitsonar.units import hertz_from_khz
+
+from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Group, Integer, Number, Numbers, Text
+from .array_attributes import MOST_ELEMENTS
+from .array_reading import nominal_sound_speed
+from .platform import ROUTE, pings
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
+
+PRESETS = presets("multibeam")
+PRESET = FromTable(table=PRESETS, by="preset")
+OVERLAP = 1.5                      # times its sector, that a transmitting face sends over at -3 dB
+MOST_SECTORS = 16
+LISTS = ("source_level_db", "pulse_ms", "bandwidth_khz", "sector_tilt_deg", "sector_delay_ms")
+
+MOTION_ERRORS = Group(title="What the motion sensors say", module="sensors.multibeam", attributes=(
+    Angle("roll_bias_deg", default=0.0, minimum=-10, maximum=10, text="that the roll sensor, or the head's mounting, "
+                                                                      "is thought to be more than it is"),
+    Angle("pitch_bias_deg", default=0.0, minimum=-10, maximum=10, text="likewise, pitch"),
+    Angle("heading_bias_deg", default=0.0, minimum=-10, maximum=10, text="likewise, heading"),
+    Number("latency_ms", default=0.0, minimum=-1000, maximum=1000, unit="ms", text="by which attitude and heave are "
+                                                                                  "those of an earlier time"),
+    Angle("attitude_noise_deg", default=0.0, minimum=0, maximum=5, text="of roll and pitch, root mean square"),
+    Angle("heading_noise_deg", default=0.0, minimum=0, maximum=10, text="of the heading, likewise"),
+    Number("heave_noise", default=0.0, minimum=0, maximum=5, unit="m", text="of the heave, likewise"),
+    Number("position_noise", default=0.0, minimum=0, maximum=50, unit="m", text="of x and of y, likewise"),
+    Number("noise_correlation", default=5.0, above=0, maximum=1000, unit="s", text="time over which these noises keep "
+                                                                                  "about what they are"),
+))
+
+ATTRIBUTES = (
+    Choice("preset", default="shallow_400khz", choices=tuple(PRESETS),
+           text="where the defaults marked *preset* come from"),
+    Numbers("frequency_khz", default=PRESET, unit="kHz", text="carriers of the sectors"),
+    Numbers("source_level_db", default=PRESET, unit="dB re 1 µPa @ 1 m", text="on the axis of each transmission"),
+    Choice("pulse", default=PRESET, choices=tuple(PULSES), text="of one frequency, or a sweep"),
+    Numbers("pulse_ms", default=PRESET, unit="ms", text="lengths"),
+    Numbers("bandwidth_khz", default=PRESET, unit="kHz", text="of sweeps"),
+    Integer("beams", default=PRESET, minimum=2, maximum=100_000, text="of a swath"),
+    Angle("swath_deg", default=PRESET, above=0, maximum=178, text="from the first to the last beam"),
+    Choice("beam_spacing", default=PRESET, choices=SPACINGS, text="what grows by equal steps from beam to beam: the "
+                                                                  "angle, or the distance on a level bed"),
+    Numbers("sector_edges_deg", default=PRESET, unit="degrees", text="between sectors, from port to starboard"),
+    Numbers("sector_tilt_deg", default=(0.0,), unit="degrees", text="of the transmissions, forward of the plane across "
+                                                                    "the track"),
+    Numbers("sector_delay_ms", default=PRESET, unit="ms", text="of the transmissions after the ping's first"),
+    Integer("swaths", default=PRESET, minimum=1, maximum=2, text="along the track, that a ping sends"),
+    Angle("swath_step_deg", default=PRESET, minimum=0, maximum=20, text="between the two, along the track"),
+    Angle("transmit_beam_width_deg", default=PRESET, minimum=0.1, maximum=90,
+          text="along the track, -3 dB, one way, at the first frequency"),
+    Angle("receive_beam_width_deg", default=PRESET, minimum=0.1, maximum=90,
+          text="across the track, likewise, of a beam straight ahead of the array"),
+    Angle("receive_along_width_deg", default=30.0, minimum=0.5, maximum=180, text="along the track, of the receivers"),
+    Number("element_spacing", default=0.5, above=0, maximum=10, unit="wavelengths",
+           text="of both lines, at their highest frequency"),
+    Text("transmit_shading", default="taylor 4 30", text='window over the transmitting elements, such as "taylor 4 30" '
+                                                         'or "boxcar"'),
+    Text("receive_shading", default="taylor 4 30", text="likewise, over the receiving ones; the halves whose phases "
+                                                        "are compared have each their part of it"),
+    Numbers("transmit_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
+            text='"forward, starboard, down" of the transmitting line from the sonar'),
+    Numbers("receive_place", default=(0.0, 0.0, 0.0), count=3, unit="m", text="likewise, of the receiving line"),
+    Numbers("mounting_deg", default=(0.0, 0.0, 0.0), count=3, unit="degrees",
+            text='"roll, pitch, heading" of the head in the body; a roll above 0 looks to port'),
+    Boolean("roll_stabilised", default=True, text="beams keep their angles from the vertical"),
+    Boolean("pitch_stabilised", default=True, text="transmissions keep their angles from the vertical plane"),
+    Boolean("yaw_stabilised", default=False, text="and that plane stays across the course, by sectors"),
+    Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
+           text="that the head's own sensor of sound speed says too much"),
+    Numbers("depth_gate", default=None, count=2, unit="m", text='"from, to" below the sonar, where the bed is looked '
+                                                                "for"),
+    SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), ROUTE, *NESTED,
+)
+
+
+class Multibeam(SonarSensor):
+    """See the module's text; `mitsonar.survey.multibeam` plans its run and makes its picture and soundings."""
+
+    kind, declared = "multibeam", ATTRIBUTES
+
+    def read(self, attributes: Attributes) -> None:
+        """Take the sectors, their beams, and what makes them."""
+        self.preset = attributes.preset
+        self.self_noise_db = attributes.self_noise_db
+        self.stabilised = (attributes.roll_stabilised, attributes.pitch_stabilised, attributes.yaw_stabilised)
+        self.head_speed_error = attributes.head_speed_error
+        self.depth_gate = _gate(attributes)
+        self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
+        self.mounting = np.deg2rad(attributes.mounting_deg)
+        self.sectors = _sectors(attributes)
+        self.frequency = self.sectors[0].pulse.frequency
+        highest = max(sector.pulse.frequency for sector in self.sectors)
+        self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
+        self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place
+        self.motion_errors = MotionErrors(
+            roll_bias=attributes.roll_bias_deg, pitch_bias=attributes.pitch_bias_deg,
+            heading_bias=attributes.heading_bias_deg, latency=attributes.latency_ms / 1000,
+            attitude_noise=attributes.attitude_noise_deg, heading_noise=attributes.heading_noise_deg,
+            heave_noise=attributes.heave_noise, position_noise=attributes.position_noise,
+            correlation=attributes.noise_correlation)
+
+    def to_string(self) -> str:
+        return f"Multibeam[{self.frequency / 1000:g} kHz, {sum(len(one.beams) for one in self.sectors)} beams]"
+
+
+def _gate(attributes: Attributes) -> tuple[float, float] | None:
+    """Depths [m] between which the bed is looked for."""
+    gate = attributes.depth_gate
+    if gate is None:
+        return None
+    if not 0 <= gate[0] < gate[1]:
+        raise attributes.error(f"depth_gate is {gate[0]:g} to {gate[1]:g} m; the first must be 0 or more, and less "
+                               "than the second.")
+    return float(gate[0]), float(gate[1])
+
+
+def _sectors(attributes: Attributes) -> tuple[Sector, ...]:
+    """The transmissions of a ping, swath after swath."""
+    frequency = hertz_from_khz(attributes.frequency_khz)
+    count = len(frequency)
+    if not 1 <= count <= MOST_SECTORS or not (frequency > 0).all():
+        raise attributes.error(f"frequency_khz has {count} numbers; give 1 to {MOST_SECTORS} above 0, one a sector.")
+    columns = {name: _column(attributes, name, count) for name in LISTS}
+    half = 0.5 * np.rad2deg(attributes.swath_deg)
+    edges = np.concatenate([[-half], attributes.sector_edges_deg, [half]])
+    if len(edges) != count + 1 or not (np.diff(edges) > 0).all():
+        raise attributes.error(f"sector_edges_deg is {attributes.sector_edges_deg.tolist()}; {count} sectors need "
+                               f"{count - 1} numbers, rising, within the swath of {2 * half:g} degrees.")
+    for name, low, high in (("source_level_db", LOWEST_DB, HIGHEST_DB), ("pulse_ms", 1e-4, 1e4),
+                            ("sector_delay_ms", 0, 1e4), ("sector_tilt_deg", -45, 45)):
+        if not ((columns[name] >= low) & (columns[name] <= high)).all():
+            raise attributes.error(f"{name} is {columns[name].tolist()}; expected numbers from {low:g} to {high:g}.")
+    try:
+        angles = beam_angles(attributes.beams, attributes.swath_deg, attributes.beam_spacing)
+    except ValueError as error:
+        raise attributes.error(error) from None
+    which = np.clip(np.searchsorted(np.deg2rad(edges), angles, side="right") - 1, 0, count - 1)
+    sectors = []
+    for swath in range(attributes.swaths):
+        forward = (swath - 0.5 * (attributes.swaths - 1)) * attributes.swath_step_deg
+        later = swath * (columns["sector_delay_ms"].max() + columns["pulse_ms"].max())
+        for k in range(count):
+            if not (which == k).any():
+                raise attributes.error(f"no beam lies in sector {k}, {edges[k]:g} to {edges[k + 1]:g} degrees; move "
+                                       "the edges, or take more beams.")
+            sectors.append(Sector(
+                pulse=_pulse(attributes, frequency[k], columns["pulse_ms"][k], columns["bandwidth_khz"][k]),
+                source_level_db=float(columns["source_level_db"][k]),
+                delay=float(columns["sector_delay_ms"][k] + later) / 1000,
+                tilt=float(np.deg2rad(columns["sector_tilt_deg"][k]) + forward), beams=angles[which == k],
+                first=float(np.deg2rad(edges[k])), last=float(np.deg2rad(edges[k + 1]))))
+    return tuple(sectors)
+
+
+def _column(attributes: Attributes, name: str, count: int) -> np.ndarray:
+    """The numbers of a list, one a sector."""
+    values = np.asarray(getattr(attributes, name), float)
+    if len(values) not in (1, count):
+        raise attributes.error(f"{name} has {len(values)} numbers; give one, or one for each of the {count} sectors of "
+                               "frequency_khz.")
+    return np.broadcast_to(values, (count,))
+
+
+def _pulse(attributes: Attributes, frequency: float, length_ms: float, bandwidth_khz: float):
+    arguments = {"frequency": float(frequency), "duration": float(length_ms) / 1000}
+    if attributes.pulse != "cw":
+        arguments["bandwidth"] = float(hertz_from_khz(bandwidth_khz))
+    elif attributes.given("bandwidth_khz"):
+        raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or make "
+                               "the pulse lfm or hfm.")
+    try:
+        return PULSES[attributes.pulse](**arguments)
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+def _lines(attributes: Attributes, sectors: tuple[Sector, ...],
+           finest: float) -> tuple[tuple[Array, ...], Array]:
+    """Transmitting lines, one a sector, and the receiving one; `finest` is the shortest wavelength [m]."""
+    turned = mounting_matrix(*np.deg2rad(attributes.mounting_deg))
+    highest = max(sector.pulse.frequency for sector in sectors)
+    pitch = attributes.element_spacing * finest
+    # widths are those of the first sector's frequency
+    relative = attributes.element_spacing * sectors[0].pulse.frequency / highest
+    try:
+        counts = [elements_for_beam_width(width, relative, window) for width, window in (
+            (attributes.transmit_beam_width_deg, attributes.transmit_shading),
+            (attributes.receive_beam_width_deg, attributes.receive_shading))]
+        if max(counts) > MOST_ELEMENTS:
+            raise ValueError(f"beams as narrow take lines of {max(counts)} elements, and {MOST_ELEMENTS} are the most; "
+                             "take wider beams")
+        along, across = turned[:, 0], turned[:, 1]
+        transmit = []
+        for sector in sectors:
+            wavelength = finest * highest / sector.pulse.frequency
+            width = min(OVERLAP * (sector.last - sector.first), np.pi)
+            looks = turned @ np.array([0.0, np.sin(sector.middle), np.cos(sector.middle)])
+            line = line_array(counts[0], pitch, axis=along, normal=looks, length=pitch,
+                              height=length_for_beam_width(width, wavelength), pattern="rectangular", baffle="hard")
+            transmit.append(line.shaded(attributes.transmit_shading).moved(attributes.transmit_place))
+        height = length_for_beam_width(attributes.receive_along_width_deg, finest)
+        receive = line_array(counts[1], pitch, axis=across, normal=turned[:, 2], length=pitch, height=height,
+                             pattern="rectangular", baffle="hard")
+        return tuple(transmit), receive.shaded(attributes.receive_shading).moved(attributes.receive_place)
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+mi.register_sensor("multibeam", Multibeam)
