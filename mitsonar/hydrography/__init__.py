@@ -1,4 +1,10 @@
 """From what an echo sounder measures, angles and times, to soundings; and the planning of surveys.
 
     record        what a line of soundings holds: one `xarray.Dataset`, whoever made it
+    detection     the bed in the beams of a ping, by amplitude or by phase
+        bottom_track         where it is, roughly, in all beams at once
+        amplitude_detection  the centre of gravity of an echo
+        phase_detection      the zero crossing between the halves of a split beam
+        windows              stretches of samples of different lengths
+    quality       how well an echo's time is known
 """

@@ -1,0 +1,150 @@
+"""Detection by amplitude: the centre of gravity of an echo's intensity.
+
+    t = Σ (I_n - N) t_n / Σ (I_n - N)
+
+I -> the whole beam's intensity, N -> the noise's mean, n over a window about the echo that is centred on t anew until
+it rests (de Moustier 1993; Lurton 2010, An Introduction to Underwater Acoustics, ch. 8). The window is symmetric and
+the compressed pulse is, so a pulse's length leaves no bias. What the footprint does is taken off. With σ_b and σ_a
+the rms widths of the beam across and of the transmission along the track, ψ the incidence and θ the beam's angle, a
+plane bed's echo comes late by the share
+
+    (1 + 2 tan²ψ) σ_b²/2 + σ_a²/(2 cos²θ)
+
+of its time, and its middle lies off the axis by σ_b² d(ln E)/dθ, towards where the bed sends back more: E -> energy of
+the neighbours' echoes. That one is given as an offset of the beam's sine.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .quality import GAUSSIAN_WIDTH, gravity_deviation, pulse_deviation
+from .windows import Windows, windows_about
+
+__all__ = ["AmplitudeDetections", "about", "along_delay", "by_amplitude", "footprint_duration", "refined_centre",
+           "slopes"]
+
+NEIGHBOURS = range(2, 9)          # beams to either side that slopes are taken over
+PASSES = 4
+REACH = 1.0                       # half the window, in -3 dB widths of the footprint
+PULSES = 1.5                      # and in pulses
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmplitudeDetections:
+    """One a beam.
+
+    Attributes
+    ----------
+    time, deviation : float (B,) [s]
+        Before what the footprint makes late is taken off.
+    energy : float (B,) [µPa² s]
+        Of the echo, without noise.
+    peak : float (B,)
+        Greatest intensity over the noise.
+    """
+
+    time: np.ndarray
+    deviation: np.ndarray
+    energy: np.ndarray
+    peak: np.ndarray
+
+
+def footprint_duration(time: np.ndarray, slope: np.ndarray, beam: np.ndarray) -> np.ndarray:
+    """Give the rms duration [s] of a plane footprint's echo.
+
+    Parameters
+    ----------
+    time : float (B,) [s]
+    slope : float (B,)
+        tan of the incidence.
+    beam : float (B,) [rad]
+        rms width.
+    """
+    return time * beam * np.sqrt(slope ** 2 + beam ** 2 / 2)
+
+
+def along_delay(angle: np.ndarray, transmit_width: float) -> np.ndarray:
+    """Give the share of its time that an echo is late by, as the transmission spreads along the track."""
+    return (transmit_width / GAUSSIAN_WIDTH / np.cos(angle)) ** 2 / 2
+
+
+def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Give the slope of values over the beams' angles, by the median of differences across each beam."""
+    beams = np.arange(len(values))
+    values = np.where(good, values, np.nan)
+    found = []
+    for away in NEIGHBOURS:
+        low, high = np.maximum(beams - away, 0), np.minimum(beams + away, len(beams) - 1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found.append((values[high] - values[low]) / (angle[high] - angle[low]))
+    stacked = np.stack(found)
+    stacked[:, np.isnan(stacked).all(axis=0)] = 0.0
+    return np.nanmedian(stacked, axis=0)
+
+
+def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, centre: np.ndarray, footprint: np.ndarray,
+                 pulse_length: float, noise: float) -> AmplitudeDetections:
+    """Detect by the centre of gravity.
+
+    Parameters
+    ----------
+    intensity : float (W,) [µPa²]
+        Of the whole beam, in windows that hold twice the reach.
+    windows : Windows
+    time : float (T,) [s]
+    centre : float (B,) [s]
+        Where the echo is, to within the footprint or the pulse.
+    footprint : float (B,) [s]
+        Its rms duration, expected.
+    pulse_length : float [s]
+    noise : float [µPa²]
+
+    Returns
+    -------
+    AmplitudeDetections
+    """
+    step = time[1] - time[0]
+    half = REACH * GAUSSIAN_WIDTH * footprint + PULSES * pulse_length
+    instants = time[windows.sample]
+    found, clear = centre, intensity - noise
+    for _ in range(PASSES):
+        away = instants - found[windows.beam]
+        weight = np.where(np.abs(away) <= half[windows.beam], clear, 0.0)
+        total = windows.summed(weight)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            moved = windows.summed(weight * away) / total
+        found = found + np.where(total > 0, np.clip(moved, -half / 2, half / 2), 0.0)
+    inside = np.abs(instants - found[windows.beam]) <= half[windows.beam]
+    away = np.where(inside, instants - found[windows.beam], 0.0)
+    weight = np.where(inside, clear, 0.0)
+    total = np.maximum(windows.summed(weight), 1e-150)
+    spread = windows.summed(weight * away ** 2) / total
+    own = np.sqrt(np.maximum(spread - pulse_deviation(pulse_length) ** 2, 0))
+    samples = max(pulse_length / step, 1.0)
+    noisy = samples * windows.summed((away / total[windows.beam]) ** 2 * noise * (2 * np.maximum(weight, 0) + noise))
+    speckle = gravity_deviation(np.sqrt((own ** 2 + footprint ** 2) / 2), pulse_length)
+    peak = np.maximum.reduceat(np.where(inside, intensity, 0.0), windows.start)
+    return AmplitudeDetections(time=found, deviation=np.hypot(speckle, np.sqrt(noisy)), energy=total * step,
+                               peak=peak / max(noise, 1e-300))
+
+
+def refined_centre(intensity: np.ndarray, windows: Windows, time: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Give where in its window each beam has the most energy.
+
+    Parameters
+    ----------
+    intensity : float (W,)
+    windows : Windows
+    time : float (T,) [s]
+    length : float (B,) [s]
+        Of the echo.
+    """
+    samples = np.maximum(length / (time[1] - time[0]), 1).astype(np.int64)
+    return time[windows.place_of_greatest(windows.smoothed(intensity, samples))]
+
+
+def about(time: np.ndarray, centre: np.ndarray, footprint: np.ndarray, pulse_length: float) -> Windows:
+    """Lay windows that hold twice the reach of the centre of gravity's."""
+    return windows_about(time, centre, 2 * (REACH * GAUSSIAN_WIDTH * footprint + PULSES * pulse_length))

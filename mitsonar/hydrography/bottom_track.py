@@ -1,0 +1,181 @@
+"""Where the bed is in a fan of beams, roughly: a track from beam to beam that nothing else captures.
+
+Each beam is cut into cells of equal steps of log(t cos θ), in which a level bed is a straight line at any depth. A cell
+scores between 0 and 1 by three things: it is not far under the strongest echo of the beams around; it is not far under
+the strongest echo of all beams at that time, as the ring of side lobes at the first return is; the halves hear it in
+phase over some beams, C = 2 Re<a b*> / <|a|² + |b|²>, as they hear what comes from the beams' axes and not what comes
+through side lobes. Near normal incidence, where all of a beam's footprint sounds at once, C says nothing, so that it
+only adds. Scores end at 1: a fish, however strong, gains nothing over the bed behind it. The track is the sequence of
+cells with the greatest sum of scores less what steps between neighbours cost (Viterbi 1967).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, special
+
+__all__ = ["Echoes", "Track", "noise_level", "reduced", "track"]
+
+CELL = 0.01                # step of log(t cos θ)
+ROWS = 180                 # beams that the track is sought in; more are taken together
+FULL_COHERENCE = 0.4       # of C, at which the score ends: a bed through a beam's main lobe has 0.7
+WITHOUT_PHASE = 0.5        # of the score where C says nothing
+SMOOTHED = 5               # beams that C is averaged over, and what is seen at all
+BELOW_NEIGHBOURS = 20.0    # dB under the strongest echo of the beams around, where the score is 0
+BELOW_RING = (30.0, 18.0)  # dB under the strongest echo at that time: score 0, and score not lessened
+GENTLE, STEEP = 1.0, 6.0   # changes of log range by angle, tan of the incidence, that cost nothing, and little
+STEEP_COST, JUMP_COST = 0.3, 2.0
+SURE = 6.0                 # echo less the noise, over the noise's own scatter
+LEAST_SCORE = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Echoes:
+    """Sums over short blocks of samples.
+
+    Attributes
+    ----------
+    power, common : float (B, N) [µPa²]
+        Mean over a block of (|a|² + |b|²)/2 and of Re(a b*).
+    start, step : float [s]
+        Begin of the first block, and length of each.
+    echoes : float
+        Independent ones in a block.
+    """
+
+    power: np.ndarray
+    common: np.ndarray
+    start: float
+    step: float
+    echoes: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """The bed, roughly.
+
+    Attributes
+    ----------
+    time : float (B,) [s]
+    seen : bool (B,)
+        Whether there is an echo at all.
+    """
+
+    time: np.ndarray
+    seen: np.ndarray
+
+
+def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_length: float) -> Echoes:
+    """Sum powers and products of both halves over blocks of about a pulse's length."""
+    step = float(time[1] - time[0])
+    size = int(np.clip(round(pulse_length / step), 1, max(1, len(time) // 200)))
+    blocks = len(time) // size
+    a, b = (_as_pairs(half[:, :blocks * size], blocks) for half in halves)
+    power = (np.einsum("bnk,bnk->bn", a, a) + np.einsum("bnk,bnk->bn", b, b)) / (2 * size)
+    return Echoes(power=power, common=np.einsum("bnk,bnk->bn", a, b) / size, start=float(time[0]) - step / 2,
+                  step=size * step, echoes=max(1.0, size * step / pulse_length))
+
+
+def _as_pairs(record: np.ndarray, blocks: int) -> np.ndarray:
+    """View complex samples as real numbers, block after block."""
+    return np.ascontiguousarray(record).view(np.float32).reshape(len(record), blocks, -1)
+
+
+def noise_level(echoes: Echoes) -> float:
+    """Estimate the noise [µPa²] in the whole beam from the quietest tenth of all blocks."""
+    whole = (echoes.power + echoes.common) / 2
+    quiet = np.partition(whole, whole.size // 10, axis=None)[whole.size // 10]
+    return float(quiet / (special.gammaincinv(echoes.echoes, 0.1) / echoes.echoes))
+
+
+def track(echoes: Echoes, sines: np.ndarray, widths: np.ndarray, noise: float,
+          gate: tuple[float, float]) -> Track:
+    """Track the bed through the beams.
+
+    Parameters
+    ----------
+    echoes : Echoes
+    sines : float (B,)
+        Increasing.
+    widths : float (B,) [rad]
+    noise : float [µPa²]
+    gate : float, float [s]
+
+    Returns
+    -------
+    Track
+    """
+    together = -(-len(sines) // ROWS)
+    first = np.arange(0, len(sines), together)
+    count = np.diff(np.append(first, len(sines)))
+    power, common = (np.add.reduceat(values, first, axis=0) / count[:, None] for values in
+                     (echoes.power, echoes.common))
+    angle = np.arcsin(np.clip(np.add.reduceat(sines, first) / count, -0.9999, 0.9999))
+    width = np.maximum.reduceat(widths, first)
+    score, cells = _scores(echoes, power, common, angle, width, noise, gate)
+    chosen = _best_path(score, angle)
+    rows = np.arange(len(first))
+    guess = np.exp(cells[chosen]) / np.cos(angle)
+    seen = ndimage.uniform_filter1d(score[rows, chosen], SMOOTHED, mode="nearest") > LEAST_SCORE
+    group = np.repeat(rows, count)
+    own = np.cos(np.arcsin(np.clip(sines, -0.9999, 0.9999)))
+    return Track(time=np.clip(guess[group] * np.cos(angle)[group] / own, *gate), seen=seen[group])
+
+
+def _scores(echoes: Echoes, power: np.ndarray, common: np.ndarray, angle: np.ndarray, width: np.ndarray, noise: float,
+            gate: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Give the scores (G, Z), and log(t cos θ) of the cells (Z,)."""
+    cosine = np.cos(angle)
+    low = max(gate[0], gate[1] / 200, echoes.start + echoes.step)
+    cells = np.arange(np.log(low * cosine.min()), np.log(gate[1] * cosine.max()) + CELL, CELL)
+    time = np.exp(cells) / cosine[:, None]
+    half = np.maximum(np.maximum(0.75 * CELL, 0.6 * np.tan(np.abs(angle)) * width)[:, None] * time, echoes.step)
+    blocks = power.shape[1]
+    begin = np.clip(((time - half - echoes.start) / echoes.step).astype(np.int32), 0, blocks - 1)
+    end = np.clip(((time + half - echoes.start) / echoes.step).astype(np.int32) + 1, begin + 1, blocks)
+    level, shared = (_means(values, begin, end) for values in (power, common))
+    whole = (level + shared) / 2
+    inside = (time >= low) & (time <= gate[1])
+    tiny = max(float(level.max(initial=0.0)), 1e-300) * 1e-15
+    scatter = SURE / np.sqrt(np.maximum((end - begin) * echoes.echoes, 1))
+    sure = inside & (whole > noise * (1 + scatter)) & (whole > tiny)
+    whole_db = 10 * np.log10(np.maximum(whole, tiny))
+    ring = ndimage.maximum_filter1d((power + common).max(axis=0) / 2, 3)
+    ring_db = 10 * np.log10(np.maximum(ring, tiny))[np.clip(((time - echoes.start) / echoes.step).astype(np.int32), 0,
+                                                            blocks - 1)]
+    own = np.where(sure, whole_db, 10 * np.log10(tiny)).max(axis=1)
+    around = ndimage.median_filter(own, size=2 * (len(own) // 16) + 1, mode="nearest")
+    coherence = ndimage.uniform_filter1d(shared, SMOOTHED, axis=0, mode="nearest")
+    coherence /= np.maximum(ndimage.uniform_filter1d(level, SMOOTHED, axis=0, mode="nearest"), tiny)
+    score = np.clip(coherence / FULL_COHERENCE, WITHOUT_PHASE, 1)
+    score *= np.clip((whole_db - around[:, None]) / BELOW_NEIGHBOURS + 1, 0, 1)
+    score *= np.clip((whole_db - ring_db + BELOW_RING[0]) / (BELOW_RING[0] - BELOW_RING[1]), 0, 1)
+    return np.where(sure, score, 0.0), cells
+
+
+def _means(values: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Average rows (G, N) between begin and end (G, Z)."""
+    total = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1, dtype=float)], axis=1)
+    return (np.take_along_axis(total, end, 1) - np.take_along_axis(total, begin, 1)) / (end - begin)
+
+
+def _best_path(score: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Give the cell (G,) of each beam on the path with the greatest sum of scores."""
+    sums = score.astype(np.float32)
+    step = np.abs(np.diff(angle))
+    gentle, steep = (np.ceil(step * slope / CELL).astype(int) for slope in (GENTLE, STEEP))
+    for row in range(1, len(sums)):
+        before = sums[row - 1]
+        best = np.maximum(ndimage.maximum_filter1d(before, 2 * gentle[row - 1] + 1),
+                          ndimage.maximum_filter1d(before, 2 * steep[row - 1] + 1) - STEEP_COST)
+        sums[row] += np.maximum(best, before.max() - JUMP_COST)
+    chosen = np.empty(len(sums), np.int64)
+    chosen[-1] = np.argmax(sums[-1])
+    away = np.arange(sums.shape[1])
+    for row in range(len(sums) - 1, 0, -1):
+        moved = np.abs(away - chosen[row])
+        cost = np.where(moved <= gentle[row - 1], 1e-3 * moved, np.where(moved <= steep[row - 1], STEEP_COST,
+                                                                        JUMP_COST))
+        chosen[row - 1] = np.argmax(sums[row - 1] - cost)
+    return chosen

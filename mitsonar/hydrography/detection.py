@@ -1,0 +1,195 @@
+"""Bottom detection: from the beams of a ping to one time a beam, by amplitude or by phase.
+
+A track through the fan says roughly where the bed is (`bottom_track`). In each beam both detections are made there
+(`amplitude_detection`, `phase_detection`), and that of the smaller standard deviation is the sounding (`quality`).
+Nothing is known of the depth before, and no beam is for one method: near the point of normal incidence the phase turns
+within one pulse and says little, far from it the echo is long and its centre of gravity says little.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .amplitude_detection import about, along_delay, by_amplitude, footprint_duration, refined_centre, slopes
+from .bottom_track import CELL, noise_level, reduced, track
+from .phase_detection import by_phase
+from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
+from .record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
+from .windows import windows_about
+
+__all__ = ["Detections", "Head", "detect"]
+
+LEAST_QUALITY = 1.5         # 3 % of the depth
+LEAST_SIGNAL = 10.0         # peak over the noise's mean: 10 dB
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """What a detector knows of the sounder.
+
+    Attributes
+    ----------
+    pulse_length : float [s]
+        ∫|χ|² dt of the compressed pulse χ with peak 1 (`signal.matched_filter.compression`).
+    beam_width : float (B,) [rad]
+        -3 dB width of each whole receiving beam, in angle.
+    baseline : float [wavelengths]
+        From the port half's phase centre to the starboard's. Echoes from starboard of a beam's axis must turn
+        starboard's phase forward; negative where signals have the other sign.
+    transmit_width : float [rad]
+        -3 dB width of the transmission along the track.
+    noise : float or None [µPa²]
+        Mean power of noise in a whole beam; None estimates it.
+    gate : (float, float) or None [s]
+        Times between which the bed is sought.
+    """
+
+    pulse_length: float
+    beam_width: np.ndarray
+    baseline: float
+    transmit_width: float = 0.0
+    noise: float | None = None
+    gate: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detections:
+    """One sounding a beam; the arrays are (B,).
+
+    Attributes
+    ----------
+    time : float [s]
+        Of the bed on the beam's axis; NaN where not valid.
+    method : uint8
+        NOT_DETECTED, BY_AMPLITUDE or BY_PHASE of `record`.
+    deviation : float [s]
+        Standard deviation of the time.
+    angle_offset : float
+        Sine to add to the beam's: where an amplitude's echo has its middle. 0 for phase.
+    angle_deviation : float [rad]
+        How far that middle strays: the time's error seen as an angle, not one more. 0 for phase.
+    quality : float
+        log10(time / deviation).
+    intensity : float [µPa²]
+        Mean of the whole beam's from begin to end, without the noise.
+    incidence : float [rad]
+        On the bed across the track, by the neighbouring beams; positive to starboard of the normal.
+    begin, end : int
+        Samples begin <= n < end that the beam's -3 dB footprint and the pulse cover.
+    valid : bool
+    """
+
+    time: np.ndarray
+    method: np.ndarray
+    deviation: np.ndarray
+    angle_offset: np.ndarray
+    angle_deviation: np.ndarray
+    quality: np.ndarray
+    intensity: np.ndarray
+    incidence: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    valid: np.ndarray
+
+
+def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np.ndarray, head: Head) -> Detections:
+    """Detect the bed in the beams of one ping, or of one sector of it.
+
+    Parameters
+    ----------
+    halves : complex (B, T), complex (B, T) [µPa]
+        Compressed beams of the port and of the starboard half, both steered to ``sines``; their mean is the beam.
+        Samples that are not finite count as silence.
+    time : float (T,) [s]
+        After the transmission, evenly spaced.
+    sines : float (B,)
+        Of the beams' axes, increasing.
+    head : Head
+
+    Returns
+    -------
+    Detections
+
+    Raises
+    ------
+    ValueError
+        If shapes differ, times are not evenly spaced, sines do not increase, or the gate holds no sample.
+    """
+    time, sines, widths, gate = _checked(halves, time, sines, head)
+    sums = reduced((_single(halves[0]), _single(halves[1])), time, head.pulse_length)
+    if not np.isfinite(sums.power).all():
+        halves = (np.nan_to_num(_single(halves[0]), posinf=0, neginf=0),
+                  np.nan_to_num(_single(halves[1]), posinf=0, neginf=0))
+        sums = reduced(halves, time, head.pulse_length)
+    noise = noise_level(sums) if head.noise is None else float(head.noise)
+    rough = track(sums, sines, widths, noise, gate)
+
+    angle, rms = np.arcsin(sines), widths / GAUSSIAN_WIDTH
+    slope = slopes(np.log(rough.time), angle, rough.seen)
+    duration = footprint_duration(rough.time, slope, rms)
+    windows = windows_about(time, rough.time, 1.5 * CELL * rough.time + 1.5 * GAUSSIAN_WIDTH * duration)
+    centre = refined_centre(_intensity(halves, windows.beam, windows.sample), windows, time,
+                            GAUSSIAN_WIDTH * duration + head.pulse_length)
+
+    windows = about(time, centre, duration, head.pulse_length)
+    intensity = _intensity(halves, windows.beam, windows.sample)
+    first = by_amplitude(intensity, windows, time, centre, duration, head.pulse_length, noise)
+    sharp = slopes(np.log(np.maximum(first.time, time[0])), angle, rough.seen & (first.peak > LEAST_SIGNAL))
+    duration = footprint_duration(first.time, sharp, rms)
+    amplitude = by_amplitude(intensity, windows, time, first.time, duration, head.pulse_length, noise)
+    phase = by_phase(halves, time, amplitude.time, sharp, sines, widths, head.baseline, head.pulse_length)
+
+    phased = phase.deviation < amplitude.deviation
+    late = (1 + 2 * sharp ** 2) * rms ** 2 / 2
+    found = np.where(phased, phase.time, amplitude.time * (1 - late)) * (1 - along_delay(angle, head.transmit_width))
+    deviation = np.where(phased, phase.deviation, amplitude.deviation)
+    quality = quality_factor(found, deviation)
+    valid = (rough.seen & (quality > LEAST_QUALITY) & (amplitude.peak > LEAST_SIGNAL)
+             & (found >= gate[0]) & (found <= gate[1]))
+    brighter = slopes(np.log(amplitude.energy), angle, valid)
+    half = np.hypot(GAUSSIAN_WIDTH * duration, head.pulse_length) / 2
+    held = windows_about(time, found, half)
+    mean = held.summed(_intensity(halves, held.beam, held.sample)) / (held.end - held.begin) - noise
+    return Detections(
+        time=np.where(valid, found, np.nan),
+        method=np.where(valid, np.where(phased, BY_PHASE, BY_AMPLITUDE), NOT_DETECTED).astype(np.uint8),
+        deviation=np.where(valid, deviation, np.nan),
+        angle_offset=np.where(valid & ~phased, np.cos(angle) * rms ** 2 * brighter, 0.0),
+        angle_deviation=np.where(valid & ~phased, angle_deviation(rms, duration, head.pulse_length), 0.0),
+        quality=np.where(valid, quality, np.nan), intensity=np.where(valid, np.maximum(mean, 0.0), np.nan),
+        incidence=np.arctan(sharp), begin=held.begin, end=held.end, valid=valid)
+
+
+def _single(half: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(half, np.complex64)
+
+
+def _intensity(halves: tuple[np.ndarray, np.ndarray], beam: np.ndarray, sample: np.ndarray) -> np.ndarray:
+    """Give the whole beam's intensity of some samples."""
+    whole = (halves[0][beam, sample].astype(complex) + halves[1][beam, sample]) / 2
+    return whole.real ** 2 + whole.imag ** 2
+
+
+def _checked(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, sines: np.ndarray,
+             head: Head) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, float]]:
+    """Check what was given; give time, sines, widths (B,) and the gate."""
+    time, sines = np.asarray(time, float), np.asarray(sines, float)
+    shape = (len(sines), len(time))
+    if np.shape(halves[0]) != shape or np.shape(halves[1]) != shape:
+        raise ValueError(f"the halves' beams are {np.shape(halves[0])} and {np.shape(halves[1])}, and there are "
+                         f"{shape[0]} sines and {shape[1]} times; give arrays (beams, times).")
+    if shape[0] < 1 or shape[1] < 16:
+        raise ValueError(f"bottom detection needs a beam and 16 samples, got {shape[0]} and {shape[1]}.")
+    step = (time[-1] - time[0]) / (shape[1] - 1)
+    if not step > 0 or np.abs(np.diff(time) - step).max() > 1e-3 * step:
+        raise ValueError("the times of the samples must increase evenly.")
+    if (np.diff(sines) <= 0).any() or not (np.abs(sines) < 1).all():
+        raise ValueError("the beams' sines must increase, between -1 and 1.")
+    if not head.pulse_length > 0:
+        raise ValueError(f"the pulse's length is {head.pulse_length} s, it must be positive.")
+    low, high = head.gate if head.gate is not None else (0.0, np.inf)
+    low, high = max(low, time[0], step), min(high, time[-1])
+    if not high > low + 8 * step:
+        raise ValueError(f"the gate {head.gate} s holds no samples: they last from {time[0]:g} to {time[-1]:g} s.")
+    return time, sines, np.broadcast_to(np.asarray(head.beam_width, float), sines.shape), (low, high)

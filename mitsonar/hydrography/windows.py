@@ -1,0 +1,76 @@
+"""Windows of samples about an echo in every beam, of different lengths, laid end to end.
+
+Sums over each window run over one flat array, so that a beam at nadir with five samples costs five and not as many as
+the outermost beam.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Windows", "windows_about"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windows:
+    """One window of samples a beam.
+
+    Attributes
+    ----------
+    begin, end : int (B,)
+        Samples begin <= n < end; none is empty.
+    beam : int (W,)
+        Of each sample of all windows, increasing.
+    sample : int (W,)
+        Its number in the record.
+    start : int (B,)
+        Where each window begins among the W.
+    """
+
+    begin: np.ndarray
+    end: np.ndarray
+    beam: np.ndarray
+    sample: np.ndarray
+    start: np.ndarray
+
+    def taken(self, record: np.ndarray) -> np.ndarray:
+        """Give the samples (W,) of a record (B, T)."""
+        return record[self.beam, self.sample]
+
+    def summed(self, values: np.ndarray) -> np.ndarray:
+        """Sum values (W,) over each window: (B,)."""
+        return np.add.reduceat(values, self.start)
+
+    def place_of_greatest(self, values: np.ndarray) -> np.ndarray:
+        """Give the sample number (B,) of the first greatest of values (W,) in each window."""
+        found = np.flatnonzero(values >= np.maximum.reduceat(values, self.start)[self.beam])
+        return self.sample[found[np.searchsorted(self.beam[found], np.arange(len(self.begin)))]]
+
+    def smoothed(self, values: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """Give the running sum of values (W,) over ``length`` samples (B,) of each beam, cut at its window's ends."""
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        place = np.arange(len(values))
+        half = (length // 2)[self.beam]
+        last = np.append(self.start[1:], len(values))
+        return total[np.minimum(place + half + 1, last[self.beam])] - total[np.maximum(place - half,
+                                                                                       self.start[self.beam])]
+
+
+def windows_about(time: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Windows:
+    """Lay a window about a time of every beam, cut at the record's ends.
+
+    Parameters
+    ----------
+    time : float (T,) [s]
+        Evenly spaced.
+    centre, half : float (B,) [s]
+    """
+    rate = 1 / (time[1] - time[0])
+    begin = np.clip(np.floor((centre - half - time[0]) * rate), 0, len(time) - 2).astype(np.int64)
+    end = np.clip(np.ceil((centre + half - time[0]) * rate) + 1, begin + 2, len(time)).astype(np.int64)
+    length = end - begin
+    start = np.concatenate([[0], np.cumsum(length)[:-1]])
+    beam = np.repeat(np.arange(len(begin)), length)
+    return Windows(begin=begin, end=end, beam=beam, start=start,
+                   sample=np.arange(len(beam)) - (start - begin)[beam])
