@@ -7,4 +7,8 @@
         phase_detection      the zero crossing between the halves of a split beam
         windows              stretches of samples of different lengths
     quality       how well an echo's time is known
+    attitude      place and attitude of a platform at any time, from the samples of its motion sensors
+    legs          rays through the layers between an array and the bed
+    reduction     soundings from angles and times to places
+    resounding    a record reduced anew, with another profile or another sound speed of the head
 """

@@ -1,0 +1,47 @@
+"""A record reduced anew: the same places with what it was made with, others with another profile or head's speed."""
+import numpy as np
+import pytest
+from sounded_line import HEAD, SUMMER
+
+from mitsonar.hydrography.record import check, variable
+from mitsonar.hydrography.resounding import resounded
+from mitsonar.water import SoundSpeedProfile
+
+
+def test_record_reduced_with_its_own_water_stays_where_it_is(soundings):
+    again = resounded(soundings, node=False)
+    check(again)
+    for name in ("x", "y", "depth", "across_track", "along_track"):
+        np.testing.assert_allclose(again[name], soundings[name], rtol=0, atol=1e-8)
+    assert again.attrs == soundings.attrs and again["valid"].values.all()
+
+
+def test_another_profile_and_head_speed_are_used_and_written_down(soundings):
+    uniform = SoundSpeedProfile.constant(1485.0)
+    other = resounded(soundings, uniform)
+    assert np.abs(other["depth"] - soundings["depth"]).max() > 0.3
+    assert other["cast_depth"].values.tolist() == [0.0] and other["cast_sound_speed"].values.tolist() == [1485.0]
+    slow = resounded(soundings, head_speed=HEAD - 10)
+    assert np.all(slow["head_sound_speed"] == HEAD - 10) and np.all(soundings["head_sound_speed"] == HEAD)
+    # Sines read in slower water are larger slownesses: the swath grows.
+    assert float(slow["across_track"].max()) > float(soundings["across_track"].max()) + 1
+
+
+def test_what_was_known_at_the_old_places_is_left_out(soundings):
+    known = soundings.assign(true_depth=variable("true_depth", soundings["depth"].values),
+                             error=variable("error", 0 * soundings["depth"].values),
+                             valid=variable("valid", soundings["depth"].values > 90))
+    again = resounded(known, SUMMER)
+    assert "true_depth" not in again and "error" not in again and "true_depth" in known
+    assert np.array_equal(np.isfinite(again["depth"]), known["depth"] > 90)
+
+
+@pytest.mark.parametrize("speed", [np.full(3, 1500.0), 100.0, np.nan])
+def test_speeds_that_no_water_has_are_refused(soundings, speed):
+    with pytest.raises(ValueError, match="head_speed|sound_speed"):
+        resounded(soundings, head_speed=speed)
+
+
+def test_other_datasets_are_refused(soundings):
+    with pytest.raises(ValueError, match="lack angle"):
+        resounded(soundings.drop_vars("angle"))
