@@ -131,6 +131,7 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("column_rate", "f8", "Hz", "samples a second")),
     *_some("column", ("ping", "column_beam", "column_sample"), False,
            ("column_level_db", "f4", "dB re 1 µPa", "echo level; NaN where there is no sample")),
+    *_some("snippet", _PING, False, ("snippet_rate", "f8", "Hz", "samples of snippets a second")),
     *_some("snippet", _BEAM, False, ("snippet_start", "f8", "s", "of the first sample, as of travel_time")),
     *_some("snippet", ("ping", "beam", "snippet_sample"), False,
            ("snippet_db", "f4", "dB re 1", "backscattering strength sample by sample; NaN where there is none")),

@@ -154,7 +154,7 @@ def _snippets(strength, travel, valid, chance):
     samples = 9
     count = np.where(valid, 3 + np.arange(valid.shape[1]) % (samples - 2), 0)[..., None]
     speckle = strength[..., None] + 5 * chance.standard_normal((*strength.shape, samples))
-    return {"snippet_start": np.where(valid, travel - 4e-5, np.nan),
+    return {"snippet_rate": np.full(len(strength), 20e3), "snippet_start": np.where(valid, travel - 2e-4, np.nan),
             "snippet_db": np.where(np.arange(samples) < count, speckle, np.nan)}
 
 
