@@ -1,0 +1,57 @@
+"""Lines of soundings in the files of survey software, as a file's name asks.
+
+    .gsf          Generic Sensor Format 03.09: soundings, sectors, cast, attitude, snippets
+
+Pings come in blocks, and memory holds one block at a time. A file is whole or not there.
+"""
+from __future__ import annotations
+
+import importlib
+import os
+
+from ..files import FilePath, check_writable
+from .lines import Blocks, Place, Written
+
+__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "write"]
+
+_WRITERS = {".gsf": "gsf"}
+SUFFIXES = tuple(_WRITERS)
+
+
+def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
+    """Write a line of soundings as the name of the file asks; whole or not at all.
+
+    Parameters
+    ----------
+    blocks : xarray.Dataset or iterable of them
+        As `mitsonar.hydrography.record` says, some pings each.
+    path : str or path
+        Ends in one of `SUFFIXES`.
+    place : (latitude, longitude) [degrees], optional
+        Of x = y = 0, where the scene names no coordinate system; default: 0, 0.
+    start : str, optional
+        ISO 8601, UTC, of time 0; default: as the line says, or 1970.
+
+    Returns
+    -------
+    Written
+        With words on what the format cannot hold.
+
+    Raises
+    ------
+    ValueError
+        If the name ends otherwise, there is no ping, a block is no line of soundings or unlike the first, ``place`` or
+        ``start`` are none or not needed, or the values do not fit.
+    FileNotFoundError, PermissionError, OSError
+        If the file cannot be written there.
+
+    Examples
+    --------
+    ``mitsonar.io.survey_lines.write(mitsonar.soundings(scene), "line.gsf")``
+    """
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix not in _WRITERS:
+        raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in one of "
+                         f"{', '.join(SUFFIXES)}.")
+    check_writable(path)
+    return importlib.import_module(f"{__name__}.{_WRITERS[suffix]}").write(blocks, path, place=place, start=start)

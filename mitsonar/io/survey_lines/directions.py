@@ -1,0 +1,40 @@
+"""Where a beam points, from the two cones that measured it, as files write it.
+
+    l = (u a_t + v a_r) + w n      n = a_t x a_r / |a_t x a_r|      a_t·l = sin(transmit_angle)      a_r·l = sin(angle)
+
+with a_t along the transmit array (forward), a_r along the receive array (starboard) and n down. With k = a_t·a_r:
+u = (sin t - k sin r)/(1 - k^2), v = (sin r - k sin t)/(1 - k^2), w = sqrt(1 - |u a_t + v a_r|^2). The ship's turn while
+the echo is under way is left out, 0.1 degrees or so: angles from the vertical in files are of one attitude a ping.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from .lines import Line, Ping, rotation
+
+__all__ = ["array_axes", "from_vertical", "level"]
+
+
+def array_axes(line: Line, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Give the directions (3,) of the transmit and the receive array in the body, of one of several heads."""
+    receive = (line.array("receive_mounting") if head is None or "head_receive_mounting" not in line.first
+               else line.array("head_receive_mounting")[head])
+    return rotation(*line.array("transmit_mounting"))[:, 0], rotation(*receive)[:, 1]
+
+
+def level(line: Line, ping: Ping) -> np.ndarray:
+    """Give the directions (B, 3) of a ping's beams: forward, starboard, down of the level ship."""
+    along, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
+    skew = float(along @ across)
+    sent, heard = np.sin(ping["transmit_angle"])[:, None], np.sin(ping["angle"])[:, None]
+    flat = ((sent - skew * heard) * along + (heard - skew * sent) * across) / (1 - skew**2)
+    down = np.cross(along, across) / np.sqrt(1 - skew**2)
+    away = flat + np.sqrt(np.maximum(1 - np.sum(flat**2, axis=1, keepdims=True), 0)) * down
+    return away @ rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0).T
+
+
+def from_vertical(line: Line, ping: Ping, angle: np.ndarray) -> np.ndarray:
+    """Give angles of receiving beams from the vertical, positive to port, of beams at `angle` to the array [rad]."""
+    _, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
+    tilt = np.arcsin((rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0) @ across)[2])
+    return tilt - angle

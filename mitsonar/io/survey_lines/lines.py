@@ -1,0 +1,211 @@
+"""What the writers of a line of soundings share: its blocks, its start, its place on Earth, its pings one by one.
+
+    since 1970 = start + time                    latitude, longitude = on the globe (x, y)
+    true heading = heading from the y axis + convergence of the meridians there
+"""
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ...hydrography.record import VARIABLES, check
+from ..navigation import Frame
+
+__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "line_of", "lost", "pings", "rotation"]
+
+Blocks = xr.Dataset | Iterable[xr.Dataset]
+Place = tuple[float, float]                # latitude and longitude [degrees]
+Ping = dict[str, Any]                      # a ping's variables by name, without the dimension ping
+NOWHERE: Place = (0.0, 0.0)
+_NEVER_LOST = ("valid",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """Say what went into a file.
+
+    Attributes
+    ----------
+    pings : int
+    soundings : int
+        Valid ones.
+    words : tuple of str
+        What the format cannot hold, and what had to be settled for it; each is a clause for a user.
+    """
+
+    pings: int
+    soundings: int
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Line:
+    """Hold what all pings of a line share.
+
+    Attributes
+    ----------
+    first : xarray.Dataset
+        Its first block: cast, arrays, motion and attributes are taken from there.
+    start : float [s]
+        Since 1970, UTC, of time 0.
+    frame : Frame
+        Where x = y = 0 lies.
+    placed : str
+        In words, where that is not from the scene's own coordinate system; else empty.
+    """
+
+    first: xr.Dataset
+    start: float
+    frame: Frame
+    placed: str
+
+    def array(self, name: str) -> np.ndarray:
+        """Give a variable that is not of pings."""
+        return np.asarray(self.first[name].values, float)
+
+    @property
+    def sonar(self) -> str:
+        """Its name."""
+        return str(self.first.attrs.get("sonar") or "multibeam")
+
+    def provenance(self) -> str:
+        """Say in one sentence where the line comes from."""
+        from ... import __version__
+
+        about = {name: self.first.attrs.get(name)
+                 for name in ("title", "scene", "seed", "preset", "profile", "backscatter")}
+        said = "; ".join(f"{name}: {value}" for name, value in about.items() if value is not None)
+        return f"written by mitsonar {__version__}; {said}"
+
+
+def line_of(blocks: Blocks, *, place: Place | None = None,
+            start: str | None = None) -> tuple[Line, Iterator[xr.Dataset]]:
+    """Open a line of soundings that comes block by block.
+
+    Parameters
+    ----------
+    blocks : xarray.Dataset or iterable of them
+        As `mitsonar.hydrography.record` says.
+    place : (latitude, longitude) [degrees], optional
+        Of x = y = 0, where the line names no coordinate system; default: 0, 0.
+    start : str, optional
+        ISO 8601, of time 0; default: the line's own, or 1970.
+
+    Returns
+    -------
+    line : Line
+    blocks : iterator of xarray.Dataset
+        All of them, the first again; each checked when it comes.
+
+    Raises
+    ------
+    ValueError
+        If there is no ping, a block is no line of soundings or not of the same beams as the first, ``start`` is no
+        date, or ``place`` is nowhere on Earth or beside a coordinate system.
+    """
+    some = iter([blocks] if isinstance(blocks, xr.Dataset) else blocks)
+    for first in some:
+        check(first)
+        if first.sizes["ping"]:
+            break
+    else:
+        raise ValueError("there are no soundings: no ping was given.")
+    crs = first.attrs.get("crs") or None
+    if crs is None:
+        frame, placed = Frame.about(*_checked(place or NOWHERE)), _placed(place)
+    elif place is not None:
+        raise ValueError(f"the line lies in {crs}, so its place is known; leave place out.")
+    else:
+        east, north = first.attrs.get("origin", (0.0, 0.0))
+        frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
+    line = Line(first=first, start=_seconds(start or first.attrs.get("start")), frame=frame, placed=placed)
+    return line, _alike(first, some)
+
+
+def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
+    """Give a block's pings one by one, without padding and with their places on Earth.
+
+    Each has the record's variables, beams without an angle left out, and ``since`` [s since 1970], ``ping_latitude``,
+    ``ping_longitude``, ``latitude`` and ``longitude`` (beams; NaN where there is no sounding) [degrees] and
+    ``true_heading`` [rad].
+    """
+    arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
+    of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
+    here = np.stack([arrays["ping_x"], arrays["ping_y"]], -1)
+    latitude, longitude, convergence = line.frame.on_globe(here)
+    valid = arrays["valid"]
+    beam_latitude, beam_longitude = np.full(valid.shape, np.nan), np.full(valid.shape, np.nan)
+    if valid.any():
+        found = np.stack([arrays["x"][valid], arrays["y"][valid]], -1)
+        beam_latitude[valid], beam_longitude[valid], _ = line.frame.on_globe(found)
+    for number in range(block.sizes["ping"]):
+        ping: Ping = {name: value[number] for name, value in arrays.items()}
+        ping |= {"latitude": beam_latitude[number], "longitude": beam_longitude[number]}
+        there = np.isfinite(ping["angle"]) & np.isfinite(ping["transmit_angle"])
+        for name in (*of_beams, "latitude", "longitude"):
+            ping[name] = ping[name][there]
+        ping |= {"since": line.start + ping["ping_time"], "ping_latitude": latitude[number],
+                 "ping_longitude": longitude[number], "true_heading": ping["ping_heading"] + convergence[number]}
+        yield ping
+
+
+def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
+    """Give the matrix (3, 3) from forward, starboard, down of a body to those of what it is turned in."""
+    sr, cr, sp, cp, sh, ch = (turn(one) for one in (roll, pitch, heading) for turn in (np.sin, np.cos))
+    return np.array([[ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
+                     [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
+                     [-sp, cp * sr, cp * cr]])
+
+
+def lost(line: Line, held: Iterable[str]) -> tuple[str, ...]:
+    """Name the variables of a line that a format does not hold."""
+    known = {*held, *_NEVER_LOST}
+    return tuple(name for name in VARIABLES if name in line.first.variables and name not in known)
+
+
+def _alike(first: xr.Dataset, others: Iterable[xr.Dataset]) -> Iterator[xr.Dataset]:
+    yield first
+    names, sizes = set(first.variables), _sizes(first)
+    for block in others:
+        check(block)
+        if not block.sizes["ping"]:
+            continue
+        if set(block.variables) != names or _sizes(block) != sizes:
+            raise ValueError("a block of pings has other variables, beams or samples than the first one; pad them to "
+                             "the same and give them again.")
+        yield block
+
+
+def _sizes(block):
+    return {name: size for name, size in block.sizes.items() if name not in ("ping", "motion", "node")}
+
+
+def _checked(place: Place) -> Place:
+    latitude, longitude = place
+    if not (-90 <= latitude <= 90 and -180 <= longitude <= 360):
+        raise ValueError(f"place is {latitude:g}, {longitude:g}; give latitude and longitude in degrees.")
+    return latitude, longitude
+
+
+def _placed(place):
+    if place is not None:
+        return ""
+    return "the scene names no coordinate system, so x = y = 0 is put at latitude 0, longitude 0; a place can be said"
+
+
+def _seconds(text: str | None) -> float:
+    if text is None:
+        return 0.0
+    try:
+        date = datetime.datetime.fromisoformat(str(text).strip().removesuffix("Z"))
+    except ValueError:
+        raise ValueError(f"the start is {text!r}; give a date and time such as 2026-05-01T10:00:00Z.") from None
+    since = (date if date.tzinfo else date.replace(tzinfo=datetime.timezone.utc)).timestamp()
+    if not 0 <= since < 2**32 - 86_400:
+        raise ValueError(f"the start is {text!r}; give one between 1970 and 2106.")
+    return since

@@ -1,0 +1,73 @@
+"""The ship's way as files have it: places on Earth, true headings, heave about a draught, velocities and rates.
+
+    draught = mean depth of the reference point over the line        heave = draught - depth      (positive upwards)
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .lines import Line
+
+__all__ = ["Passage", "passage_of"]
+
+WINDOW = 1.0                               # [s] over which a course is measured
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Passage:
+    """Hold the samples of the motion sensors, each an array (M,).
+
+    Attributes
+    ----------
+    time : [s]
+        Since 1970.
+    latitude, longitude : [degrees]
+    depth : [m]
+        Of the reference point.
+    roll, pitch, heading : [rad]
+        Heading from true north.
+    heave : [m]
+        Upwards.
+    velocity : (M, 3) [m/s]
+        North, east, down.
+    draught : float [m]
+    """
+
+    time: np.ndarray
+    latitude: np.ndarray
+    longitude: np.ndarray
+    depth: np.ndarray
+    roll: np.ndarray
+    pitch: np.ndarray
+    heading: np.ndarray
+    heave: np.ndarray
+    velocity: np.ndarray
+    draught: float
+
+    def rate(self, values: np.ndarray) -> np.ndarray:
+        """Give the derivative of samples (M, ...) by time."""
+        return np.gradient(values, self.time, axis=0) if self.time.size > 1 else np.zeros_like(values)
+
+    def way(self, since: float) -> tuple[float, float]:
+        """Give course [rad] and speed [m/s] over ground about a time [s since 1970]."""
+        north, east = (np.mean(np.interp(since + np.linspace(-WINDOW / 2, WINDOW / 2, 11), self.time, one))
+                       for one in self.velocity.T[:2])
+        return float(np.arctan2(east, north) % (2 * np.pi)), float(np.hypot(north, east))
+
+
+def passage_of(line: Line) -> Passage:
+    """Take a line's passage from its motion."""
+    time, depth = line.array("motion_time"), line.array("motion_depth")
+    x, y = line.array("motion_x"), line.array("motion_y")
+    latitude, longitude, convergence = line.frame.on_globe(np.stack([x, y], -1))
+    turn = np.cos(convergence), np.sin(convergence)
+    north, east = y * turn[0] - x * turn[1], x * turn[0] + y * turn[1]
+    moved = np.stack([north, east, depth], -1)
+    draught = float(depth.mean())
+    velocity = np.gradient(moved, time, axis=0) if time.size > 1 else np.zeros_like(moved)
+    return Passage(time=line.start + time, latitude=latitude, longitude=longitude, depth=depth,
+                   roll=line.array("motion_roll"), pitch=line.array("motion_pitch"),
+                   heading=line.array("motion_heading") + convergence, heave=draught - depth, velocity=velocity,
+                   draught=draught)
