@@ -2,7 +2,8 @@
 
 Dimensions: ``ping``, ``beam`` (soundings of a ping, padded where a ping has fewer), ``sector`` (transmissions of a
 ping), ``motion`` (samples of the motion sensors), ``node`` (of the cast), ``axis`` (forward, starboard, down) and,
-where they are kept, ``column_beam`` and ``column_sample`` of the water column and ``snippet_sample``.
+where they are kept, ``true_node`` (of the water as it really is), ``column_beam`` and ``column_sample`` of the water
+column and ``snippet_sample``.
 
 Frames are the house's: x east, y north of the scene's origin, depth positive down from the surface; body x forward,
 y starboard, z down. Places of the arrays are lever arms from the reference point, whose way ``motion_x`` and the like
@@ -124,6 +125,9 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),
            ("label", "u4", "1", "instance that most of the echo at the sounding is of; 0 none"),
            ("true_backscatter_db", "f4", "dB re 1", "strength of the seabed's law at the grazing angle there")),
+    *_some("truth", ("true_node",), False,
+           ("true_cast_depth", "f8", "m", "depth of the nodes of the water's own profile, increasing"),
+           ("true_cast_sound_speed", "f8", "m/s", "sound speed there, as the echoes travelled")),
     *_some("column", ("ping", "column_beam"), False,
            ("column_angle", "f8", "rad", "as angle"),
            ("column_sector", "i4", "1", "number of the sector"),
