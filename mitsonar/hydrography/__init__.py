@@ -11,4 +11,5 @@
     legs          rays through the layers between an array and the bed
     reduction     soundings from angles and times to places
     resounding    a record reduced anew, with another profile or another sound speed of the head
+    bottom_backscatter, snippets     the bed's strength, sounding by sounding and sample by sample
 """

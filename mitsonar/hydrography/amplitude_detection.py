@@ -18,14 +18,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
-from .quality import GAUSSIAN_WIDTH, gravity_deviation, pulse_deviation
-from .windows import Windows, windows_about
+from .quality import GAUSSIAN_WIDTH, echoes_side_by_side, gravity_deviation, pulse_deviation
+from .windows import Windows, among_neighbours, windows_about
 
-__all__ = ["AmplitudeDetections", "about", "along_delay", "by_amplitude", "footprint_duration", "refined_centre",
-           "slopes"]
+__all__ = ["AmplitudeDetections", "about", "along_delay", "by_amplitude", "footprint_duration", "incidences",
+           "refined_centre", "slopes"]
 
-NEIGHBOURS = range(2, 9)          # beams to either side that slopes are taken over
+NEIGHBOURS = (4, 8)               # beams to either side that slopes are taken over, at least
+SPAN = 0.1                        # and rad that they are taken over
+STEEPEST = 1.48                   # rad
 PASSES = 4
 REACH = 1.0                       # half the window, in -3 dB widths of the footprint
 PULSES = 1.5                      # and in pulses
@@ -71,17 +74,45 @@ def along_delay(angle: np.ndarray, transmit_width: float) -> np.ndarray:
 
 
 def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """Give the slope of values over the beams' angles, by the median of differences across each beam."""
+    """Give the slope of values over the beams' angles, by the median of differences across each beam.
+
+    Parameters
+    ----------
+    values, angle : float (B,)
+    good : bool (B,)
+        Which values count.
+
+    Returns
+    -------
+    float (B,)
+        NaN at the fan's ends and where a beam has no good ones to both sides.
+    """
     beams = np.arange(len(values))
-    values = np.where(good, values, np.nan)
-    found = []
-    for away in NEIGHBOURS:
+    spacing = float(np.median(np.diff(angle))) if len(angle) > 1 else 1.0
+    found = [np.full(len(values), np.nan)]
+    for away in np.unique(np.linspace(NEIGHBOURS[0], max(NEIGHBOURS[1], SPAN / spacing), 7).astype(int)):
         low, high = np.maximum(beams - away, 0), np.minimum(beams + away, len(beams) - 1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            found.append((values[high] - values[low]) / (angle[high] - angle[low]))
+        both = (high - low == 2 * away) & good[low] & good[high]
+        found.append(np.where(both, (values[high] - values[low]) / np.where(both, angle[high] - angle[low], 1.0), np.nan))
     stacked = np.stack(found)
-    stacked[:, np.isnan(stacked).all(axis=0)] = 0.0
-    return np.nanmedian(stacked, axis=0)
+    known = ~np.isnan(stacked).all(axis=0)
+    return np.where(known, np.nanmedian(np.where(known, stacked, 0.0), axis=0), np.nan)
+
+
+def incidences(log_time: np.ndarray, angle: np.ndarray, good: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """Give the incidence (B,) [rad] on the bed across the track: tan ψ is the slope of log t over the angle.
+
+    A beam whose slope is not known takes the tilt of the nearest that is, and ``otherwise`` (B,) if none is.
+    """
+    tilt = angle - np.arctan(slopes(log_time, angle, good))
+    known = np.flatnonzero(np.isfinite(tilt))
+    if not known.size:
+        return otherwise
+    beams = np.arange(len(angle))
+    after = np.minimum(np.searchsorted(known, beams), len(known) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = known[np.where(np.abs(known[after] - beams) < np.abs(beams - known[before]), after, before)]
+    return np.clip(angle - ndimage.median_filter(tilt[nearest], 5, mode="nearest"), -STEEPEST, STEEPEST)
 
 
 def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, centre: np.ndarray, footprint: np.ndarray,
@@ -124,7 +155,11 @@ def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, cent
     own = np.sqrt(np.maximum(spread - pulse_deviation(pulse_length) ** 2, 0))
     samples = max(pulse_length / step, 1.0)
     noisy = samples * windows.summed((away / total[windows.beam]) ** 2 * noise * (2 * np.maximum(weight, 0) + noise))
-    speckle = gravity_deviation(np.sqrt((own ** 2 + footprint ** 2) / 2), pulse_length)
+    usual = among_neighbours(total, total > 1e-150, 4)
+    duration = np.sqrt((own ** 2 + footprint ** 2) / 2)
+    speckle = gravity_deviation(duration, pulse_length)
+    faded = np.where(total > 1e-150, usual / total, 1.0)
+    speckle = speckle * faded ** (0.5 / echoes_side_by_side(duration, pulse_length))
     peak = np.maximum.reduceat(np.where(inside, intensity, 0.0), windows.start)
     return AmplitudeDetections(time=found, deviation=np.hypot(speckle, np.sqrt(noisy)), energy=total * step,
                                peak=peak / max(noise, 1e-300))

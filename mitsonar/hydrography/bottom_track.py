@@ -74,12 +74,18 @@ def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_lengt
     a, b = (_as_pairs(half[:, :blocks * size], blocks) for half in halves)
     power = (np.einsum("bnk,bnk->bn", a, a) + np.einsum("bnk,bnk->bn", b, b)) / (2 * size)
     return Echoes(power=power, common=np.einsum("bnk,bnk->bn", a, b) / size, start=float(time[0]) - step / 2,
-                  step=size * step, echoes=max(1.0, size * step / pulse_length))
+                  step=size * step, echoes=_independent(size, step / pulse_length))
 
 
 def _as_pairs(record: np.ndarray, blocks: int) -> np.ndarray:
     """View complex samples as real numbers, block after block."""
     return np.ascontiguousarray(record).view(np.float32).reshape(len(record), blocks, -1)
+
+
+def _independent(size: int, spacing: float) -> float:
+    """Give how many independent samples of filtered noise some samples are worth; ``spacing`` in pulse lengths."""
+    lags = np.subtract.outer(np.arange(size), np.arange(size)) * spacing
+    return size ** 2 / float(np.exp(-np.pi * lags ** 2).sum())
 
 
 def noise_level(echoes: Echoes) -> float:

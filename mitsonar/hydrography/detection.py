@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .amplitude_detection import about, along_delay, by_amplitude, footprint_duration, refined_centre, slopes
+from .amplitude_detection import about, along_delay, by_amplitude, footprint_duration, incidences, refined_centre, slopes
 from .bottom_track import CELL, noise_level, reduced, track
 from .phase_detection import by_phase
 from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
@@ -21,7 +21,8 @@ from .windows import windows_about
 __all__ = ["Detections", "Head", "detect"]
 
 LEAST_QUALITY = 1.5         # 3 % of the depth
-LEAST_SIGNAL = 10.0         # peak over the noise's mean: 10 dB
+LEAST_PEAK = 20.0           # over the noise's mean, of an echo found by amplitude: 13 dB
+LEAST_PEAK_BY_PHASE = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +127,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     rough = track(sums, sines, widths, noise, gate)
 
     angle, rms = np.arcsin(sines), widths / GAUSSIAN_WIDTH
-    slope = slopes(np.log(rough.time), angle, rough.seen)
+    slope = np.tan(incidences(np.log(rough.time), angle, rough.seen, angle))
     duration = footprint_duration(rough.time, slope, rms)
     windows = windows_about(time, rough.time, 1.5 * CELL * rough.time + 1.5 * GAUSSIAN_WIDTH * duration)
     centre = refined_centre(_intensity(halves, windows.beam, windows.sample), windows, time,
@@ -135,7 +136,9 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     windows = about(time, centre, duration, head.pulse_length)
     intensity = _intensity(halves, windows.beam, windows.sample)
     first = by_amplitude(intensity, windows, time, centre, duration, head.pulse_length, noise)
-    sharp = slopes(np.log(np.maximum(first.time, time[0])), angle, rough.seen & (first.peak > LEAST_SIGNAL))
+    incidence = incidences(np.log(np.maximum(first.time, time[0])), angle, rough.seen & (first.peak > LEAST_PEAK),
+                           np.arctan(slope))
+    sharp = np.tan(incidence)
     duration = footprint_duration(first.time, sharp, rms)
     amplitude = by_amplitude(intensity, windows, time, first.time, duration, head.pulse_length, noise)
     phase = by_phase(halves, time, amplitude.time, sharp, sines, widths, head.baseline, head.pulse_length)
@@ -145,10 +148,11 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     found = np.where(phased, phase.time, amplitude.time * (1 - late)) * (1 - along_delay(angle, head.transmit_width))
     deviation = np.where(phased, phase.deviation, amplitude.deviation)
     quality = quality_factor(found, deviation)
-    valid = (rough.seen & (quality > LEAST_QUALITY) & (amplitude.peak > LEAST_SIGNAL)
-             & (found >= gate[0]) & (found <= gate[1]))
-    brighter = slopes(np.log(amplitude.energy), angle, valid)
+    clear = amplitude.peak > np.where(phased, LEAST_PEAK_BY_PHASE, LEAST_PEAK)
     half = np.hypot(GAUSSIAN_WIDTH * duration, head.pulse_length) / 2
+    valid = (rough.seen & (quality > LEAST_QUALITY) & clear
+             & (found >= gate[0]) & (found <= gate[1]) & (found + half < time[-1]))
+    brighter = np.nan_to_num(slopes(np.log(amplitude.energy), angle, valid))
     held = windows_about(time, found, half)
     mean = held.summed(_intensity(halves, held.beam, held.sample)) / (held.end - held.begin) - noise
     return Detections(
@@ -158,7 +162,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
         angle_offset=np.where(valid & ~phased, np.cos(angle) * rms ** 2 * brighter, 0.0),
         angle_deviation=np.where(valid & ~phased, angle_deviation(rms, duration, head.pulse_length), 0.0),
         quality=np.where(valid, quality, np.nan), intensity=np.where(valid, np.maximum(mean, 0.0), np.nan),
-        incidence=np.arctan(sharp), begin=held.begin, end=held.end, valid=valid)
+        incidence=incidence, begin=held.begin, end=held.end, valid=valid)
 
 
 def _single(half: np.ndarray) -> np.ndarray:

@@ -11,8 +11,12 @@ With x(t) = sin θ'(t) - sin θ the phase is a line β₀ + β₁ x, β₁ = 2π
 curvature that a parabola over t would have to find (Lurton 2010, An Introduction to Underwater Acoustics, ch. 8).
 It is fitted to the samples within the beam by the greatest Σ |s p*| cos(arg(s p*) - β₀ - β₁ x), least squares weighted
 by magnitude that need no unwrapping. The window is centred on the crossing anew until that rests. The slope also says
-what ψ really is. The deviation is that of the fit, from the samples' own scatter, which holds noise, the bed's
-roughness and what the pulse's length takes of the coherence; echoes closer than the pulse count as one.
+what ψ really is.
+
+The deviation is that of the fit, from the samples' own scatter, which holds noise, the bed's roughness and what the
+pulse's length takes of the coherence. Scatter is summed over blocks of some echoes before it is squared (as Newey and
+West 1987, Econometrica 55, 703, sum it over lags): what the echoes within a pulse pull to one side the next ones pull
+back, so that samples taken singly say two to four times too much. It is averaged over neighbouring beams.
 """
 from __future__ import annotations
 
@@ -20,13 +24,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .windows import Windows, windows_about
+from .windows import Windows, among_neighbours, windows_about
 
 __all__ = ["PhaseDetections", "by_phase"]
 
-PASSES = 5
-REACH = 0.6                  # half the window, in the beam's -3 dB width
-LEAST_ECHOES = 4.0           # within the window
+PASSES = 4
+REACH = 0.8                  # half the window, in the -3 dB width of the beam: that of a half is twice as wide
+BLOCK = 2.0                  # echoes that the scatter is summed over, so that what cancels between neighbours does
+FREE = 2.3                   # echoes that the line takes of those there are, with such blocks
+LEAST_ECHOES = 3.0           # within the window
 SLOPES = (0.4, 2.5)          # β₁ over 2π d that a bed can have
 SIDE_BY_SIDE = 1.5           # pulse lengths from one independent echo to the next: ∫ρ² over ∫|χ|² (Gauss √2, CW 1.62)
 
@@ -78,7 +84,7 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
     """
     reach = REACH * widths * np.sqrt(1 - sines ** 2)
     incidence = np.arctan(np.where(np.abs(slope) < 0.02, 0.02, slope))
-    half = centre * np.abs(np.tan(incidence)) * widths * 2 * REACH
+    half = centre * np.abs(np.tan(incidence)) * widths * 1.5 * REACH
     windows = windows_about(time, centre, half + pulse_length)
     port, starboard = (windows.taken(record).astype(complex) for record in halves)
     samples = _Samples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
@@ -93,13 +99,14 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
         steeper = np.clip(turn / np.where(ok & (fit.turn > 0), fit.turn, turn), 0.5, 2.0)
         if 1 < number < PASSES - 1:
             incidence = np.arctan(np.tan(incidence) * steeper)
-    fit = _fitted(samples, found, incidence, sines, reach, turn, slope_too=True)
-    ratio = slope / np.tan(incidence)
     spacing = SIDE_BY_SIDE * pulse_length / (time[1] - time[0])
+    fit = _fitted(samples, found, incidence, sines, reach, turn, True, int(round(BLOCK * spacing)))
+    ratio = slope / np.tan(incidence)
     echoes = fit.count / max(spacing, 1.0)
     rate = fit.turn * np.cos(np.arcsin(sines)) / (found * np.abs(np.tan(incidence)))
-    freedom = np.sqrt(echoes / np.maximum(echoes - 2, 0.1))
-    deviation = np.sqrt(fit.variance * max(spacing, 1.0)) * freedom / np.maximum(rate, 1e-300)
+    freedom = echoes / np.maximum(echoes - FREE, 0.5)
+    own = fit.variance * freedom / np.where(rate > 0, rate, np.nan) ** 2
+    deviation = np.sqrt(among_neighbours(own, np.isfinite(own) & (echoes >= LEAST_ECHOES)))
     ok &= (echoes >= LEAST_ECHOES) & (ratio > SLOPES[0]) & (ratio < SLOPES[1]) & (fit.turn > 0.5 * turn)
     ok &= np.isfinite(deviation) & (np.abs(found - centre) < half)
     return PhaseDetections(time=_time_of(np.where(ok, fit.crossing, 0.0), found, incidence, sines),
@@ -127,29 +134,29 @@ class _Fit:
 
 
 def _fitted(samples: _Samples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
-            turn: np.ndarray, slope_too: bool) -> _Fit:
+            turn: np.ndarray, slope_too: bool, block: int = 1) -> _Fit:
     """Fit the phase's line about a time of every beam, by one step from the best offset of a line of slope ``turn``."""
     windows, beam = samples.windows, samples.windows.beam
     x = _offsets(samples.instants, found, incidence, sines, beam)
     inside = np.abs(x) <= reach[beam]
-    product: np.ndarray = np.where(inside, samples.product, 0.0) * np.exp(-1j * turn[beam] * np.where(inside, x, 0.0))
+    product = np.where(inside, samples.product, 0.0) * np.exp(-1j * turn[beam] * np.where(inside, x, 0.0))
     start = np.angle(windows.summed(product))
     product = product * np.exp(-1j * start)[beam]
     x = np.where(inside, x, 0.0)
-    weight = np.maximum(product.real, 0.3 * np.abs(product))
+    weight = np.maximum(np.real(product), 0.3 * np.abs(product))
     m0, m1, m2 = (windows.summed(weight * x ** power) for power in range(3))
-    e0, e1 = (windows.summed(product.imag * x ** power) for power in range(2))
+    e0, e1 = (windows.summed(np.imag(product) * x ** power) for power in range(2))
     with np.errstate(invalid="ignore", divide="ignore"):
         determinant = m0 * m2 - m1 ** 2
         change = (m0 * e1 - m1 * e0) / determinant if slope_too else np.zeros(len(turn))
         offset = start + (e0 - change * m1) / m0
         fitted = turn + change
         crossing = -offset / fitted
-        rest: np.ndarray = product * np.exp(-1j * ((offset - start)[beam] + change[beam] * x))
-        residual = np.where(inside, rest.imag ** 2, 0.0)
-        s0, s1, s2 = (windows.summed(residual * x ** power) for power in range(3))
+        rest = product * np.exp(-1j * ((offset - start)[beam] + change[beam] * x))
         g0, g1 = (m2 - m1 * crossing) / determinant, (m0 * crossing - m1) / determinant
-        variance = np.maximum(g0 ** 2 * s0 + 2 * g0 * g1 * s1 + g1 ** 2 * s2, 0)
+        pull = np.where(inside, np.imag(rest) * (g0[beam] + g1[beam] * x), 0.0)
+        length = np.full(len(turn), 2 * (block // 2) + 1)
+        variance = windows.summed(windows.smoothed(np.nan_to_num(pull), length) ** 2) / length
         coherence = np.abs(windows.summed(product)) / windows.summed(np.where(inside, samples.power, 0.0))
     return _Fit(crossing=crossing, turn=fitted, variance=variance, coherence=np.nan_to_num(coherence),
                 count=windows.summed(inside.astype(float)))

@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["GAUSSIAN_WIDTH", "angle_deviation", "coherent_phase_deviation", "correlation_time", "gravity_deviation",
-           "pulse_deviation", "quality_factor"]
+__all__ = ["GAUSSIAN_WIDTH", "angle_deviation", "coherent_phase_deviation", "correlation_time", "echoes_side_by_side",
+           "gravity_deviation", "pulse_deviation", "quality_factor"]
 
 GAUSSIAN_WIDTH = 2 * np.sqrt(2 * np.log(2))       # -3 dB width over standard deviation
 
@@ -53,7 +53,7 @@ def gravity_deviation(footprint: np.ndarray, pulse_length: float) -> np.ndarray:
     -------
     float (B,) [s]
     """
-    return footprint * np.sqrt(0.5) * _averaged(footprint, pulse_length)
+    return footprint * np.sqrt(0.5 / echoes_side_by_side(footprint, pulse_length))
 
 
 def angle_deviation(beam: np.ndarray, footprint: np.ndarray, pulse_length: float) -> np.ndarray:
@@ -71,12 +71,12 @@ def angle_deviation(beam: np.ndarray, footprint: np.ndarray, pulse_length: float
     float (B,) [rad]
         The same error as the time's, seen as an angle: a sounding has one of the two.
     """
-    return beam * np.sqrt(0.5) * _averaged(footprint, pulse_length)
+    return beam * np.sqrt(0.5 / echoes_side_by_side(footprint, pulse_length))
 
 
-def _averaged(footprint: np.ndarray, pulse_length: float) -> np.ndarray:
-    """Give what echoes side by side within the footprint leave of one's spread."""
-    return (1 + 2 * (footprint / correlation_time(pulse_length)) ** 2) ** -0.25
+def echoes_side_by_side(footprint: np.ndarray, pulse_length: float) -> np.ndarray:
+    """Give how many echoes of a pulse's length a footprint's echo holds, 1 or more."""
+    return np.sqrt(1 + 2 * (footprint / correlation_time(pulse_length)) ** 2)
 
 
 def coherent_phase_deviation(coherence: np.ndarray, echoes: np.ndarray) -> np.ndarray:

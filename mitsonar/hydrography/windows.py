@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
-__all__ = ["Windows", "windows_about"]
+__all__ = ["Windows", "among_neighbours", "windows_about"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +56,14 @@ class Windows:
         last = np.append(self.start[1:], len(values))
         return total[np.minimum(place + half + 1, last[self.beam])] - total[np.maximum(place - half,
                                                                                        self.start[self.beam])]
+
+
+def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np.ndarray:
+    """Average values (B,) over the good ones of each beam and ``aside`` to either side; NaN where none is."""
+    size = 2 * aside + 1
+    total = ndimage.uniform_filter1d(np.where(good, values, 0.0), size, mode="constant")
+    count = ndimage.uniform_filter1d(good.astype(float), size, mode="constant")
+    return np.where(count > 0.5 / size, total / np.maximum(count, 0.5 / size), np.nan)
 
 
 def windows_about(time: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Windows:

@@ -117,7 +117,7 @@ def halves(sounder, places, amplitudes, chance, *, noise=0.0):
         out.append(beams)
     if noise:
         for beams in out:
-            beams += np.sqrt(noise) * _coloured(sounder, beams.shape, chance)
+            beams += np.sqrt(2 * noise) * _coloured(sounder, beams.shape, chance)
     return out[0], out[1]
 
 

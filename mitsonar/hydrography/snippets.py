@@ -1,0 +1,92 @@
+"""Snippets: the bed's strength sample by sample about each detection.
+
+As `bottom_backscatter`, with the range, the loss and the area of each sample's own time. A snippet is as long as the
+beam's footprint takes to sound, so that those of neighbouring beams meet on the bed.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bottom_backscatter import ensonified_area, strength_db
+
+__all__ = ["Snippets", "snippets"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snippets:
+    """As many samples in every beam.
+
+    Attributes
+    ----------
+    start : float (B,) [s]
+        Of the first sample, after the transmission; NaN where nothing was detected.
+    strength_db : float (B, N) [dB re 1]
+        NaN past the footprint, the record's ends, and where nothing was detected.
+    """
+
+    start: np.ndarray
+    strength_db: np.ndarray
+
+
+def snippets(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, detected: np.ndarray, begin: np.ndarray,
+             end: np.ndarray, samples: int, incidence: np.ndarray, slant_range: np.ndarray, loss_db: np.ndarray,
+             pulse_length: float, transmit_width: float | np.ndarray, receive_width: float | np.ndarray,
+             sound_speed: float, source_level_db: float | np.ndarray, absorption_db: float,
+             transmit_pattern_db: float | np.ndarray = 0.0, receive_pattern_db: float | np.ndarray = 0.0) -> Snippets:
+    """Cut the snippets of a ping.
+
+    Parameters
+    ----------
+    halves : complex (B, T), complex (B, T) [µPa]
+    time : float (T,) [s]
+    detected : float (B,) [s]
+        Times of `Detections`, NaN where there is none.
+    begin, end : int (B,)
+        Samples of the footprint, of `Detections`.
+    samples : int
+        Of every snippet; those of a longer footprint are its middle ones.
+    incidence : float (B,) [rad]
+    slant_range : float (B,) [m]
+        Of the detections; a sample's range is in proportion to its time.
+    loss_db : float (B,) [dB]
+        Both ways, of the detections.
+    pulse_length, transmit_width, receive_width, sound_speed
+        As of `ensonified_area`.
+    source_level_db : float or (B,) [dB re 1 µPa @ 1 m]
+    absorption_db : float [dB/m]
+        That the loss of a sample nearer or farther changes by, with its spreading.
+    transmit_pattern_db, receive_pattern_db : float or (B,) [dB]
+        Towards the detections.
+
+    Returns
+    -------
+    Snippets
+    """
+    found = np.isfinite(detected)
+    at = np.where(found, detected, time[0])
+    step = time[1] - time[0]
+    length = np.minimum(end - begin, samples)
+    first = np.clip(np.rint((at - time[0]) / step).astype(np.int64) - length // 2, 0, len(time) - 1)
+    place = first[:, None] + np.arange(samples)
+    inside = found[:, None] & (np.arange(samples) < length[:, None]) & (place < len(time))
+    place = np.minimum(place, len(time) - 1)
+    rows = np.arange(len(at))[:, None]
+    whole = (halves[0][rows, place].astype(complex) + halves[1][rows, place]) / 2
+    nearer = np.maximum(time[place], step) / np.maximum(at, step)[:, None]
+    distance = np.asarray(slant_range)[:, None] * nearer
+    loss = np.asarray(loss_db)[:, None] + 40 * np.log10(nearer) + 2 * absorption_db * (
+        distance - np.asarray(slant_range)[:, None])
+    area = ensonified_area(distance, np.asarray(incidence)[:, None], pulse_length=pulse_length,
+                           transmit_width=_column(transmit_width), receive_width=_column(receive_width),
+                           sound_speed=sound_speed, away=time[place] - at[:, None])
+    strength = strength_db(np.abs(whole) ** 2, source_level_db=_column(source_level_db), loss_db=loss, area=area,
+                           transmit_pattern_db=_column(transmit_pattern_db),
+                           receive_pattern_db=_column(receive_pattern_db))
+    return Snippets(start=np.where(found, time[first], np.nan),
+                    strength_db=np.where(inside, strength, np.nan).astype(np.float32))
+
+
+def _column(values: float | np.ndarray) -> np.ndarray:
+    return np.reshape(np.asarray(values, float), (-1, 1))
