@@ -79,7 +79,7 @@ def soundings_line(pings: int = 4, beams: int = 24, *, sectors: int = 3, depth: 
     if snippets:
         values |= _snippets(strength, travel, valid, chance)
     if column:
-        values |= _column(points, sectors, chance)
+        values |= _column(pings, depth, sectors, chance)
     attrs = {"sonar": "multibeam", "title": "a plane bed", "start": "2026-05-01T10:00:00Z", "crs": crs,
              "preset": "none", "profile": "the true one", "backscatter": "spreading, absorption and beams; area"}
     if crs is not None:
@@ -158,10 +158,10 @@ def _snippets(strength, travel, valid, chance):
             "snippet_db": np.where(np.arange(samples) < count, speckle, np.nan)}
 
 
-def _column(points, sectors, chance):
-    pings, beams, samples, rate = len(points), 16, 240, 1500.0
+def _column(pings, depth, sectors, chance):
+    beams, samples, rate = 16, 240, 1500.0
     angle = np.linspace(-SPREAD, SPREAD, beams)
-    bed = 2 * 50.0 / np.cos(angle) / SPEED * rate
+    bed = 2 * (depth - 2.5) / np.cos(angle) / SPEED * rate             # the arrays lie some 2.5 m deep
     level = 70 + 3 * chance.standard_normal((pings, beams, samples))
     sample = np.arange(samples)
     level += 60 * np.exp(-((sample - bed[:, None]) / 2.0) ** 2)

@@ -1,6 +1,7 @@
 """Lines of soundings in the files of survey software, as a file's name asks.
 
     .gsf          Generic Sensor Format 03.09: soundings, sectors, cast, attitude, snippets
+    .kmall        Kongsberg's datagrams: the same, and the water column
 
 Pings come in blocks, and memory holds one block at a time. A file is whole or not there.
 """
@@ -14,7 +15,7 @@ from .lines import Blocks, Place, Written
 
 __all__ = ["SUFFIXES", "Blocks", "Place", "Written", "write"]
 
-_WRITERS = {".gsf": "gsf"}
+_WRITERS = {".gsf": "gsf", ".kmall": "kmall"}
 SUFFIXES = tuple(_WRITERS)
 
 

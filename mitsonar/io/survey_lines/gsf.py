@@ -8,18 +8,11 @@ import numpy as np
 from ..files import FilePath, replacing
 from .gsf_pings import MOST_SECTORS, SCALES, swath
 from .gsf_records import File, attitudes, cast, comments, parameters
+from .held import SOUNDINGS
 from .lines import Blocks, Place, Written, line_of, lost, pings
 from .passage import passage_of
 
 __all__ = ["write"]
-
-HELD = {"cast_depth", "cast_sound_speed", "transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting",
-        "motion_time", "motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading",
-        "ping_time", "ping_x", "ping_y", "ping_depth", "ping_roll", "ping_pitch", "ping_heading", "head_sound_speed",
-        "sector_frequency", "sector_delay", "sector_angle", "sector_pulse_length", "sector_bandwidth",
-        "sector_source_level_db", "sector_absorption_db", "travel_time", "angle", "transmit_angle", "sector", "depth",
-        "x", "y", "across_track", "along_track", "detection", "quality", "uncertainty", "horizontal_uncertainty",
-        "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head"}
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
@@ -81,7 +74,7 @@ def _add(file, record, number):
 
 
 def _words(line):
-    out = lost(line, HELD)
+    out = lost(line, SOUNDINGS)
     sectors = line.first.sizes["sector"]
     return tuple(text for text in (
         line.placed,
