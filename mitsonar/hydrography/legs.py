@@ -26,11 +26,11 @@ import numpy as np
 
 from ..propagation.layers import atan_ratio, atanh_ratio
 from ..water import SoundSpeedProfile
+from ..water.profile import SAME_DEPTH
 
 __all__ = ["Leg", "Starts"]
 
 BLOCK = 2048                       # rays at a time: their layers stay in the processor's cache
-SAME_DEPTH = 0.005                 # [m] within which the head's node takes the place of the cast's
 
 
 class Leg(NamedTuple):
@@ -61,7 +61,8 @@ class Starts:
     profile : SoundSpeedProfile
     depth : array (N,) [m]
     head_speed : array (N,) [m/s] or None
-        Speed at the start, in place of the profile's; None: the profile's own.
+        Speed at the start, in place of the profile's; None: the profile's own. Below the profile's last node, where
+        there is no node to go to, rays see the profile at once.
     """
 
     profile: SoundSpeedProfile
@@ -102,19 +103,16 @@ class Starts:
         edges = np.concatenate([self.depth[:, None], between, lowest[:, None]], axis=1)
         speeds = self.profile.at(edges)
         if self.head_speed is not None:
-            above = edges < self._next()[:, None]
-            down = edges - self.depth[:, None]
-            speeds = np.where(above, self.head_speed[:, None] + self._gradient()[:, None] * down, speeds)
+            following = self._next()
+            down = (edges - self.depth[:, None]) / (following - self.depth)[:, None]
+            joined = self.head_speed[:, None] + down * (self.profile.at(following) - self.head_speed)[:, None]
+            ramp = (edges < following[:, None]) & np.isfinite(following)[:, None]
+            speeds = np.where(ramp, joined, speeds)
         return edges, speeds
 
     def _next(self) -> np.ndarray:
         """Depth (N,) of the cast's next node below the head's; infinite where there is none."""
         return np.r_[self.profile.depth, np.inf][np.searchsorted(self.profile.depth, self.depth + SAME_DEPTH)]
-
-    def _gradient(self) -> np.ndarray:
-        following = self._next()
-        rise = self.profile.at(following) - self.speed
-        return np.where(np.isfinite(following), rise, 0) / np.where(np.isfinite(following), following - self.depth, 1)
 
     def _cross(self, slowness: np.ndarray, depth: np.ndarray) -> Leg:
         edges, speed = self._edges(depth)

@@ -17,6 +17,7 @@ from ..units import Values
 
 DEEPEST = 1e6                      # [m], of which float32 still tells a sixteenth of a metre
 _SIDES: dict[str, Literal["left", "right"]] = {"below": "right", "above": "left"}    # of a node, as NumPy says it
+SAME_DEPTH = 0.005                 # [m]: nodes closer to a measured one are replaced by it
 SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid a sonar swims in is faster
 
 
@@ -61,6 +62,30 @@ class SoundSpeedProfile:
         below = self.depth > 0
         depth, speed = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.sound_speed[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[speed[:0:-1], speed])
+
+    def with_node(self, depth: float, sound_speed: float) -> "SoundSpeedProfile":
+        """Make this profile with one more node, such as a sonar's own sensor measures at its head.
+
+        Parameters
+        ----------
+        depth : float [m]
+        sound_speed : float [m/s]
+            Takes the place of nodes within 5 mm of the depth; the water is linear from it to the nodes next to it. That
+            is what the real-time processing of multibeam sonars makes of it (`mitsonar.hydrography.legs`).
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range, or there is no node below the depth: all deeper water would have the speed of
+            one place.
+        """
+        if not depth + SAME_DEPTH < self.depth[-1]:
+            raise ValueError(f"sound-speed profile: a node at {depth:g} m is not above the last of the profile, at "
+                             f"{self.depth[-1]:g} m; give a profile that goes deeper.")
+        others = np.abs(self.depth - depth) > SAME_DEPTH
+        place = int(np.searchsorted(self.depth[others], depth))
+        return type(self)(np.insert(self.depth[others], place, depth),
+                          np.insert(self.sound_speed[others], place, sound_speed))
 
     def at(self, depth: Values) -> Values:
         """Give the sound speed [m/s] at ``depth`` [m], any shape."""

@@ -7,6 +7,9 @@ A profile is linear between its depths and constant beyond. A cast is a file tha
 temperature and salinity, if it has them, set the absorption. A formula gives the speed down to 6000 m, or as deep as it
 reaches, and is constant below.
 
+Sonars that steer beams measure the sound speed at their head. ``head_sound_speed`` is then the profile's node at
+``head_depth``, in place of one within 5 mm; the water is linear from there to the nodes above and below.
+
 .. code-block:: xml
 
     <medium type="seawater">
@@ -43,6 +46,9 @@ ATTRIBUTES = (
                 "1/s"),
     Choice("sound_speed_formula", default="teos-10", choices=tuple(seawater.FORMULAS),
            text="by which sound speed is computed; `medwin` reaches to 1000 m"),
+    Number("head_sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
+           text="measured at the sonar's head: becomes the profile's node there, beside profile, cast or formula"),
+    Number("head_depth", default=None, minimum=0, unit="m", text="of the sensor of `head_sound_speed`"),
     Number("temperature", default=10.0, unit="deg C", text="for sound speed and absorption"),
     Number("salinity", default=35.0, text="practical salinity, for both"),
     Number("ph", default=8.0, text="acidity, for absorption"),
@@ -79,7 +85,8 @@ class Seawater(mi.Medium):
             _check_depths(attributes, name)
         self.given_absorption = _given_absorption(attributes)
         self.volume = _volume(attributes)
-        self.cast, self.profile = _cast_and_profile(attributes)
+        self.cast, water = _cast_and_profile(attributes)
+        self.profile = _with_head(attributes, water)
         try:
             self.absorption_column(100e3)          # refuse water outside the formula's range now, not at the first ping
         except ValueError as error:
@@ -91,7 +98,7 @@ class Seawater(mi.Medium):
         if self.given_absorption is not None:
             return self.given_absorption
         if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
-            depth = self.profile.depth
+            depth = self.cast.profile.depth
             return AbsorptionColumn(depth, absorption_db(frequency, self.cast.temperature, self.cast.salinity,
                                                          np.maximum(depth, 0), self.ph, self.absorption_formula))
         return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph,
@@ -173,6 +180,23 @@ def _cast_and_profile(attributes):
         return None, SoundSpeedProfile(depth, speed)
     except ValueError as error:
         raise attributes.error(error) from None
+
+
+def _with_head(attributes, profile):
+    """The profile with the node of the head's own sensor, if there is one."""
+    given = attributes.given("head_sound_speed", "head_depth")
+    if len(given) == 1:
+        other = "head_depth" if given[0] == "head_sound_speed" else "head_sound_speed"
+        raise attributes.error(f"{given[0]} is given without {other}; give both.")
+    if not given:
+        return profile
+    if attributes.sound_speed is not None:
+        raise attributes.error("head_sound_speed is given, but sound_speed is the same at all depths; give a profile "
+                               "or a cast, or leave the head's out.")
+    try:
+        return profile.with_node(attributes.head_depth, attributes.head_sound_speed)
+    except ValueError as error:
+        raise attributes.error(f"head_depth: {error}") from None
 
 
 def _volume(attributes):

@@ -98,6 +98,12 @@ def test_level_array_does_not_mind_a_wrong_head_speed_a_tilted_one_does(tilt, le
     assert least <= moved <= most
 
 
+def test_water_of_one_speed_has_no_node_to_join_and_is_taken_as_it_is(line):
+    still, uniform = rocking(np.array([0.0, 12.0]), still=True), SoundSpeedProfile.constant(1485.0)
+    one, other = (located(line.measured, still, Installation(), uniform, node=node) for node in (True, False))
+    np.testing.assert_allclose(places_of(one), places_of(other), rtol=0, atol=1e-9)
+
+
 def test_beams_look_up_and_turned_rays_are_no_soundings():
     deep = Motion(time=0.0, x=0, y=0, depth=60.0, roll=0.9, pitch=0, heading=0)
     angles = np.array([-1.2, 1.2])                # port side up: from the vertical, -1.2 - 0.9 and 1.2 - 0.9 rad

@@ -74,6 +74,20 @@ def test_sound_speed_and_extension_of_a_cast(water, tmp_path):
     assert absorption(medium, 500) == pytest.approx(absorption_db(FREQUENCY, 9, 32, 500, 8.1), rel=1e-3)
 
 
+def test_sound_speed_at_the_head_is_a_node_of_the_profile(water, tmp_path):
+    head = {"head_sound_speed": 1495.0, "head_depth": 4.0}
+    given = water(profile="0:1500, 10:1490, 30:1480", **head).profile
+    assert given == SoundSpeedProfile([0, 4, 10, 30], [1500, 1495, 1490, 1480])
+    path = tmp_path / "cast.csv"
+    path.write_text(CASTAWAY)
+    medium = water(cast=str(path), **head)
+    assert medium.profile == SoundSpeedProfile([0.5, 4, 9.9], [1502, 1495, 1482])
+    # Temperature and salinity are the cast's: the sensor says nothing of absorption.
+    depth = [0.5, 5.0, 9.9]
+    assert np.array_equal(absorption(medium, depth), absorption(water(cast=str(path)), depth))
+    assert water(**head).profile.at(4.0) == 1495 and water(**head).profile.at(500.0) == water().profile.at(500.0)
+
+
 def test_absorption_given_is_the_same_everywhere(water):
     assert absorption(water(absorption_db_per_km=30), [0, 10, 5000]) == pytest.approx([0.03] * 3, rel=1e-15)
     assert absorption(water(absorption_db_per_km=0), 10) == 0
@@ -134,6 +148,11 @@ def test_only_one_kind_of_sound_speed(refusal, tmp_path, one, other):
     ({"sound_speed_formula": "mackenzie", "salinity": 5.0}, "mackenzie: salinity is 5 g/kg; it must lie in 30.."),
     ({"sound_speed_formula": "medwin", "sound_speed": 1500.0}, "sound_speed and sound_speed_formula are given"),
     ({"absorption_formula": "thorp", "absorption_db_per_km": 30.0}, "absorption_formula and absorption_db_per_km are"),
+    ({"head_sound_speed": 1490.0}, "head_sound_speed is given without head_depth; give both."),
+    ({"head_depth": 4.0}, "head_depth is given without head_sound_speed; give both."),
+    ({"head_depth": 4.0, "head_sound_speed": 1490.0, "sound_speed": 1500.0}, "give a profile or a cast"),
+    ({"head_depth": 50.0, "head_sound_speed": 1490.0, "profile": "0:1500, 10:1490"}, "not above the last of the"),
+    ({"head_depth": -1.0, "head_sound_speed": 1490.0}, "at least 0"),
     ({"salt": 1.0}, 'did you mean "salinity"?'),
 ])
 def test_refusals(refusal, attributes, words):

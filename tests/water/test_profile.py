@@ -40,6 +40,21 @@ def test_nodes_are_copied_and_read_only():
         profile.depth = depth
 
 
+def test_measured_node_joins_the_others_and_replaces_what_is_at_its_depth():
+    joined = PROFILE.with_node(6.0, 1490.0)
+    assert joined == SoundSpeedProfile([0, 5, 6, 12, 25], [1508, 1507.5, 1490, 1499, 1491])
+    assert PROFILE.with_node(5.004, 1490.0) == SoundSpeedProfile([0, 5.004, 12, 25], [1508, 1490, 1499, 1491])
+    assert PROFILE.with_node(-1.0, 1490.0).depth[0] == -1 and PROFILE.depth.size == 4
+
+
+@pytest.mark.parametrize("depth, speed, message", [
+    (25.0, 1490, "not above the last of the profile, at 25 m"), (np.nan, 1490, "not above"), (30, 1490, "not above"),
+    (6, 100, r"sound_speed\[2\] = 100 m/s")])
+def test_measured_node_without_water_below_is_refused(depth, speed, message):
+    with pytest.raises(ValueError, match=message):
+        PROFILE.with_node(depth, speed)
+
+
 def test_equality_is_by_value():
     same, other = SoundSpeedProfile(PROFILE.depth, PROFILE.sound_speed), SoundSpeedProfile.constant(1500)
     assert same == PROFILE and hash(same) == hash(PROFILE) and same != other and PROFILE != 3
