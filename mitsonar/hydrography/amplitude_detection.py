@@ -93,7 +93,8 @@ def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarra
     for away in np.unique(np.linspace(NEIGHBOURS[0], max(NEIGHBOURS[1], SPAN / spacing), 7).astype(int)):
         low, high = np.maximum(beams - away, 0), np.minimum(beams + away, len(beams) - 1)
         both = (high - low == 2 * away) & good[low] & good[high]
-        found.append(np.where(both, (values[high] - values[low]) / np.where(both, angle[high] - angle[low], 1.0), np.nan))
+        apart = np.where(both, angle[high] - angle[low], 1.0)
+        found.append(np.where(both, (values[high] - values[low]) / apart, np.nan))
     stacked = np.stack(found)
     known = ~np.isnan(stacked).all(axis=0)
     return np.where(known, np.nanmedian(np.where(known, stacked, 0.0), axis=0), np.nan)

@@ -1,12 +1,16 @@
 """Where the bed is in a fan of beams, roughly: a track from beam to beam that nothing else captures.
 
 Each beam is cut into cells of equal steps of log(t cos θ), in which a level bed is a straight line at any depth. A cell
-scores between 0 and 1 by three things: it is not far under the strongest echo of the beams around; it is not far under
-the strongest echo of all beams at that time, as the ring of side lobes at the first return is; the halves hear it in
-phase over some beams, C = 2 Re<a b*> / <|a|² + |b|²>, as they hear what comes from the beams' axes and not what comes
-through side lobes. Near normal incidence, where all of a beam's footprint sounds at once, C says nothing, so that it
-only adds. Scores end at 1: a fish, however strong, gains nothing over the bed behind it. The track is the sequence of
-cells with the greatest sum of scores less what steps between neighbours cost (Viterbi 1967).
+scores between 0 and 1 by three things:
+
+- it is not far under the strongest echoes that the beams around have;
+- it is not far under the strongest echo of all beams at that time, as the ring of side lobes at the first return is;
+- the halves hear it in phase over some beams, C = 2 Re<a b*> / <|a|² + |b|²>, as they hear what comes from the beams'
+  axes and not what comes through side lobes. Near normal incidence, where all of a beam's footprint sounds at once, C
+  says nothing, so that it only adds.
+
+Scores end at 1: a fish, however strong, gains nothing over the bed behind it. The track is the sequence of cells with
+the greatest sum of scores less what steps between neighbours cost (Viterbi 1967, IEEE Trans. Inf. Theory 13, 260).
 """
 from __future__ import annotations
 
@@ -23,6 +27,7 @@ FULL_COHERENCE = 0.4       # of C, at which the score ends: a bed through a beam
 WITHOUT_PHASE = 0.5        # of the score where C says nothing
 SMOOTHED = 5               # beams that C is averaged over, and what is seen at all
 BELOW_NEIGHBOURS = 20.0    # dB under the strongest echo of the beams around, where the score is 0
+AROUND, USUAL = 0.5, 30     # of the beams, over which the strongest echoes are compared, and which of them: per cent
 BELOW_RING = (30.0, 18.0)  # dB under the strongest echo at that time: score 0, and score not lessened
 GENTLE, STEEP = 1.0, 6.0   # changes of log range by angle, tan of the incidence, that cost nothing, and little
 STEEP_COST, JUMP_COST = 0.3, 2.0
@@ -132,32 +137,34 @@ def track(echoes: Echoes, sines: np.ndarray, widths: np.ndarray, noise: float,
 def _scores(echoes: Echoes, power: np.ndarray, common: np.ndarray, angle: np.ndarray, width: np.ndarray, noise: float,
             gate: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Give the scores (G, Z), and log(t cos θ) of the cells (Z,)."""
-    cosine = np.cos(angle)
+    cosine, blocks = np.cos(angle), power.shape[1]
     low = max(gate[0], gate[1] / 200, echoes.start + echoes.step)
-    cells = np.arange(np.log(low * cosine.min()), np.log(gate[1] * cosine.max()) + CELL, CELL)
+    last = echoes.start + blocks * echoes.step
+    cells = np.arange(np.log(low * cosine.min()), np.log(last * cosine.max()) + CELL, CELL)
     time = np.exp(cells) / cosine[:, None]
     half = np.maximum(np.maximum(0.75 * CELL, 0.6 * np.tan(np.abs(angle)) * width)[:, None] * time, echoes.step)
-    blocks = power.shape[1]
     begin = np.clip(((time - half - echoes.start) / echoes.step).astype(np.int32), 0, blocks - 1)
     end = np.clip(((time + half - echoes.start) / echoes.step).astype(np.int32) + 1, begin + 1, blocks)
     level, shared = (_means(values, begin, end) for values in (power, common))
     whole = (level + shared) / 2
-    inside = (time >= low) & (time <= gate[1])
+    recorded = (time >= low) & (time <= last)
     tiny = max(float(level.max(initial=0.0)), 1e-300) * 1e-15
     scatter = SURE / np.sqrt(np.maximum((end - begin) * echoes.echoes, 1))
-    sure = inside & (whole > noise * (1 + scatter)) & (whole > tiny)
+    sure = recorded & (whole > noise * (1 + scatter)) & (whole > tiny)
     whole_db = 10 * np.log10(np.maximum(whole, tiny))
-    ring = ndimage.maximum_filter1d((power + common).max(axis=0) / 2, 3)
-    ring_db = 10 * np.log10(np.maximum(ring, tiny))[np.clip(((time - echoes.start) / echoes.step).astype(np.int32), 0,
-                                                            blocks - 1)]
-    own = np.where(sure, whole_db, 10 * np.log10(tiny)).max(axis=1)
-    around = ndimage.median_filter(own, size=2 * (len(own) // 16) + 1, mode="nearest")
+    ring = ((power + common).max(axis=0) / 2)[None, :]
+    ring = _means(ring, begin.reshape(1, -1), end.reshape(1, -1)).reshape(begin.shape)
+    ring_db = 10 * np.log10(np.maximum(ring, tiny))
+    through_lobe = np.clip((whole_db - ring_db + BELOW_RING[0]) / (BELOW_RING[0] - BELOW_RING[1]), 0, 1)
+    # What lies past the gate counts here, lest the skirt of a bed out there pass for a bed.
+    own = np.where(sure & (through_lobe > 0.5), whole_db, 10 * np.log10(tiny)).max(axis=1)
+    around = ndimage.percentile_filter(own, USUAL, size=2 * int(AROUND * len(own) / 2) + 1, mode="nearest")
     coherence = ndimage.uniform_filter1d(shared, SMOOTHED, axis=0, mode="nearest")
     coherence /= np.maximum(ndimage.uniform_filter1d(level, SMOOTHED, axis=0, mode="nearest"), tiny)
     score = np.clip(coherence / FULL_COHERENCE, WITHOUT_PHASE, 1)
     score *= np.clip((whole_db - around[:, None]) / BELOW_NEIGHBOURS + 1, 0, 1)
-    score *= np.clip((whole_db - ring_db + BELOW_RING[0]) / (BELOW_RING[0] - BELOW_RING[1]), 0, 1)
-    return np.where(sure, score, 0.0), cells
+    score *= through_lobe
+    return np.where(sure & (time <= gate[1]), score, 0.0), cells
 
 
 def _means(values: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -11,16 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .amplitude_detection import about, along_delay, by_amplitude, footprint_duration, incidences, refined_centre, slopes
-from .bottom_track import CELL, noise_level, reduced, track
-from .phase_detection import by_phase
+from .amplitude_detection import (AmplitudeDetections, about, along_delay, by_amplitude, footprint_duration,
+                                  incidences, refined_centre, slopes)
+from .bottom_track import CELL, Echoes, Track, noise_level, reduced, track
+from .phase_detection import by_phase, no_phase
 from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
 from .record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
-from .windows import windows_about
+from .windows import Windows, windows_about
 
 __all__ = ["Detections", "Head", "detect"]
 
 LEAST_QUALITY = 1.5         # 3 % of the depth
+QUIETEST = 1e-15            # noise over the strongest echo: rounding leaves no less
 LEAST_PEAK = 20.0           # over the noise's mean, of an echo found by amplitude: 13 dB
 LEAST_PEAK_BY_PHASE = 10.0
 
@@ -37,7 +39,7 @@ class Head:
         -3 dB width of each whole receiving beam, in angle.
     baseline : float [wavelengths]
         From the port half's phase centre to the starboard's. Echoes from starboard of a beam's axis must turn
-        starboard's phase forward; negative where signals have the other sign.
+        starboard's phase forward; negative where signals have the other sign. 0 is no split: all is by amplitude.
     transmit_width : float [rad]
         -3 dB width of the transmission along the track.
     noise : float or None [µPa²]
@@ -118,60 +120,83 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
         If shapes differ, times are not evenly spaced, sines do not increase, or the gate holds no sample.
     """
     time, sines, widths, gate = _checked(halves, time, sines, head)
-    sums = reduced((_single(halves[0]), _single(halves[1])), time, head.pulse_length)
-    if not np.isfinite(sums.power).all():
-        halves = (np.nan_to_num(_single(halves[0]), posinf=0, neginf=0),
-                  np.nan_to_num(_single(halves[1]), posinf=0, neginf=0))
-        sums = reduced(halves, time, head.pulse_length)
-    noise = noise_level(sums) if head.noise is None else float(head.noise)
+    halves, sums = _finite(halves, time, head.pulse_length)
+    noise = max(noise_level(sums) if head.noise is None else float(head.noise), QUIETEST * float(sums.power.max()))
     rough = track(sums, sines, widths, noise, gate)
-
-    angle, rms = np.arcsin(sines), widths / GAUSSIAN_WIDTH
-    slope = np.tan(incidences(np.log(rough.time), angle, rough.seen, angle))
-    duration = footprint_duration(rough.time, slope, rms)
-    windows = windows_about(time, rough.time, 1.5 * CELL * rough.time + 1.5 * GAUSSIAN_WIDTH * duration)
-    centre = refined_centre(_intensity(halves, windows.beam, windows.sample), windows, time,
-                            GAUSSIAN_WIDTH * duration + head.pulse_length)
-
-    windows = about(time, centre, duration, head.pulse_length)
-    intensity = _intensity(halves, windows.beam, windows.sample)
-    first = by_amplitude(intensity, windows, time, centre, duration, head.pulse_length, noise)
-    incidence = incidences(np.log(np.maximum(first.time, time[0])), angle, rough.seen & (first.peak > LEAST_PEAK),
-                           np.arctan(slope))
-    sharp = np.tan(incidence)
-    duration = footprint_duration(first.time, sharp, rms)
-    amplitude = by_amplitude(intensity, windows, time, first.time, duration, head.pulse_length, noise)
-    phase = by_phase(halves, time, amplitude.time, sharp, sines, widths, head.baseline, head.pulse_length)
+    fan = _Fan(halves=halves, time=time, angle=np.arcsin(sines), rms=widths / GAUSSIAN_WIDTH, noise=noise, head=head)
+    brightest, amplitude, incidence = _amplitudes(fan, rough)
+    phase = (by_phase(halves, time, amplitude.time, np.tan(incidence), sines, widths, head.baseline, head.pulse_length)
+             if head.baseline else no_phase(amplitude.time))
 
     phased = phase.deviation < amplitude.deviation
-    late = (1 + 2 * sharp ** 2) * rms ** 2 / 2
-    found = np.where(phased, phase.time, amplitude.time * (1 - late)) * (1 - along_delay(angle, head.transmit_width))
+    late = (1 + 2 * np.tan(incidence) ** 2) * fan.rms ** 2 / 2
+    found = np.where(phased, phase.time, amplitude.time * (1 - late)) * (1 - along_delay(fan.angle,
+                                                                                         head.transmit_width))
     deviation = np.where(phased, phase.deviation, amplitude.deviation)
     quality = quality_factor(found, deviation)
-    clear = amplitude.peak > np.where(phased, LEAST_PEAK_BY_PHASE, LEAST_PEAK)
-    half = np.hypot(GAUSSIAN_WIDTH * duration, head.pulse_length) / 2
-    valid = (rough.seen & (quality > LEAST_QUALITY) & clear
-             & (found >= gate[0]) & (found <= gate[1]) & (found + half < time[-1]))
-    brighter = np.nan_to_num(slopes(np.log(amplitude.energy), angle, valid))
+    footprint = footprint_duration(found, np.tan(incidence), fan.rms)
+    half = np.hypot(GAUSSIAN_WIDTH * footprint, head.pulse_length) / 2
+    valid = rough.seen & (quality > LEAST_QUALITY) & (found + half < time[-1])
+    valid &= amplitude.peak > np.where(phased, LEAST_PEAK_BY_PHASE, LEAST_PEAK)
+    valid &= (np.minimum(found, brightest) >= gate[0]) & (np.maximum(found, brightest) <= gate[1])
+
+    brighter = np.nan_to_num(slopes(np.log(amplitude.energy), fan.angle, valid))
     held = windows_about(time, found, half)
-    mean = held.summed(_intensity(halves, held.beam, held.sample)) / (held.end - held.begin) - noise
+    mean = held.summed(_intensity(halves, held)) / (held.end - held.begin) - noise
+    spread = angle_deviation(fan.rms, footprint, head.pulse_length)
     return Detections(
         time=np.where(valid, found, np.nan),
         method=np.where(valid, np.where(phased, BY_PHASE, BY_AMPLITUDE), NOT_DETECTED).astype(np.uint8),
         deviation=np.where(valid, deviation, np.nan),
-        angle_offset=np.where(valid & ~phased, np.cos(angle) * rms ** 2 * brighter, 0.0),
-        angle_deviation=np.where(valid & ~phased, angle_deviation(rms, duration, head.pulse_length), 0.0),
+        angle_offset=np.where(valid & ~phased, np.cos(fan.angle) * fan.rms ** 2 * brighter, 0.0),
+        angle_deviation=np.where(valid & ~phased, spread, 0.0),
         quality=np.where(valid, quality, np.nan), intensity=np.where(valid, np.maximum(mean, 0.0), np.nan),
         incidence=incidence, begin=held.begin, end=held.end, valid=valid)
 
 
-def _single(half: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(half, np.complex64)
+@dataclass(frozen=True, kw_only=True)
+class _Fan:
+    """A ping's beams, the beams' angles and rms widths (B,) [rad], and the noise [µPa²]."""
+
+    halves: tuple[np.ndarray, np.ndarray]
+    time: np.ndarray
+    angle: np.ndarray
+    rms: np.ndarray
+    noise: float
+    head: Head
 
 
-def _intensity(halves: tuple[np.ndarray, np.ndarray], beam: np.ndarray, sample: np.ndarray) -> np.ndarray:
-    """Give the whole beam's intensity of some samples."""
-    whole = (halves[0][beam, sample].astype(complex) + halves[1][beam, sample]) / 2
+def _amplitudes(fan: _Fan, rough: Track) -> tuple[np.ndarray, AmplitudeDetections, np.ndarray]:
+    """Detect by amplitude about a track; give where beams are brightest there (B,) [s], and the incidence (B,) too."""
+    pulse = fan.head.pulse_length
+    incidence = incidences(np.log(rough.time), fan.angle, rough.seen, fan.angle)
+    footprint = footprint_duration(rough.time, np.tan(incidence), fan.rms)
+    windows = windows_about(fan.time, rough.time, 1.5 * (CELL * rough.time + GAUSSIAN_WIDTH * footprint))
+    centre = refined_centre(_intensity(fan.halves, windows), windows, fan.time, GAUSSIAN_WIDTH * footprint + pulse)
+    windows = about(fan.time, centre, footprint, pulse)
+    intensity = _intensity(fan.halves, windows)
+    first = by_amplitude(intensity, windows, fan.time, centre, footprint, pulse, fan.noise)
+    clear = rough.seen & (first.peak > LEAST_PEAK)
+    incidence = incidences(np.log(np.maximum(first.time, fan.time[1])), fan.angle, clear, incidence)
+    footprint = footprint_duration(first.time, np.tan(incidence), fan.rms)
+    amplitude = by_amplitude(intensity, windows, fan.time, first.time, footprint, pulse, fan.noise)
+    return fan.time[windows.place_of_greatest(intensity)], amplitude, incidence
+
+
+def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
+            pulse_length: float) -> tuple[tuple[np.ndarray, np.ndarray], Echoes]:
+    """Give the halves as complex64 without what is not finite, and their sums over blocks."""
+    port, starboard = (np.ascontiguousarray(half, np.complex64) for half in halves)
+    sums = reduced((port, starboard), time, pulse_length)
+    if not np.isfinite(sums.power).all():
+        port, starboard = (np.where(np.isfinite(half), half, 0) for half in (port, starboard))
+        sums = reduced((port, starboard), time, pulse_length)
+    return (port, starboard), sums
+
+
+def _intensity(halves: tuple[np.ndarray, np.ndarray], windows: Windows) -> np.ndarray:
+    """Give the whole beam's intensity (W,) in some windows."""
+    whole = (windows.taken(halves[0]).astype(complex) + windows.taken(halves[1])) / 2
     return whole.real ** 2 + whole.imag ** 2
 
 

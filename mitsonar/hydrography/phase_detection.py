@@ -26,7 +26,7 @@ import numpy as np
 
 from .windows import Windows, among_neighbours, windows_about
 
-__all__ = ["PhaseDetections", "by_phase"]
+__all__ = ["PhaseDetections", "by_phase", "no_phase"]
 
 PASSES = 4
 REACH = 0.8                  # half the window, in the -3 dB width of the beam: that of a half is twice as wide
@@ -96,22 +96,29 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
         ok = np.isfinite(fit.crossing) & (np.abs(fit.crossing) < 2 * reach)
         found = np.where(ok, np.clip(_time_of(fit.crossing, found, incidence, sines), centre - half, centre + half),
                          found)
-        steeper = np.clip(turn / np.where(ok & (fit.turn > 0), fit.turn, turn), 0.5, 2.0)
         if 1 < number < PASSES - 1:
-            incidence = np.arctan(np.tan(incidence) * steeper)
+            share = np.clip(np.where(ok, fit.turn / turn, 1.0), 0.5, 2.0)
+            incidence = np.arctan(np.tan(incidence) / share)
     spacing = SIDE_BY_SIDE * pulse_length / (time[1] - time[0])
     fit = _fitted(samples, found, incidence, sines, reach, turn, True, int(round(BLOCK * spacing)))
     ratio = slope / np.tan(incidence)
     echoes = fit.count / max(spacing, 1.0)
-    rate = fit.turn * np.cos(np.arcsin(sines)) / (found * np.abs(np.tan(incidence)))
+    rate = np.abs(fit.turn) * np.cos(np.arcsin(sines)) / (found * np.abs(np.tan(incidence)))
     freedom = echoes / np.maximum(echoes - FREE, 0.5)
     own = fit.variance * freedom / np.where(rate > 0, rate, np.nan) ** 2
     deviation = np.sqrt(among_neighbours(own, np.isfinite(own) & (echoes >= LEAST_ECHOES)))
-    ok &= (echoes >= LEAST_ECHOES) & (ratio > SLOPES[0]) & (ratio < SLOPES[1]) & (fit.turn > 0.5 * turn)
+    ok &= (echoes >= LEAST_ECHOES) & (ratio > SLOPES[0]) & (ratio < SLOPES[1]) & (fit.turn / turn > 0.5)
     ok &= np.isfinite(deviation) & (np.abs(found - centre) < half)
     return PhaseDetections(time=_time_of(np.where(ok, fit.crossing, 0.0), found, incidence, sines),
                            deviation=np.where(ok, deviation, np.inf), slope=np.tan(incidence),
                            coherence=fit.coherence, echoes=echoes)
+
+
+def no_phase(time: np.ndarray) -> PhaseDetections:
+    """Give the detections (B,) of a head whose beams are not split: none."""
+    nothing = np.zeros_like(time)
+    return PhaseDetections(time=time, deviation=np.full_like(time, np.inf), slope=nothing, coherence=nothing,
+                           echoes=nothing)
 
 
 @dataclass(frozen=True, kw_only=True)

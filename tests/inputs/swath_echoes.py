@@ -1,15 +1,26 @@
 """Echoes of a bed in a fan of split beams, scatterer by scatterer and element by element.
 
-Stands apart from the package: nothing of it is imported. Every scatterer has a place, a complex Gaussian amplitude and
-a Gaussian pulse; every element of the receive array hears it with the phase of its own place (far field, narrow band);
-beams are sums over the elements of each half.
+Stands apart from the package: nothing of it is imported but the record that says what the sounder is like. Every
+scatterer has a place, a complex Gaussian amplitude and a Gaussian pulse; every element of the receive array hears it
+with the phase of its own place (far field, narrow band); beams are sums over the elements of each half.
 """
 from dataclasses import dataclass
 
 import numpy as np
+from mitsonar.hydrography.detection import Head
 from scipy import sparse
 
 SOUND_SPEED = 1500.0
+
+
+def lambertian(incidence):
+    """Lambert's law, -20 dB at normal incidence."""
+    return 0.01 * np.cos(incidence) ** 2 + 1e-4
+
+
+def specular(incidence):
+    """The same with a lobe of 15 dB about normal incidence."""
+    return lambertian(incidence) + 0.3 * np.exp(-(incidence / 0.15) ** 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +79,7 @@ class Sounder:
         return np.radians(self.along_deg) / 2.3548
 
 
-def bed(sounder, chance, *, depth=20.0, slope_deg=0.0, strength=lambda incidence: np.ones_like(incidence), per_cell=8,
+def bed(sounder, chance, *, depth=20.0, slope_deg=0.0, strength=lambda incidence: np.ones_like(incidence), per_cell=5,
         relief=lambda y: np.zeros_like(y)):
     """Scatterers (places x, y, z; amplitudes) of a plane bed: depth under the sonar, down to starboard if positive.
 
@@ -93,8 +104,28 @@ def bed(sounder, chance, *, depth=20.0, slope_deg=0.0, strength=lambda incidence
     return np.stack([x, y, z]), amplitude
 
 
-def halves(sounder, places, amplitudes, chance, *, noise=0.0):
-    """Beams of both halves (B, T), complex64; ``noise`` is the power in the whole beam."""
+def with_point(places, amplitudes, *, across, depth, amplitude):
+    """Scatterers and one more."""
+    return np.concatenate([places, [[0.0], [across], [depth]]], axis=1), np.append(amplitudes, amplitude)
+
+
+def head_of(sounder, **changes):
+    """What a detector is told of the sounder."""
+    return Head(**{"pulse_length": sounder.pulse, "beam_width": sounder.beam_widths, "baseline": sounder.baseline,
+                   "transmit_width": np.radians(sounder.along_deg), **changes})
+
+
+def time_of_plane(sounder, depth, slope_deg=0.0):
+    """When each beam's axis meets the plane [s]."""
+    angle = np.arcsin(sounder.sines)
+    return 2 * depth / SOUND_SPEED / (np.cos(angle) - np.tan(np.radians(slope_deg)) * np.sin(angle))
+
+
+def halves(sounder, places, amplitudes, chance, *, noise_db=None):
+    """Beams of both halves (B, T), complex64.
+
+    ``noise_db`` is the noise in the whole beam over the median of the beams' greatest intensities.
+    """
     time, step = sounder.time, sounder.pulse / sounder.samples_per_pulse
     slant = np.sqrt(np.sum(places ** 2, axis=0))
     delay, sine = 2 * slant / SOUND_SPEED, places[1] / slant
@@ -115,13 +146,14 @@ def halves(sounder, places, amplitudes, chance, *, noise=0.0):
         steer = weights * np.exp(-2j * np.pi * np.outer(sounder.sines, sounder.elements[side]))
         beams = np.ascontiguousarray((signals[:, side] @ steer.T.astype(np.complex64)).T)
         out.append(beams)
-    if noise:
+    if noise_db is not None:
+        noise = np.median((np.abs(out[0] + out[1]) ** 2 / 4).max(axis=1)) * 10 ** (noise_db / 10)
         for beams in out:
-            beams += np.sqrt(2 * noise) * _coloured(sounder, beams.shape, chance)
+            beams += np.sqrt(2 * noise) * coloured(sounder, beams.shape, chance)
     return out[0], out[1]
 
 
-def _coloured(sounder, shape, chance):
+def coloured(sounder, shape, chance):
     """Noise of mean power 1 with the pulse's spectrum."""
     step, width = sounder.pulse / sounder.samples_per_pulse, sounder.pulse / np.sqrt(2 * np.pi)
     white = chance.standard_normal((*shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
