@@ -12,4 +12,6 @@
     reduction     soundings from angles and times to places
     resounding    a record reduced anew, with another profile or another sound speed of the head
     bottom_backscatter, snippets     the bed's strength, sounding by sounding and sample by sample
+    errors        errors of soundings by cause: detection, refraction, motion
+    smile         what a wrong profile or head's speed does to a swath, by ray theory
 """
