@@ -14,4 +14,5 @@
     bottom_backscatter, snippets     the bed's strength, sounding by sounding and sample by sample
     errors        errors of soundings by cause: detection, refraction, motion
     smile         what a wrong profile or head's speed does to a swath, by ray theory
+    gridding      soundings on square cells; what a grid errs by
 """

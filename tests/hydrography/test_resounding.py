@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 from sounded_line import HEAD, SUMMER
+from soundings_line import soundings_line
 
 from mitsonar.hydrography.record import check, variable
 from mitsonar.hydrography.resounding import resounded
@@ -45,3 +46,12 @@ def test_speeds_that_no_water_has_are_refused(soundings, speed):
 def test_other_datasets_are_refused(soundings):
     with pytest.raises(ValueError, match="lack angle"):
         resounded(soundings.drop_vars("angle"))
+
+
+def test_line_of_three_sectors_made_by_other_formulas_is_met():
+    # Straight rays in water of one speed; three transmissions of a ping, padded and missing soundings.
+    given = soundings_line()
+    again, valid = resounded(given), given["valid"].values
+    for name in ("x", "y", "depth", "across_track", "along_track"):
+        np.testing.assert_allclose(again[name].values[valid], given[name].values[valid], rtol=0, atol=1e-6)
+    assert np.array_equal(again["valid"], valid) and not np.isfinite(again["depth"].values[~valid]).any()
