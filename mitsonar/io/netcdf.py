@@ -1,13 +1,18 @@
 """Images and signals in netCDF-4 files; see `records` for what stands in them."""
+import contextlib
 import errno
+import json
 import os
+from collections.abc import Iterator
 
 import xarray as xr
 
 from .files import FilePath, check_readable, replacing
 from .records import ENGINE, SonarImage, SonarSignals, decoded, encoded
 
-__all__ = ["read", "write"]
+__all__ = ["BESIDE", "full_disk_told", "packing", "read", "write"]
+
+BESIDE = "attributes_beside"       # lists attributes of a file that are not the record's, but of a convention
 
 
 def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
@@ -26,16 +31,31 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         If an attribute is of a kind that files cannot hold.
     """
     dataset = encoded(record)
-    packed = {name: {"zlib": True, "complevel": 1} for name, variable in dataset.data_vars.items()
-              if variable.ndim and variable.dtype.kind in "biuf"}
-    with replacing(path) as temporary:
-        try:
-            dataset.to_netcdf(temporary, engine=ENGINE, encoding=packed)
-        except (OSError, RuntimeError) as error:
-            # HDF5 tells the reason in words alone
-            if os.strerror(errno.ENOSPC) not in str(error):
-                raise
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+    with replacing(path) as temporary, full_disk_told():
+        dataset.to_netcdf(temporary, engine=ENGINE, encoding=packing(dataset))
+
+
+def packing(dataset: xr.Dataset) -> dict[str, dict[str, bool | int]]:
+    """Give the encoding of a dataset's variables that makes a file small."""
+    return {str(name): {"zlib": True, "complevel": 1} for name, variable in dataset.variables.items()
+            if name not in dataset.indexes and variable.ndim and variable.dtype.kind in "biuf"}
+
+
+@contextlib.contextmanager
+def full_disk_told() -> Iterator[None]:
+    """Give the error of a full disk its number, which HDF5 tells in words alone.
+
+    Raises
+    ------
+    OSError
+        If the disk fills up within the block.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        if os.strerror(errno.ENOSPC) not in str(error):
+            raise
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals:
@@ -58,4 +78,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
             dataset.load()
     except (OSError, ValueError, KeyError) as error:
         raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}).") from None
+    if BESIDE in dataset.attrs:
+        left = {BESIDE, *json.loads(dataset.attrs[BESIDE])}
+        dataset.attrs = {name: value for name, value in dataset.attrs.items() if name not in left}
     return decoded(dataset)

@@ -83,7 +83,7 @@ def soundings_line(pings: int = 4, beams: int = 24, *, sectors: int = 3, depth: 
     attrs = {"sonar": "multibeam", "title": "a plane bed", "start": "2026-05-01T10:00:00Z", "crs": crs,
              "preset": "none", "profile": "the true one", "backscatter": "spreading, absorption and beams; area"}
     if crs is not None:
-        attrs["origin"] = ORIGIN
+        attrs["origin"] = list(ORIGIN)
     return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attrs)
 
 

@@ -2,6 +2,9 @@
 
     .gsf          Generic Sensor Format 03.09: soundings, sectors, cast, attitude, snippets
     .kmall        Kongsberg's datagrams: the same, and the water column
+    .nc           the record itself, every bit of it, and beside it the groups of SONAR-netCDF4
+    .csv          one sounding a line, with units
+    .las          a point cloud
 
 Pings come in blocks, and memory holds one block at a time. A file is whole or not there.
 """
@@ -15,7 +18,7 @@ from .lines import Blocks, Place, Written
 
 __all__ = ["SUFFIXES", "Blocks", "Place", "Written", "write"]
 
-_WRITERS = {".gsf": "gsf", ".kmall": "kmall"}
+_WRITERS = {".gsf": "gsf", ".kmall": "kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
 SUFFIXES = tuple(_WRITERS)
 
 

@@ -1,6 +1,6 @@
 """#MWC, the water column of a ping in KMALL: beams of samples in steps of half a decibel.
 
-    level = value / 2 - offset      value -128 to 127; one offset a file, from the loudest sample of its first pings
+    level = value / 2 - offset      value -128 to 127; one offset a file, from the loudest sample of its first ping
 
 No gain over range is applied (0 log R). A beam's first sample lies at its number over the rate after its sector's
 transmission: starts are told to half a sample.
@@ -57,10 +57,10 @@ class Column:
 
 
 def offset_of(block: xr.Dataset) -> int | None:
-    """Give the offset [dB] of a file from its first pings; None without a water column."""
+    """Give the offset [dB] of a file from its first ping, however many the block has; None without a water column."""
     if "column_level_db" not in block:
         return None
-    level = block["column_level_db"].values
+    level = block["column_level_db"][0].values
     loudest = float(level[np.isfinite(level)].max()) if np.isfinite(level).any() else 0.0
     return int(np.clip(np.rint(TOP - loudest), -128, 127))
 

@@ -130,9 +130,9 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
 def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
     """Give a block's pings one by one, without padding and with their places on Earth.
 
-    Each has the record's variables, beams without an angle left out, and ``since`` [s since 1970], ``ping_latitude``,
-    ``ping_longitude``, ``latitude`` and ``longitude`` (beams; NaN where there is no sounding) [degrees] and
-    ``true_heading`` [rad].
+    Each has the record's variables, beams without an angle left out, and ``beam`` (number in the record), ``since`` [s
+    since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and ``longitude`` (of beams; NaN where there is no
+    sounding) [degrees] and ``true_heading`` [rad].
     """
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
@@ -147,7 +147,8 @@ def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
         ping: Ping = {name: value[number] for name, value in arrays.items()}
         ping |= {"latitude": beam_latitude[number], "longitude": beam_longitude[number]}
         there = np.isfinite(ping["angle"]) & np.isfinite(ping["transmit_angle"])
-        for name in (*of_beams, "latitude", "longitude"):
+        ping["beam"] = np.arange(there.size)
+        for name in (*of_beams, "latitude", "longitude", "beam"):
             ping[name] = ping[name][there]
         ping |= {"since": line.start + ping["ping_time"], "ping_latitude": latitude[number],
                  "ping_longitude": longitude[number], "true_heading": ping["ping_heading"] + convergence[number]}

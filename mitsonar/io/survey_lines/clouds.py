@@ -1,0 +1,41 @@
+"""Soundings one by one, as tables and point clouds have them: flat arrays of those that have a place, ping by ping."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from .lines import Line, pings
+
+__all__ = ["ONLY_SOUNDINGS", "Cloud", "cloud"]
+
+ONLY_SOUNDINGS = ("cast, motion, arrays, sectors, water column, snippets and beams without a sounding are not in it: "
+                  "write a .nc to keep them")
+
+Cloud = dict[str, np.ndarray]              # variables of soundings by name, each (soundings,)
+
+
+def cloud(line: Line, block: xr.Dataset, at: int) -> Iterator[Cloud]:
+    """Give the soundings of a block's pings that have a place, valid or not.
+
+    Parameters
+    ----------
+    at : int
+        Number of the block's first ping.
+
+    Yields
+    ------
+    Cloud
+        The record's variables of soundings, and ``ping``, ``beam``, ``since`` [s since 1970], ``latitude`` and
+        ``longitude`` [degrees], ``easting`` and ``northing`` [m] of the line's coordinate system.
+    """
+    names = [str(name) for name, value in block.variables.items() if value.dims == ("ping", "beam")]
+    for number, ping in enumerate(pings(line, block)):
+        there = np.isfinite(ping["x"]) & np.isfinite(ping["y"]) & np.isfinite(ping["depth"])
+        one = {name: ping[name][there] for name in (*names, "latitude", "longitude")}
+        count = int(there.sum())
+        one |= {"ping": np.full(count, at + number), "beam": ping["beam"][there],
+                "since": np.full(count, float(ping["since"])), "easting": one["x"] + line.frame.origin[0],
+                "northing": one["y"] + line.frame.origin[1]}
+        yield one

@@ -1,0 +1,181 @@
+"""Lines of soundings in files: the name chooses, files are whole or not there, and memory holds a block."""
+import tracemalloc
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from soundings_line import blocks_of, soundings_line
+
+import mitsonar
+from mitsonar.hydrography.record import joined
+from mitsonar.io import survey_lines
+from mitsonar.io.survey_lines.directions import array_axes, level
+from mitsonar.io.survey_lines.lines import line_of, pings, rotation
+
+LINE = soundings_line(pings=5)
+
+
+@pytest.mark.parametrize("suffix", survey_lines.SUFFIXES)
+def test_blocks_give_the_same_file_as_the_line_at_once(suffix, tmp_path):
+    written = [survey_lines.write(blocks, tmp_path / f"{name}{suffix}")
+               for name, blocks in (("blocks", blocks_of(LINE)), ("line", LINE))]
+    assert written[0] == written[1] and written[0].pings == 5
+    if suffix != ".nc":                                # HDF5 lays out what grows by the order of writing
+        assert (tmp_path / f"blocks{suffix}").read_bytes() == (tmp_path / f"line{suffix}").read_bytes()
+
+
+@pytest.mark.parametrize("suffix", survey_lines.SUFFIXES)
+def test_a_line_that_breaks_off_leaves_no_file_and_keeps_an_older_one(suffix, tmp_path):
+    def breaking():
+        yield LINE.isel(ping=slice(0, 2))
+        raise RuntimeError("the scene broke")
+
+    path = tmp_path / f"line{suffix}"
+    path.write_bytes(b"older")
+    with pytest.raises(RuntimeError, match="the scene broke"):
+        survey_lines.write(breaking(), path)
+    assert path.read_bytes() == b"older" and len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("blocks, options, said", [
+    ([], {}, "no ping was given"), ([LINE.isel(ping=slice(0, 0))], {}, "no ping was given"),
+    ([LINE.drop_vars("angle")], {}, "lack angle"), ([LINE], {"place": (54.0, 8.0)}, "leave place out"),
+    ([LINE.drop_attrs(deep=False)], {"place": (95.0, 8.0)}, "latitude and longitude"),
+    ([LINE], {"start": "yesterday"}, "give a date and time"), ([LINE], {"start": "1950-01-01"}, "between 1970"),
+    ([LINE, LINE.isel(beam=slice(0, 9))], {}, "other variables, beams or samples"),
+    ([LINE.assign_attrs(crs="EPSG:4326")], {}, "not one in metres")])
+def test_what_is_no_line_is_refused_in_a_sentence(blocks, options, said, tmp_path):
+    with pytest.raises(ValueError, match=said) as caught:
+        survey_lines.write(blocks, tmp_path / "line.gsf", **options)
+    assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+def test_another_suffix_is_answered_by_those_that_are_known(tmp_path):
+    with pytest.raises(ValueError, match=r"\.gsf, \.kmall, \.nc, \.csv, \.las"):
+        survey_lines.write(LINE, tmp_path / "line.xyz")
+
+
+def test_netcdf_gives_back_what_was_written(tmp_path):
+    for line in (LINE, LINE.assign_attrs(crs=None), soundings_line(pings=3, sectors=2, column=False, snippets=False)):
+        survey_lines.write(blocks_of(line), tmp_path / "line.nc")
+        assert mitsonar.read(tmp_path / "line.nc").identical(line)
+        for name, value in mitsonar.read(tmp_path / "line.nc").variables.items():
+            assert value.dtype == line[name].dtype, name
+        with xr.open_dataset(tmp_path / "line.nc", engine="h5netcdf") as plain:
+            assert np.array_equal(plain["depth"], line["depth"], equal_nan=True)
+
+
+def test_netcdf_has_the_groups_of_the_sonar_convention(tmp_path):
+    path = tmp_path / "line.nc"
+    survey_lines.write(blocks_of(LINE), path)
+
+    def group(name):
+        with xr.open_dataset(path, engine="h5netcdf", group=name) as found:
+            return found.load()
+
+    assert group("/").attrs["sonar_convention_name"] == "SONAR-netCDF4"
+    beams = group("Sonar/Beam_group1")
+    assert np.array_equal(beams["backscatter_r"], LINE["column_level_db"], equal_nan=True)
+    assert np.allclose(beams["rx_beam_rotation_phi"], np.degrees(LINE["column_angle"]))
+    assert np.allclose(beams["sample_interval"], 1 / LINE["column_rate"])
+    assert np.allclose(beams["transmit_frequency_stop"] - beams["transmit_frequency_start"], LINE["sector_bandwidth"])
+    assert np.array_equal(beams["transmit_beam_index"], LINE["column_sector"])
+    since = (beams["ping_time"].values - np.datetime64("2026-05-01T10:00:00")) / np.timedelta64(1, "ns")
+    assert np.allclose(since, 1e9 * LINE["ping_time"].values, atol=300)       # of 64 bits since 1970
+    assert np.allclose(group("Platform/Attitude/001")["roll"], np.degrees(LINE["motion_roll"]))
+    assert np.allclose(group("Environment/Sound_speed_profile")["sound_speed"], LINE["cast_sound_speed"])
+    assert group("Provenance").attrs["conversion_software_name"] == "mitsonar"
+    with h5py.File(path) as file:                      # two names of one thing
+        assert file["column_level_db"] == file["Sonar/Beam_group1/backscatter_r"]
+
+
+def test_a_table_has_a_sounding_a_line_with_units(tmp_path):
+    survey_lines.write(blocks_of(LINE), tmp_path / "line.csv")
+    header, *rows = (tmp_path / "line.csv").read_text().splitlines()
+    table = dict(zip(header.split(","), np.array([row.split(",") for row in rows]).T))
+    valid = LINE["valid"].values
+    assert len(rows) == valid.sum()
+    assert np.allclose(table["depth [m]"].astype(float), LINE["depth"].values[valid], atol=5.1e-5)
+    assert np.allclose(table["angle [deg]"].astype(float), np.degrees(LINE["angle"].values[valid]), atol=5.1e-6)
+    assert np.allclose(table["easting [m]"].astype(float), LINE["x"].values[valid] + 448_000, atol=5.1e-5)
+    assert np.array_equal(table["beam"].astype(int), np.nonzero(valid)[1])
+    assert np.array_equal(table["ping"].astype(int), np.nonzero(valid)[0])
+    assert table["time [UTC]"][0] == "2026-05-01T10:00:01.000000"
+    assert {"true_depth [m]", "error [m]", "label", "backscatter_db [dB]", "latitude [deg]"} <= set(table)
+
+
+def test_a_table_says_latitudes_where_a_place_is_said(tmp_path):
+    line = soundings_line(pings=1, crs=None)
+    survey_lines.write(line, tmp_path / "line.csv")
+    assert "latitude" not in (tmp_path / "line.csv").read_text().splitlines()[0]
+    survey_lines.write(line, tmp_path / "line.csv", place=(54.0, 8.0), start="2027-01-01T00:00:00Z")
+    header, row, *_ = (tmp_path / "line.csv").read_text().splitlines()
+    said = dict(zip(header.split(","), row.split(",")))
+    # A degree of latitude is 111.3 km at 54 degrees north.
+    assert float(said["latitude [deg]"]) == pytest.approx(54 + float(said["y [m]"]) / 111_316, abs=1e-6)
+    assert said["time [UTC]"].startswith("2027-01-01")
+
+
+def test_a_point_cloud_has_places_classes_and_the_records_names(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    line = LINE.copy(deep=True)
+    line["valid"][2, 7] = False                        # has a place, and is rejected
+    survey_lines.write(blocks_of(line), tmp_path / "line.las")
+    cloud, there = laspy.read(tmp_path / "line.las"), np.isfinite(line["x"].values)
+    assert (str(cloud.header.version), cloud.header.point_format.id) == ("1.4", 6)
+    assert np.abs(cloud.z + line["depth"].values[there]).max() <= 5.001e-4
+    assert np.abs(cloud.x - line["x"].values[there] - 448_000).max() <= 5.001e-4
+    assert np.abs(cloud.y - line["y"].values[there] - 5_955_000).max() <= 5.001e-4
+    assert np.array_equal(cloud.classification == 1, line["valid"].values[there])
+    assert set(np.unique(cloud.classification)) == {1, 7}
+    assert np.abs(cloud.intensity / 100 - 100 - line["backscatter_db"].values[there]).max() < 0.0051
+    assert np.array_equal(cloud["true_depth"], line["true_depth"].values[there])
+    assert np.array_equal(cloud["beam"], np.nonzero(there)[1])
+    assert cloud.header.parse_crs().to_epsg() == 32632
+    # 2026-05-01T10:00:01Z is GPS second 1,461,664,819.
+    assert cloud.gps_time[0] == pytest.approx(461_664_819.0, abs=1e-5)
+
+
+def test_a_point_cloud_about_a_place_has_a_projection_of_its_own(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    line = soundings_line(pings=1, crs=None)
+    written = survey_lines.write(line, tmp_path / "line.las")
+    assert laspy.read(tmp_path / "line.las").header.parse_crs() is None
+    assert any("names no coordinate system" in words for words in written.words)
+    survey_lines.write(line, tmp_path / "line.las", place=(54.0, 8.0))
+    assert "Transverse Mercator" in laspy.read(tmp_path / "line.las").header.parse_crs().to_wkt()
+
+
+def test_beams_point_where_their_cones_cross_on_turned_arrays():
+    # Arrays turned against each other: the direction has both sines again, and the length 1.
+    line = LINE.copy(deep=True)
+    line["transmit_mounting"].values[:], line["receive_mounting"].values[:] = (0.02, 0.03, 0.05), (0.1, -0.04, 0.2)
+    opened, blocks = line_of(line)
+    ping = next(pings(opened, next(blocks)))
+    along, across = array_axes(opened)
+    away = level(opened, ping) @ rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0)
+    assert np.allclose(np.linalg.norm(away, axis=1), 1)
+    assert np.allclose(away @ along, np.sin(ping["transmit_angle"]))
+    assert np.allclose(away @ across, np.sin(ping["angle"]))
+
+
+@pytest.mark.parametrize("suffix", [".gsf", ".kmall", ".nc"])
+def test_memory_does_not_grow_with_the_line(suffix, tmp_path):
+    block = soundings_line(pings=8, beams=32)
+    survey_lines.write(block, tmp_path / f"warm{suffix}")
+
+    def most(blocks):
+        tracemalloc.start()
+        survey_lines.write((block for _ in range(blocks)), tmp_path / f"line{suffix}")
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    few, many = most(3), most(9)
+    assert many < few + 0.5 * block.nbytes             # 48 pings more, six blocks
+
+
+def test_blocks_join_to_the_line_that_netcdf_gives(tmp_path):
+    survey_lines.write(blocks_of(LINE, 3), tmp_path / "line.nc")
+    assert mitsonar.read(tmp_path / "line.nc").identical(joined(blocks_of(LINE, 1)))
