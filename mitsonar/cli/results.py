@@ -1,4 +1,5 @@
 """The commands that look at results: plot, video, published, validate."""
+import contextlib
 import os
 
 from .arguments import Commands, number, set_up, whole
@@ -11,17 +12,21 @@ __all__ = ["add"]
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
-    plot = commands.add_parser("plot", help="draw what an EXR of mitsonar holds")
-    complete_with(plot.add_argument("image", metavar="IN.exr"), FILES)
-    plot.add_argument("--what", default="waterfall", metavar="VIEW",
-                      help="waterfall (default), objects, ping, mean, labels, class, share, hidden, shadow, "
-                           "layover, depth or rays")
-    plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the EXR with the view's name")
+    plot = commands.add_parser("plot", help="draw what an EXR or netCDF file of mitsonar holds")
+    complete_with(plot.add_argument("image", metavar="IN.exr|nc", help="an image, or a line of soundings"), FILES)
+    plot.add_argument("--what", metavar="VIEW",
+                      help="of an image waterfall (default), objects, ping, mean, labels, class, share, hidden, "
+                           "shadow, layover, depth or rays; of soundings overview (default), column, curtain, swath, "
+                           "error, error_detection, error_refraction, error_motion, backscatter, smile, rays, quality "
+                           "or motion")
+    plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the file with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
-                      help="which ping the view `ping` shows (default: the middle one), or a fan (the first)")
+                      help="which ping the view `ping` shows (the middle one by default), a fan (the first), "
+                           "or column and rays of soundings (the middle one)")
     plot.add_argument("--tvg", default="recorder", choices=("seabed", "target", "recorder", "none"),
                       help="display gain over range")
-    plot.add_argument("--colours", default="copper", choices=("copper", "grey"), help="of a waterfall or a fan")
+    plot.add_argument("--colours", default="copper", choices=("copper", "grey"),
+                      help="of a waterfall, a fan or a water column")
     plot.set_defaults(run=_plot)
 
     video = commands.add_parser("video", help="draw the pings of an array's records as a GIF, an MP4 or PNG files")
@@ -50,13 +55,30 @@ def add(commands: Commands) -> None:
 
 def _plot(arguments):
     from .. import plots
-    from ..io import exr
 
-    dataset = exr.read(arguments.image)
-    output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{arguments.what}.png"
-    tvg = None if arguments.tvg == "none" else arguments.tvg
-    plots.plot(dataset, arguments.what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours)
+    with _opened(arguments.image) as dataset:
+        what = arguments.what or plots.usual_plot(dataset)
+        output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{what}.png"
+        tvg = None if arguments.tvg == "none" else arguments.tvg
+        plots.plot(dataset, what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours)
     announce(output)
+
+
+@contextlib.contextmanager
+def _opened(path):
+    """An EXR, or a netCDF file, whose water column may be larger than memory."""
+    from ..io import exr, netcdf
+    from ..io.reading import is_netcdf
+
+    if not is_netcdf(path):
+        yield exr.read(path)
+        return
+    import xarray as xr
+
+    with netcdf.opened(path) as record:
+        if not isinstance(record, xr.Dataset):
+            raise ValueError(f"{path} holds signals, and plots are of images and soundings; beamform them first.")
+        yield record
 
 
 def _video(arguments):

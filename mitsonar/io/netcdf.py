@@ -10,7 +10,7 @@ import xarray as xr
 from .files import FilePath, check_readable, replacing
 from .records import ENGINE, SonarImage, SonarSignals, decoded, encoded
 
-__all__ = ["BESIDE", "full_disk_told", "packing", "read", "write"]
+__all__ = ["BESIDE", "full_disk_told", "opened", "packing", "read", "write"]
 
 BESIDE = "attributes_beside"       # lists attributes of a file that are not the record's, but of a convention
 
@@ -78,7 +78,43 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
             dataset.load()
     except (OSError, ValueError, KeyError) as error:
         raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}).") from None
-    if BESIDE in dataset.attrs:
-        left = {BESIDE, *json.loads(dataset.attrs[BESIDE])}
-        dataset.attrs = {name: value for name, value in dataset.attrs.items() if name not in left}
-    return decoded(dataset)
+    return decoded(_own(dataset))
+
+
+@contextlib.contextmanager
+def opened(path: FilePath) -> Iterator[SonarImage | SonarSignals]:
+    """Open what `write` wrote without reading all of it: values come from the file when they are used.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no netCDF-4 file, or damaged where it is read.
+    """
+    check_readable(path, "the record", "a netCDF file")
+    refused = f"{path} is no netCDF-4 file that can be read"
+    try:
+        dataset = xr.open_dataset(path, engine=ENGINE)
+    except (OSError, ValueError, KeyError) as error:
+        raise ValueError(f"{refused} ({error}).") from None
+    with dataset:
+        try:
+            yield decoded(_own(dataset))
+        except OSError as error:
+            if error.errno is not None:                    # it is of another file: HDF5 gives words alone
+                raise
+            raise ValueError(f"{refused} ({error}).") from None
+
+
+def _own(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset without attributes that are not the record's."""
+    if BESIDE not in dataset.attrs:
+        return dataset
+    left = {BESIDE, *json.loads(dataset.attrs[BESIDE])}
+    return dataset.drop_attrs(deep=False).assign_attrs(
+        {name: value for name, value in dataset.attrs.items() if name not in left})

@@ -9,9 +9,10 @@ from . import exr, netcdf
 from .files import FilePath
 from .records import SonarImage, SonarSignals
 
-__all__ = ["read", "write"]
+__all__ = ["is_netcdf", "read", "write"]
 
 HEAD = 8                           # bytes that tell kinds of files
+HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 KINDS = ".exr (images), .nc (images, signals)"
 
@@ -42,13 +43,21 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         head = stream.read(HEAD)
     if head.startswith(b"\x76\x2f\x31\x01"):
         return exr.read(path)
-    if head.startswith(b"\x89HDF"):
+    if head.startswith(HDF):
         return netcdf.read(path)
     if head.startswith(b"\x89PNG"):
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
         return _json(path)
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON or PNG; give a file that mitsonar wrote.")
+
+
+def is_netcdf(path: FilePath) -> bool:
+    """Tell whether there is a file that begins as netCDF-4 files do."""
+    if not os.path.isfile(path):
+        return False
+    with open(path, "rb") as stream:
+        return stream.read(HEAD).startswith(HDF)
 
 
 def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:

@@ -1,7 +1,9 @@
-"""Pictures of sonar datasets: the waterfall with the copper look, plots of everything else in a file, and videos."""
+"""Pictures of sonar datasets: waterfalls with the copper look, lines of soundings, all else in a file, and videos."""
 from .beams import beam_pattern
 from .fan_video import video
 from .fans import fan
-from .views import PLOTS, plot, preview
+from .line_views import LINE_VIEWS, line_figure
+from .views import PLOTS, plot, preview, usual_plot
 
-__all__ = ["PLOTS", "beam_pattern", "fan", "plot", "preview", "video"]
+__all__ = ["LINE_VIEWS", "PLOTS", "beam_pattern", "fan", "line_figure", "plot", "preview",
+           "usual_plot", "video"]

@@ -20,6 +20,7 @@ from .gain import Tvg
 from .grid import make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import NOTHING_DB, shown_levels
+from .line_views import LINE_VIEWS, draw_line, is_line
 from .scans import is_scan, turn_of
 from .titles import subtitle, title
 from .truth import TRUTH
@@ -28,12 +29,13 @@ FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels} 
 
 
 def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> None:
-    """Draw the waterfall of a sidescan, or of a single row a ping, or the fan of an array's first ping.
+    """Draw the waterfall of a sidescan, or of a row a ping, the fan of an array's first ping, or a line's overview.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        As made by ``mitsonar.render``: level over (ping, side, range), (ping, beam, range) or (ping, range).
+        As made by ``mitsonar.render``: level over (ping, side, range), (ping, beam, range) or (ping, range); or a line
+        of soundings.
     path : str or path
         A .png (or .pdf, .svg) to write.
     tvg : {'seabed', 'target', 'recorder', None}
@@ -46,12 +48,17 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> No
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    plot(dataset, "waterfall", path, tvg=tvg)
+    plot(dataset, usual_plot(dataset), path, tvg=tvg)
+
+
+def usual_plot(dataset: xr.Dataset) -> str:
+    """Give the plot that a dataset has where none is asked for."""
+    return "overview" if is_line(dataset) else "waterfall"
 
 
 def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder", ping: int | None = None,
          colours: str = "copper") -> None:
-    """Draw one of the plots named in `PLOTS`.
+    """Draw one of the plots named in `PLOTS`, or of a line of soundings one of `LINE_VIEWS`.
 
     Parameters
     ----------
@@ -60,7 +67,7 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
         ``waterfall``, of an array the fan of one ping, of a rotating head a turn; ``ping``: the levels of one ping;
         ``mean``: levels against range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``,
         ``share``, ``hidden``, ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with
-        objects and their shadows outlined.
+        objects and their shadows outlined. Of a line of soundings as `line_figure`.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', 'recorder', None}
@@ -77,6 +84,12 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
+    if is_line(dataset):
+        draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
+        return
+    if what in LINE_VIEWS and what not in PLOTS:
+        raise ValueError(f"the plot {what!r} is of a line of soundings, with travel_time and angle; this dataset has "
+                         f"{', '.join(map(str, dataset.data_vars))}.")
     if what not in PLOTS:
         raise ValueError(f"there is no plot {what!r}{meant(what, PLOTS)}; choose one of {', '.join(PLOTS)}.")
     if what != "waterfall" and colours != "copper":

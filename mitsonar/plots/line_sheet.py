@@ -1,0 +1,116 @@
+"""The sheet of soundings' pictures: light, with curves and maps; what is drawn is told by axes, never by pyplot."""
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
+from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation, blended_transform_factory
+
+from ..hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
+from ..units import khz_from_hertz
+
+__all__ = ["CAUSES", "METHODS", "bar_beside", "curve_axes", "headed", "key_above", "line_title", "line_words",
+           "sounded", "vertical_angle"]
+
+# Colours that all kinds of colour sight tell apart (Okabe and Ito 2008), and line styles for sheets without colour.
+CAUSES = {"error": ("all causes", "#000000", "-"), "error_detection": ("detection", "#0072b2", "--"),
+          "error_refraction": ("refraction", "#d55e00", "-."), "error_motion": ("motion", "#009e73", ":")}
+METHODS = {BY_AMPLITUDE: ("by amplitude", "#e69f00", "^"), BY_PHASE: ("by phase", "#0072b2", "o"),
+           NOT_DETECTED: ("none", "#999999", "x")}
+LABEL_SIZE, TITLE_SIZE = 10.5, 13
+BAR_GAP, BAR_WIDTH = 0.12, 0.16    # [inch]
+
+
+def sounded(line: xr.Dataset) -> np.ndarray:
+    """Tell where there is a sounding with a depth and a place, (ping, beam) bool.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    there = line["valid"].values.astype(bool) & np.isfinite(line["depth"].values)
+    for name in ("across_track", "x", "y"):
+        there &= np.isfinite(line[name].values)
+    if not there.any():
+        raise ValueError(f"none of the {there.size} soundings of {line.sizes['ping']} pings is valid, so there is "
+                         "nothing to draw; the view motion needs no soundings.")
+    return there
+
+
+def vertical_angle(line: xr.Dataset) -> np.ndarray:
+    """Give the angles from the vertical under which soundings lie from the reference point (ping, beam) [rad].
+
+    Positive to starboard. Where a sounding has no place it is the angle at the array.
+    """
+    below = line["depth"].values - line["ping_depth"].values[:, None]
+    placed = np.arctan2(line["across_track"].values, below)
+    return np.where(np.isfinite(placed), placed, line["angle"].values)
+
+
+def line_title(line: xr.Dataset) -> str:
+    """Name a line, or its sonar."""
+    return str(line.attrs.get("title") or line.attrs.get("preset") or line.attrs.get("sonar") or "soundings")
+
+
+def line_words(line: xr.Dataset) -> str:
+    """Say how many pings and soundings there are, how deep the bed is, and at which frequencies."""
+    valid = line["valid"].values.astype(bool)
+    pings = line.sizes["ping"]
+    parts = [f"{pings} ping{'s' * (pings != 1)}", f"{int(valid.sum())} of {valid.size} soundings valid"]
+    depth = line["depth"].values[valid]
+    depth = depth[np.isfinite(depth)]
+    if depth.size:
+        low, high = f"{depth.min():.4g}", f"{depth.max():.4g}"
+        parts.append(f"{low} m deep" if low == high else f"{low} to {high} m deep")
+    frequency = line["sector_frequency"].values
+    frequency = frequency[np.isfinite(frequency) & (frequency > 0)]
+    if frequency.size:
+        low, high = (f"{khz_from_hertz(float(end)):.4g}" for end in (frequency.min(), frequency.max()))
+        parts.append(f"{low} kHz" if low == high else f"{low} to {high} kHz")
+    return "   ·   ".join(parts)
+
+
+def headed(figure: Figure, title: str, words: str) -> None:
+    """Write a title and a line of words at the top of a sheet."""
+    high = figure.bbox.height
+    figure.suptitle(title, x=0.5, y=1 - 16 / high, va="top", fontsize=TITLE_SIZE, fontweight="bold")
+    figure.text(0.5, 1 - 42 / high, words, ha="center", va="top", fontsize=LABEL_SIZE - 1, color="#444444")
+
+
+def curve_axes(axes: Axes, across: str, up: str) -> None:
+    """Name the axes of curves, and give them a grid."""
+    axes.set_xlabel(across, fontsize=LABEL_SIZE)
+    axes.set_ylabel(up, fontsize=LABEL_SIZE)
+    axes.tick_params(labelsize=9.5)
+    axes.grid(alpha=0.25)
+
+
+def bar_beside(axes: Axes, drawn: ScalarMappable, label: str, *, falls: bool = False,
+               extend: Literal["neither", "both", "min", "max"] = "neither") -> Colorbar:
+    """Put a bar of colours to the right of axes; where values fall upwards, the deep is below."""
+    # as high as the axes, whose scale may be the same both ways, and of one width [inch] beside any
+    figure = axes.figure
+    beside = figure.dpi_scale_trans + ScaledTranslation(
+        1, 0, axes.transAxes)                          # pyright: ignore[reportArgumentType]  any transform does
+    room = axes.inset_axes((BAR_GAP, 0, BAR_WIDTH, 1), transform=blended_transform_factory(beside, axes.transAxes))
+    bar = figure.colorbar(drawn, cax=room, extend=extend, extendfrac=0.02)
+    bar.set_label(label, fontsize=LABEL_SIZE)
+    bar.ax.tick_params(labelsize=9.5)
+    if falls:
+        bar.ax.invert_yaxis()
+    return bar
+
+
+def key_above(axes: Axes, markers: float = 1.0) -> None:
+    """Put the legend above axes, where it hides no curve; its markers are so many times as large as those drawn."""
+    handles, words = axes.get_legend_handles_labels()
+    letters = max(map(len, words), default=1)
+    columns = int(np.clip(axes.bbox.width / (7.5 * letters + 50), 1, 5))
+    axes.legend(handles, words, fontsize=9.5, ncols=columns, loc="lower center", bbox_to_anchor=(0.5, 1.0),
+                frameon=False, borderaxespad=0.3, columnspacing=1.4, markerscale=markers)
