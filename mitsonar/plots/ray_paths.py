@@ -19,13 +19,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from ..hydrography.attitude import mounted
 from ..water import SoundSpeedProfile
 
-__all__ = ["Head", "ATTITUDE", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes", "refraction_error",
-           "used_profile", "water_profile"]
+__all__ = ["ATTITUDE", "HELD", "Head", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes",
+           "refraction_error", "used_profile", "water_profile"]
 
 ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
-            "motion_heading")      # variables that `receiving_axes` looks at
+            "motion_heading")      # variables that `receiving_axes` looks at, and those of `head_of`
+HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_offset", "transmit_mounting",
+        "receive_mounting", "head_sound_speed", "cast_depth", "cast_sound_speed")
 
 STEPS = 240                        # layers that the water under the head is cut into, beside the profile's own
 FLATTEST = 1e-4                    # least sine of a ray that is followed: flatter ones turn
@@ -56,11 +59,10 @@ class Head:
 
 def head_of(line: xr.Dataset, ping: int) -> Head:
     """Give where the arrays of a ping are, and how they lie."""
-    one = line.isel(ping=ping)
-    body = _turned(float(one["ping_roll"]), float(one["ping_pitch"]))
-    middle = body @ np.nan_to_num(0.5 * (one["transmit_offset"].values + one["receive_offset"].values))
-    along = [body @ _turned(*np.nan_to_num(one[f"{name}_mounting"].values))[:, axis]
-             for axis, name in enumerate(("transmit", "receive"))]
+    one = line[list(HELD)].isel(ping=ping)
+    held = float(one["ping_roll"]), float(one["ping_pitch"]), 0.0
+    middle = _turned(0.5 * (one["transmit_offset"].values + one["receive_offset"].values), *held)
+    along = [_turned(_mounting(line, name), *held) for name in ("transmit", "receive")]
     speed = float(one["head_sound_speed"])
     if not speed > 0:
         speed = float(np.interp(0.0, one["cast_depth"].values, one["cast_sound_speed"].values))
@@ -68,14 +70,15 @@ def head_of(line: xr.Dataset, ping: int) -> Head:
                 sound_speed=speed, transmit=along[0], receive=along[1])
 
 
-def _turned(roll: float, pitch: float, heading: float = 0.0) -> np.ndarray:
-    """The body's axes (columns) in level axes."""
-    angles = np.nan_to_num([roll, pitch, heading])
-    (cr, cp, ch), (sr, sp, sh) = np.cos(angles), np.sin(angles)
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[ch, -sh, 0], [sh, ch, 0], [0, 0, 1]])
-    return about_z @ about_y @ about_x
+def _turned(vector: np.ndarray, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
+    """A vector (3,) of a frame that is held at angles (...) in the outer one (..., 3); what is unknown counts as 0."""
+    roll, pitch, heading = (np.nan_to_num(np.asarray(angle, float)) for angle in (roll, pitch, heading))
+    return np.stack(mounted(np.nan_to_num(vector), (roll, pitch, heading)), -1)
+
+
+def _mounting(line: xr.Dataset, name: str) -> np.ndarray:
+    """The direction along the transmit or the receive array in the body (3,)."""
+    return _turned(np.eye(3)[("transmit", "receive").index(name)], *line[f"{name}_mounting"].values)
 
 
 def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) -> np.ndarray:
@@ -102,11 +105,10 @@ def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) ->
     if not known.any():
         return axes
     clock, told = clock[known], [values[known] for values in told]
-    mounted = _turned(*np.nan_to_num(line["receive_mounting"].values))[:, 1]
     north = float(np.nan_to_num(line["ping_heading"][ping]))
-    for beam in np.flatnonzero((when >= clock[0]) & (when <= clock[-1])):
-        roll, pitch, heading = (np.interp(when[beam], clock, values) for values in (*told[:2], np.unwrap(told[2])))
-        axes[beam] = _turned(roll, pitch, heading - north) @ mounted
+    inside = (when >= clock[0]) & (when <= clock[-1])
+    roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*told[:2], np.unwrap(told[2])))
+    axes[inside] = _turned(_mounting(line, "receive"), roll, pitch, heading - north)
     return axes
 
 

@@ -17,7 +17,7 @@ from ..imaging.gain import Tvg, display_gain
 from ..units import db_from_power, power_from_db
 from ..water import SoundSpeedProfile
 from .gain import heard_to
-from .ray_paths import ATTITUDE, Head, head_of, launches, layer_sums, receiving_axes, used_profile
+from .ray_paths import ATTITUDE, HELD, Head, head_of, launches, layer_sums, receiving_axes, used_profile
 
 __all__ = ["ColumnFan", "Curtain", "column_window", "curtain", "fan_of_ping", "has_column"]
 
@@ -87,9 +87,9 @@ class _Beams:
     towards: np.ndarray            # (B, 3) unit vectors
     start: np.ndarray              # (B,) [s]
     rate: np.ndarray               # (B,) [Hz]
-    power: np.ndarray              # (B, S); NaN where there is no sample
+    level: np.ndarray              # (B, S) [dB]; not finite where there is no sample
     ends: np.ndarray               # (B,) [s] of the last samples
-    gain: str
+    absorption: float              # [dB/m]
 
 
 def has_column(line: xr.Dataset) -> bool:
@@ -119,9 +119,9 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
         If fewer than two beams of the ping have samples.
     """
     head = head_of(line, ping)
-    beams = _beams(line, ping, head, tvg)
-    if beams.power.shape[0] < 2:
-        raise ValueError(f"ping {ping} has {beams.power.shape[0]} beams of the water column that look down and have "
+    beams = _beams(line, ping, head)
+    if beams.start.size < 2:
+        raise ValueError(f"ping {ping} has {beams.start.size} beams of the water column that look down and have "
                          "samples; a fan takes two.")
     profile = used_profile(line) if bend else SoundSpeedProfile.constant(head.sound_speed)
     level = np.hypot(beams.towards[:, 0], beams.towards[:, 1])
@@ -131,20 +131,22 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
     cell = max(box[1] - box[0], box[2]) / SIZE
     x = np.arange(box[0], box[1], cell) + 0.5 * cell
     depth = np.arange(0, box[2], cell) + 0.5 * cell
-    power = _averaged(beams, 2 * cell / head.sound_speed)
+    gain, words = _held_gain(beams, head, tvg)
+    samples = 2 * cell / head.sound_speed * float(np.median(beams.rate))                # to an element
+    power = _averaged(power_from_db(beams.level + gain), int(samples))
     image = np.full((depth.size, x.size), np.nan)
     passed = [np.array([np.interp(head.depth + depth, edges, part, right=np.nan) for part in parts])
               for parts in (ways * aside[:, None], times)]
     for row, (places, after) in enumerate(zip(passed[0].T, passed[1].T, strict=True)):
         image[row] = _row(x, places, 2 * after, beams, power)
-    return ColumnFan(image=db_from_power(image), gain=beams.gain,
+    return ColumnFan(image=db_from_power(image), gain=words,
                      extent=(head.across + x[0] - 0.5 * cell, head.across + x[-1] + 0.5 * cell,
                              head.depth + depth[-1] + 0.5 * cell, head.depth))
 
 
-def _beams(line: xr.Dataset, ping: int, head: Head, tvg: Tvg) -> _Beams:
+def _beams(line: xr.Dataset, ping: int, head: Head) -> _Beams:
     one = line[_SAMPLED].isel(ping=ping)
-    level = np.asarray(one["column_level_db"].values, float)
+    level = one["column_level_db"].values
     start, rate, angle = (one[f"column_{name}"].values.astype(float) for name in ("start", "rate", "angle"))
     echo = one["travel_time"].values[np.isfinite(one["travel_time"].values)]
     receive = receiving_axes(line, ping, head, np.array([np.median(echo) if echo.size else 0.0]))
@@ -156,22 +158,31 @@ def _beams(line: xr.Dataset, ping: int, head: Head, tvg: Tvg) -> _Beams:
     order = np.flatnonzero(use)[np.argsort(np.arctan2(towards[use, 1], towards[use, 2]), kind="stable")]
     level, start, rate, known = level[order], start[order], rate[order], known[order]
     last = level.shape[1] - known[:, ::-1].argmax(1)
-    words = ""
-    if order.size and tvg is not None:
-        absorption = one["sector_absorption_db"].values
-        absorption = absorption[np.isfinite(absorption) & (absorption >= 0)]
-        away = 0.5 * head.sound_speed * (start[:, None] + np.arange(level.shape[1]) / rate[:, None])
-        gain, words = display_gain(xr.Dataset(coords={"range": away.ravel()}, attrs={
-            "absorption_db": float(absorption.mean()) if absorption.size else 0.0}), tvg)
-        gain = gain.reshape(level.shape)
-        shared = last.min()
-        held = heard_to(level[:, :shared], gain[0, :shared]) if known[:, :shared].all() else shared
-        if held < shared:
-            gain = np.minimum(gain, gain[:, held:held + 1])
-            words += f" to {away[0, held]:.2g} m"
-        level = level + gain
-    return _Beams(towards=towards[order], start=start, rate=rate, power=power_from_db(level),
-                  ends=start + last / np.where(rate > 0, rate, 1), gain=words)
+    absorption = one["sector_absorption_db"].values
+    absorption = absorption[np.isfinite(absorption) & (absorption >= 0)]
+    return _Beams(towards=towards[order], start=start, rate=rate, level=level, ends=start + last / rate,
+                  absorption=float(absorption.mean()) if absorption.size else 0.0)
+
+
+def _gain(time: np.ndarray, beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.ndarray, str]:
+    """The gain [dB] at two-way times (...), and its formula."""
+    away = xr.Dataset(coords={"range": 0.5 * head.sound_speed * time.ravel()},
+                      attrs={"absorption_db": beams.absorption})
+    gain, words = display_gain(away, tvg)
+    return gain.reshape(time.shape), words
+
+
+def _held_gain(beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.ndarray, str]:
+    """The gain (B, S) of the samples, held from where noise hides the bed, and its formula."""
+    time = beams.start[:, None] + np.arange(beams.level.shape[1]) / beams.rate[:, None]
+    gain, words = _gain(time, beams, head, tvg)
+    shared = int(np.isfinite(beams.level).all(0).sum())
+    if not words or not shared or not np.isfinite(beams.level[:, :shared]).all():
+        return gain, words
+    held = heard_to(beams.level[:, :shared], gain[0, :shared])
+    if held == shared:
+        return gain, words
+    return np.minimum(gain, gain[:, held:held + 1]), f"{words} to {0.5 * head.sound_speed * time[0, held]:.2g} m"
 
 
 def _box(one: xr.Dataset, head: Head, beams: _Beams, edges: np.ndarray, ways: np.ndarray,
@@ -191,15 +202,13 @@ def _box(one: xr.Dataset, head: Head, beams: _Beams, edges: np.ndarray, ways: np
     return port, max(starboard, port + 1e-3), max(below, 1e-3)
 
 
-def _averaged(beams: _Beams, span: float) -> np.ndarray:
-    """Powers averaged over a span of time [s], which a picture's element has."""
-    width = int(span * float(np.median(beams.rate)))
+def _averaged(power: np.ndarray, width: int) -> np.ndarray:
+    """Powers (B, S) averaged over so many samples, which a picture's element has."""
     if width < 2:
-        return beams.power
-    known = np.isfinite(beams.power)
-    parts = (ndimage.uniform_filter1d(part, width, axis=1, mode="constant")
-             for part in (np.where(known, beams.power, 0), known.astype(float)))
-    total, count = parts
+        return power
+    known = np.isfinite(power)
+    total, count = (ndimage.uniform_filter1d(part, width, axis=1, mode="constant")
+                    for part in (np.where(known, power, 0), known.astype(float)))
     return np.where(known, total / np.maximum(count, 1e-9), np.nan)
 
 
@@ -242,8 +251,8 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
     ValueError
         If no ping has samples.
     """
-    pings = line.sizes["ping"]
-    heads = [head_of(line, ping) for ping in range(pings)]
+    pings, still = line.sizes["ping"], line[list(HELD)].load()
+    heads = [head_of(still, ping) for ping in range(pings)]
     reach, length = _reach(line, heads)
     rows = max(min(CURTAIN_ROWS, int(0.8 * reach / length)), 1)
     edges = np.linspace(0, reach, rows + 1)
@@ -252,12 +261,11 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
     for ping, head in enumerate(heads):
         if ping % BLOCK == 0:
             some = line[_SAMPLED].isel(ping=slice(ping, ping + BLOCK)).load()
-        beams = _beams(some, ping % BLOCK, head, tvg)
-        if beams.power.shape[0]:
-            words = beams.gain.split(" to ")[0]
+        beams = _beams(some, ping % BLOCK, head)
+        if beams.start.size:
             down = int(np.argmax(beams.towards[:, 2]))
-            nadir[:, ping] = _by_row(beams, np.array([down]), head, edges)
-            largest[:, ping] = _by_row(beams, np.arange(beams.start.size), head, edges)
+            nadir[:, ping], words = _by_row(beams, np.array([down]), head, edges, tvg)
+            largest[:, ping], words = _by_row(beams, np.arange(beams.start.size), head, edges, tvg)
     if not np.isfinite(largest).any():
         raise ValueError("no ping has samples of the water column, so there is no curtain to draw.")
     time = line["ping_time"].values
@@ -281,22 +289,24 @@ def _reach(line: xr.Dataset, heads: list[Head]) -> tuple[float, float]:
     return max(reach, 1e-3), 0.5 * speed / float(rate[known].min())
 
 
-def _by_row(beams: _Beams, chosen: np.ndarray, head: Head, edges: np.ndarray) -> np.ndarray:
-    """Mean power over the samples of each row, of the largest of some beams."""
-    rows = edges.size - 1
-    samples = np.arange(beams.power.shape[1])
+def _by_row(beams: _Beams, chosen: np.ndarray, head: Head, edges: np.ndarray, tvg: Tvg) -> tuple[np.ndarray, str]:
+    """Mean power over the samples of each row of the largest of some beams, with its gain, and the gain's formula."""
+    rows, words = edges.size - 1, ""
+    samples = np.arange(beams.level.shape[1])
     best = np.full(rows, -np.inf)
     timing = np.stack([beams.start[chosen], beams.rate[chosen]], 1)
     for start, rate in np.unique(timing, axis=0):
-        same = chosen[(timing == (start, rate)).all(1)]
-        power = beams.power[same].max(0, initial=-np.inf, where=np.isfinite(beams.power[same]))
-        row = np.searchsorted(edges, 0.5 * head.sound_speed * (start + samples / rate), side="right") - 1
-        use = np.isfinite(power) & (row >= 0) & (row < rows)
+        same = beams.level[chosen[(timing == (start, rate)).all(1)]]
+        level = np.fmax.reduce(np.where(np.isposinf(same), np.nan, same), axis=0)
+        time = start + samples / rate
+        row = np.searchsorted(edges, 0.5 * head.sound_speed * time, side="right") - 1
+        use = np.isfinite(level) & (row >= 0) & (row < rows)
+        gain, words = _gain(time, beams, head, tvg)
         count = np.bincount(row[use], minlength=rows)
         with np.errstate(invalid="ignore"):
-            mean = np.bincount(row[use], power[use], rows) / count
+            mean = np.bincount(row[use], power_from_db(level[use] + gain[use]), rows) / count
         best = np.where(count > 0, np.maximum(best, np.nan_to_num(mean)), best)
-    return np.where(np.isfinite(best), best, np.nan)
+    return np.where(np.isfinite(best), best, np.nan), words
 
 
 def _bottom(line: xr.Dataset, heads: list[Head]) -> np.ndarray:
