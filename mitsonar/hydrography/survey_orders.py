@@ -1,0 +1,68 @@
+"""What the International Hydrographic Organization asks of soundings, S-44 (edition 6.1.0, 2022, table 1).
+
+    TVU = sqrt(a² + (b d)²)          THU = e + f d          at 95 %
+
+d the depth; a, b, e, f by the order. TVU, the largest total vertical uncertainty, takes all causes together.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from ..units import Values
+
+__all__ = ["ORDERS", "SurveyOrder", "survey_order"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurveyOrder:
+    """Hold an order of S-44.
+
+    Attributes
+    ----------
+    name : str
+    a : float [m]
+    b : float
+    e : float [m]
+    f : float
+    coverage : float
+        Bathymetric coverage, share of the area.
+    """
+
+    name: str
+    a: float
+    b: float
+    e: float
+    f: float
+    coverage: float
+
+    def vertical(self, depth: Values) -> Values:
+        """Give the largest total vertical uncertainty [m], 95 %, at a depth [m]."""
+        return cast(Values, np.hypot(self.a, np.multiply(self.b, depth)))
+
+    def horizontal(self, depth: Values) -> Values:
+        """Give the largest total horizontal uncertainty [m], 95 %, at a depth [m]."""
+        return cast(Values, np.add(self.e, np.multiply(self.f, depth)))
+
+
+ORDERS = {one.name: one for one in (
+    SurveyOrder(name="exclusive", a=0.15, b=0.0075, e=1.0, f=0.0, coverage=2.0),
+    SurveyOrder(name="special", a=0.25, b=0.0075, e=2.0, f=0.0, coverage=1.0),
+    SurveyOrder(name="1a", a=0.5, b=0.013, e=5.0, f=0.05, coverage=1.0),
+    SurveyOrder(name="1b", a=0.5, b=0.013, e=5.0, f=0.05, coverage=0.05),
+    SurveyOrder(name="2", a=1.0, b=0.023, e=20.0, f=0.1, coverage=0.05))}
+
+
+def survey_order(name: str) -> SurveyOrder:
+    """Give an order by its name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such order.
+    """
+    if name not in ORDERS:
+        raise ValueError(f"S-44 has no order {name!r}; choose one of {', '.join(ORDERS)}.")
+    return ORDERS[name]
