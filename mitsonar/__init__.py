@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from mitsonar.scene.loading import load_file
     from mitsonar.verbs import element_signals, frames, impulse_response, render
 
-__all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "imaging", "impulse_response", "io",
+__all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "hydrography", "imaging",
+           "impulse_response", "io",
            "labelling", "load_file", "plots", "plugins", "propagation", "read", "render", "scattering", "seabed",
-           "signal", "sonar", "sweep", "units", "water", "write"]
+           "signal", "sonar", "soundings", "sweep", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -43,6 +44,8 @@ _PUBLIC = {
     "frames": "mitsonar.verbs:frames",
     "impulse_response": "mitsonar.verbs:impulse_response",
     "element_signals": "mitsonar.verbs:element_signals",
+    "soundings": "mitsonar.verbs:soundings",
+    "hydrography": "mitsonar.hydrography",
     "read": "mitsonar.io.reading:read",
     "write": "mitsonar.io.reading:write",
     "BackendError": "mitsonar.device.llvm:BackendError",

@@ -11,6 +11,8 @@ import mitsuba as mi
 import numpy as np
 
 from . import __version__
+from .hydrography.record import joined
+from .io import casts
 from .io.files import FilePath
 from .io.records import SonarImage, SonarSignals
 from .propagation.vector_approximation import DIFFERENCES
@@ -19,14 +21,18 @@ from .scene.errors import as_exception
 from .scene.loading import load_file, prepare
 from .signal.impulses import KERNELS, make_kernel
 from .spelling import meant
+from .survey.kinds import KINDS, kind_of
 from .survey.pressure import PressureRecord
 from .survey.signals import LEAD, pair_responses, received_signals
 from .survey.survey import Survey
+from .survey.swath.soundings import SoundingLine
+from .water.profile import SoundSpeedProfile
 
 __all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "frames", "impulse_response", "opened", "pings",
-           "provenance", "render"]
+           "provenance", "render", "sounded_pings", "soundings"]
 
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
+MOST_SNIPPETS = 10_000
 SEEDS = 1 << 32                    # seeds that Mitsuba takes, and that tell rays apart
 
 
@@ -208,10 +214,98 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
                             **provenance(scene, sonar, survey))
 
 
+def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
+              sensor: int | str = 0, column: bool = False, snippets: int = 0,
+              progress: Callable[[int, int], None] | None = None) -> SonarImage:
+    """Sound the bed of a scene with its multibeam echo sounder.
+
+    Parameters
+    ----------
+    scene, seed, sensor, progress
+        As of `render`.
+    profile : SoundSpeedProfile, str or path, or None
+        Sound speeds that the soundings are made with, or the file of a cast: a survey's, where the scene has the
+        water's. None: the scene's own.
+    column : bool
+        Whether the water column is kept: levels of all beams.
+    snippets : int
+        Samples of the bed's strength about each sounding that are kept.
+
+    Returns
+    -------
+    SonarImage
+        An `xarray.Dataset` over (ping, beam) with ``depth``, ``x``, ``y``, ``across_track``, ``along_track`` [m],
+        ``travel_time``, ``angle``, ``quality``, ``uncertainty``, ``backscatter_db``, ``valid``, and beside each the
+        truth: ``true_depth``, ``error`` and its causes, ``label``; see `mitsonar.hydrography.record`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `render`, or if the sensor is no multibeam echo sounder, or the profile's file no cast.
+    """
+    total: list[int] = []
+    pings = []
+    for done, one in enumerate(sounded_pings(scene, seed, profile, sensor=sensor, column=column, snippets=snippets,
+                                             count=total.append), 1):
+        pings.append(one)
+        if progress is not None:
+            progress(done, total[0])
+    return SonarImage.of(joined(pings))
+
+
+def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
+                  sensor: int | str = 0, column: bool = False, snippets: int = 0,
+                  count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
+    """Sound the bed ping by ping: what is kept does not grow with their number.
+
+    Parameters
+    ----------
+    scene, seed, profile, sensor, column, snippets
+        As of `soundings`.
+    count : callable(pings) or None
+        Called with their number before the first.
+
+    Yields
+    ------
+    SonarImage
+        Of one ping; the same as that ping of what `soundings` gives.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `soundings`.
+    """
+    seed = checked_seed(seed)
+    if profile is not None and not isinstance(profile, SoundSpeedProfile):
+        profile = casts.read(profile).profile
+    scene, sonar, integrator = opened(scene, sensor)
+    if kind_of(sonar) is not KINDS["multibeam"]:
+        raise ValueError(f"soundings are made by a multibeam echo sounder, and this sensor is a {sonar.kind}; give the "
+                         "scene a <sensor type=\"multibeam\"/>")
+    try:
+        survey = integrator.survey(scene, sonar)
+        line = SoundingLine(survey, sonar.own_seed(seed), profile=profile, column=column,
+                             snippets=_samples(snippets))
+    except RuntimeError as error:
+        raise as_exception(error) from error
+    if count is not None:
+        count(survey.track.pings)
+    about = {**provenance(scene, sonar, survey), "seed": seed}
+    return (SonarImage.of(one.assign_attrs({**about, **one.attrs, "seed": seed})) for one in line.pings())
+
+
+def _samples(snippets: int) -> int:
+    """Give a number of samples, or refuse it."""
+    number = operator.index(snippets)
+    if not 0 <= number <= MOST_SNIPPETS:
+        raise ValueError(f"snippets is {number}; give a number of samples from 0, for none, to {MOST_SNIPPETS}")
+    return number
+
+
 def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
-    """Number of pings of a scene's sensor with arrays."""
+    """Number of pings of a scene's sensor."""
     scene, sensor, integrator = opened(scene, sensor)
-    return integrator.array_survey(scene, sensor).track.pings
+    return integrator.survey(scene, sensor).track.pings
 
 
 def opened(scene: mi.Scene | FilePath, sensor: int | str = 0) -> tuple[mi.Scene, Any, Any]:

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from .array import Array
 from .pulses import Pulse
 from .shading import window_weights
 
-__all__ = ["SPACINGS", "Sector", "beam_angles", "elements_for_beam_width"]
+__all__ = ["SPACINGS", "Sector", "beam_angles", "elements_for_beam_width", "half_power_width",
+           "pattern_integral"]
 
 SPACINGS = ("angle", "distance")
 TRIED = 256                        # elements of the line on which a window's beam is measured
@@ -72,10 +74,25 @@ def elements_for_beam_width(beam_width: float, spacing: float, window: str | Non
     A line N d long of a window w has |W(s)|² = 1/2 where s = x / (N d), x that of the window.
     """
     weight = np.ones(TRIED) if window is None else window_weights(window, TRIED)
-    place = (np.arange(TRIED) - (TRIED - 1) / 2) / TRIED
+    half = 0.5 * half_power_width((np.arange(TRIED) - (TRIED - 1) / 2) / TRIED, weight)
+    return max(2, int(round(half / (spacing * np.sin(0.5 * beam_width)))))
 
-    def above_half(x: float) -> float:
-        return float((weight @ np.cos(2 * np.pi * place * x) / weight.sum()) ** 2 - 0.5)
 
-    half = brentq(above_half, 0.05, 3.0)
-    return max(2, int(round(float(half) / (spacing * np.sin(0.5 * beam_width)))))
+def half_power_width(place: np.ndarray, weight: np.ndarray) -> float:
+    """Give the width in sines between which a line's |W|² is over a half, times the unit of its places (E,)."""
+    middle = place @ weight / weight.sum()
+
+    def above_half(sine: float) -> float:
+        return float((weight @ np.cos(2 * np.pi * (place - middle) * sine) / weight.sum()) ** 2 - 0.5)
+
+    length = float(np.ptp(place)) or 1.0
+    return 2 * float(brentq(above_half, 0.05 / length, 3.0 / length))
+
+
+def pattern_integral(array: Array, wavelength: float) -> float:
+    """Give ∫ |W(s)|² ds of an evenly spaced line over the sines from one grating lobe to the next.
+
+    By Parseval's theorem (λ / d) Σ w² / (Σ w)², d the pitch.
+    """
+    weight = array.weight
+    return float(wavelength / array.pitch() * np.sum(weight ** 2) / np.sum(weight) ** 2)

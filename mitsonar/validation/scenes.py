@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from ..water import SoundSpeedProfile
 
-__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "point_target", "sector_scan",
-           "sediment", "sidescan", "water_of"]
+__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "multibeam", "point_target",
+           "sector_scan", "sediment", "sidescan", "water_of"]
 
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
@@ -63,6 +63,14 @@ def forward_looking(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: A
     """Load a scene of a forward-looking sonar, by default of 720 kHz to 20 m; as `sidescan`."""
     return _loaded(shapes, {"type": "forward_looking", "preset": "multibeam_720khz"}, _still(depth), sensor, water,
                    {"range": 20.0, **(film or {})}, integrator or {})
+
+
+def multibeam(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+              water: Attributes | None = None, film: Attributes | None = None,
+              integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of a multibeam echo sounder, by default of 400 kHz to 60 m; as `sidescan`."""
+    return _loaded(shapes, {"type": "multibeam", "preset": "shallow_400khz", "pings": 1}, _still(depth), sensor, water,
+                   {"range": 60.0, **(film or {})}, integrator or {})
 
 
 def sector_scan(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,

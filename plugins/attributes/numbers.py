@@ -6,7 +6,7 @@ import numpy as np
 
 from mitsonar.units import radians_from_deg
 
-from .declaration import REQUIRED, Attribute, Unfit, in_unit, shown
+from .declaration import REQUIRED, Attribute, FromTable, Unfit, in_unit, shown
 
 __all__ = ["Angle", "Integer", "Number", "Numbers", "Point", "Range", "Transform"]
 
@@ -102,7 +102,10 @@ class Transform(Attribute):
 
 @dataclass(frozen=True)
 class Numbers(Attribute):
-    """Finite numbers written in a string, such as "1, 2, 3e2"; the plugin gets a float64 array. Empty: not given."""
+    """Finite numbers written in a string, such as "1, 2, 3e2"; the plugin gets a float64 array.
+
+    Empty text is not given; where a preset has the numbers, it is no number.
+    """
 
     count: int | None = None
     unit: str = ""
@@ -114,7 +117,7 @@ class Numbers(Attribute):
 
     def read(self, value: Any, written_as: str) -> Any:
         numbers = self._numbers(value)
-        if numbers or self.default is REQUIRED:
+        if numbers or self.default is REQUIRED or isinstance(self.default, FromTable):
             return self.taken(numbers)
         return None if self.default is None else self.taken(self.default)
 

@@ -125,7 +125,8 @@ class Multibeam(SonarSensor):
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.mounting = np.deg2rad(attributes.mounting_deg)
         self.sectors = _sectors(attributes)
-        self.frequency = self.sectors[0].pulse.frequency
+        self.pulse = self.sectors[0].pulse
+        self.frequency = self.pulse.frequency
         highest = max(sector.pulse.frequency for sector in self.sectors)
         self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
         self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place

@@ -107,5 +107,20 @@ def _array(preset: str) -> Member:
                   fan=lambda degrees, count: {"fan_deg": degrees, "beams": count})
 
 
+def _multibeam(preset: str) -> Member:
+    """One sector of narrow beams and a short pulse, the head turned so that its swath lies ahead."""
+    own = presets("multibeam")[preset]
+    ahead = {"mounting_deg": "0, 90, 0", "transmit_beam_width_deg": 20.0, "roll_stabilised": False,
+             "pitch_stabilised": False, "beam_spacing": "angle", "sector_edges_deg": "", "swaths": 1,
+             **{name: own[name][0] for name in ("frequency_khz", "source_level_db", "sector_delay_ms")}}
+    ahead["receive_beam_width_deg"] = min(own["receive_beam_width_deg"], 1.0)
+    ahead["pulse_ms"] = min(own["pulse_ms"][0], 0.1) if own["pulse"] == "cw" else own["pulse_ms"][0]
+    if own["pulse"] != "cw":
+        ahead["bandwidth_khz"] = own["bandwidth_khz"][0]
+    return Member(name=f"multibeam {preset}", build=scenes.multibeam, sensor={"preset": preset, **ahead},
+                  width=_line_width, coarse={**COARSE, "pulse": "lfm", "receive_beam_width_deg": 5.0},
+                  fan=lambda degrees, count: {"swath_deg": degrees, "beams": count})
+
+
 _KINDS: dict[str, Callable[[str], Member]] = {"forward_looking": _forward_looking, "sector_scan": _sector_scan,
-                                             "array": _array}
+                                             "array": _array, "multibeam": _multibeam}

@@ -127,7 +127,8 @@ def boxed(name, path):
               "box": {"type": "cube", "bsdf": lambert(-15.0),
                       "to_world": to_world.scale([HALF, 0.5 * (FAR - NEAR), HEIGHT / 2])}}
     member = MEMBERS[name]
-    tilt = {} if name.startswith("array") else {"tilt_deg": 20.0, "vertical_beam_width_deg": 60.0}
+    tilt = {"array": {}, "multibeam": {"mounting_deg": "0, 70, 0", "transmit_beam_width_deg": 60.0}}.get(
+        name.split()[0], {"tilt_deg": 20.0, "vertical_beam_width_deg": 60.0})
     film = {"range_min": 3.5, "range": 8.6, **({"bins": 300} if name.startswith("sector") else {})}
     scene = member.made(shapes, fan=(60.0, 61), depth=DEPTH, sensor=tilt, film=film, integrator={"rays": 20_000})
     return mitsonar.render(scene), pulse_width(scene.sensors()[0].pulse)
@@ -141,14 +142,15 @@ def span(distance, flags):
 
 @every_member
 def test_highlight_layover_and_shadow_of_a_box_lie_where_geometry_puts_them(name, ridge_file):
-    """To two cells of the pulse; a shadow begins when the box, brighter than the bed, has died away: a cell more."""
+    """To two cells of the pulse and half a bin; a shadow begins when the box, brighter than the bed, has died away."""
     image, long = boxed(name, ridge_file)
     box = next(int(number) for number, shape in image.attrs["labels"].items() if shape == "box")
     (label, bearing, distance), (shadow, *_), (layover, *_) = (
         polar(image, variable) for variable in ("label", "object_shadow", "layover"))
     ahead = int(np.argmin(np.abs(bearing)))
     top, foot, rear = np.hypot(NEAR, H - HEIGHT), np.hypot(NEAR, H), np.hypot(FAR, H - HEIGHT)
-    edge = 2 * max(np.diff(distance).max(), long)
+    bin = np.diff(distance).max()
+    edge = 2 * max(bin, long) + 0.5 * bin
     np.testing.assert_allclose(span(distance, label[ahead] == box), [top, rear], atol=edge)
     np.testing.assert_allclose(span(distance, shadow[ahead] == box), [rear, np.hypot(FAR * H / (H - HEIGHT), H)],
                                atol=1.5 * edge)

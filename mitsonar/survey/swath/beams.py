@@ -9,6 +9,7 @@ import numpy as np
 from ...device.chance import ping_key, sonar_seed
 from ...imaging.energy_record import EnergyRecord
 from ...signal.beam_grid import LineBeams, NoiseDensity
+from ...sonar.sectors import half_power_width
 from ...units import amplitude_from_db, power_from_db
 from ..beam_domain.blur import Blur
 from ..beam_domain.laying import LaidPing, lay
@@ -58,6 +59,7 @@ class SectorBeams:
         halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
         #: between the phase centres of the halves [wavelengths]
         self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
+        self._width = half_power_width(line.place, line.weight) * survey.wavelength
         widest = float(np.abs(run.sines).max())
         self._beams = LineBeams(
             mi.Float, position=line.place, weight=halves, pulse=survey.pulse, samples=survey.samples,
@@ -65,6 +67,16 @@ class SectorBeams:
             sines=np.array([-widest, widest]), sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
         self._truth: tuple[np.ndarray, FrameTruth] | None = None
+
+    def beam_width(self, sines: np.ndarray) -> np.ndarray:
+        """Widths of beams at sines (B,), at -3 dB [rad]."""
+        return self._width / np.sqrt(np.maximum(1 - sines ** 2, 1e-3))
+
+    @property
+    def transmit_width(self) -> float:
+        """Of the transmission along the track, at -3 dB, steered straight down [rad]."""
+        transmit = self.run.survey.transmit
+        return half_power_width(transmit.position @ transmit.along[0], transmit.weight) * self.run.survey.wavelength
 
     @property
     def time(self) -> np.ndarray:

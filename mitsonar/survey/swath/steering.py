@@ -6,8 +6,9 @@ the sector's middle θ_k, tilted by φ forward of that plane, on the transmittin
 
     s_r = a_r(t_r)·(ŝ sin θ + d̂ cos θ)          s_t = a_t(t)·(f̂ sin φ + (ŝ sin θ_k + d̂ cos θ_k) cos φ)           (1)
 
-f̂, ŝ, d̂ -> forward, starboard and down, level, by the heading; where yaw is compensated, by the course of 20 s about
-the ping. Without compensation of an angle its own axes take their place.
+f̂, ŝ, d̂ -> forward, starboard and down, level, by the heading; where yaw is compensated, by the mean heading of 20 s
+about the ping. Without compensation of roll beams keep their angles in the body; without that of pitch transmissions
+keep their tilt from the head's own plane.
 """
 from __future__ import annotations
 
@@ -70,7 +71,8 @@ class Swath:
         """
         angle = np.broadcast_to(sector.beams, (len(times), len(sector.beams)))
         if not self.stabilised.roll:
-            return np.clip(np.sin(angle - self.mounting[0]), -WIDEST, WIDEST)
+            in_body = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], -1)
+            return np.clip(in_body @ mounting_matrix(*self.mounting)[:, 1], -WIDEST, WIDEST)
         received = times[:, None] + 2 * depth[:, None] / (sound_speed * np.cos(np.clip(angle, -STEEPEST, STEEPEST)))
         axis = self._axes(received, times[:, None])[..., 1]
         _, starboard, down = self._frame(times)
@@ -79,14 +81,12 @@ class Swath:
 
     def transmit_sines(self, sector: Sector, times: np.ndarray) -> np.ndarray:
         """Give s_t of (1) at a sector's transmissions (P,) [s]: (P,)."""
+        if not self.stabilised.pitch:
+            return np.full(len(times), np.sin(sector.tilt))
         forward, starboard, down = self._frame(times)
         across = np.sin(sector.middle) * starboard + np.cos(sector.middle) * down
         towards = np.sin(sector.tilt) * forward + np.cos(sector.tilt) * across
         return np.sum(self._axes(times, times)[..., 0] * towards, -1)
-
-    def transmit_axes(self, times: np.ndarray) -> np.ndarray:
-        """Give a_t, (P, 3), scene."""
-        return self._axes(times, times)[..., 0]
 
     def _axes(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
         """Head to scene at times (...): (..., 3, 3)."""
@@ -96,12 +96,11 @@ class Swath:
     def _frame(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """f̂, ŝ and d̂ at transmissions (P,), each (P, 3), scene."""
         _, attitude = self.trajectory.pose(times)
-        roll, pitch, heading = attitude.T
+        heading = attitude[:, 2]
         if self.stabilised.yaw:
             around = times[:, None] + COURSE
             turned = self.trajectory.pose(around, np.broadcast_to(times[:, None], around.shape))[1][..., 2]
             heading = np.arctan2(np.sin(turned).mean(1), np.cos(turned).mean(1))
         level = np.zeros_like(heading)
-        frame = rotation_matrix(level if self.stabilised.roll else roll, level if self.stabilised.pitch else pitch,
-                                heading)
+        frame = rotation_matrix(level, level, heading)
         return frame[..., 0], frame[..., 1], frame[..., 2]

@@ -1,0 +1,85 @@
+"""The command soundings: those of a scene, or of a line that was recorded, as a file that survey software opens."""
+import os
+
+from ..io import scenes
+from .arguments import Commands, add_scene, number, parameters, set_up, whole
+from .completion import FILES, complete_with
+from .progress import Progress
+from .words import announce, warn
+
+__all__ = ["add"]
+
+LINES = (".all", ".gsf", ".kmall", ".nc")        # that are read in place of a scene
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser's."""
+    command = commands.add_parser("soundings", help="sound the bed of a scene with its multibeam, or convert a line of "
+                                                    "soundings")
+    add_scene(command)
+    output = command.add_argument("-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las")
+    complete_with(output, FILES)
+    complete_with(command.add_argument("--profile", metavar="CAST",
+                                       help="file of the cast that soundings are made with; default: the water's own"),
+                  FILES)
+    command.add_argument("--head-speed", type=number, metavar="M/S",
+                         help="of a line that was recorded: another sound speed at the head")
+    command.add_argument("--column", action="store_true", help="keep the water column")
+    command.add_argument("--snippets", type=whole, default=0, metavar="N",
+                         help="keep so many samples of the bed's strength about each sounding")
+    command.add_argument("--start", metavar="DATE",
+                         help="of time 0, such as 2026-05-01T10:00:00Z; default: as the line says, or 2000")
+    command.add_argument("--place", nargs=2, type=number, metavar=("LAT", "LON"),
+                         help="of x = y = 0 where the scene names no coordinate system; default: 0 0")
+    command.add_argument("--sensor", default=0, metavar="ID", help="which of the scene's sonars; default: the first")
+    command.set_defaults(run=_soundings)
+
+
+def _soundings(arguments):
+    from ..io import survey_lines
+
+    suffix = os.path.splitext(arguments.output)[1].lower()
+    if suffix not in survey_lines.SUFFIXES:
+        raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in one of "
+                         f"{', '.join(survey_lines.SUFFIXES)}.")
+    place = None if arguments.place is None else tuple(arguments.place)
+    with Progress() as progress:
+        recorded = os.path.splitext(arguments.scene)[1].lower() in LINES
+        blocks = _recorded(arguments) if recorded else _simulated(arguments, progress)
+        written = survey_lines.write(blocks, arguments.output, place=place, start=arguments.start)
+    announce(arguments.output)
+    warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words)))
+
+
+def _simulated(arguments, progress):
+    """Soundings of a scene, ping by ping."""
+    if arguments.head_speed is not None:
+        raise ValueError("--head-speed is of a line that was recorded; a scene says head_speed_error in its sensor.")
+    from ..io import files
+    from ..scene.loading import load_file
+    from ..verbs import sounded_pings
+
+    files.check_writable(arguments.output)
+    set_up(arguments.threads)
+    total: list[int] = []
+    made = sounded_pings(load_file(scenes.find(arguments.scene), **parameters(arguments)), arguments.seed,
+                         arguments.profile, sensor=arguments.sensor, column=arguments.column,
+                         snippets=arguments.snippets, count=total.append)
+    for done, one in enumerate(made, 1):
+        yield one
+        progress(done, total[0])
+
+
+def _recorded(arguments):
+    """A line of a file, reduced anew where that is asked for."""
+    given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
+                                          ("--sensor", arguments.sensor), ("--snippets", arguments.snippets)) if there]
+    if given:
+        raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
+    from ..hydrography.resounding import resounded
+    from ..io import casts, survey_lines
+
+    profile = None if arguments.profile is None else casts.read(arguments.profile).profile
+    for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
+        anew = profile is not None or arguments.head_speed is not None
+        yield resounded(block, profile, arguments.head_speed) if anew else block

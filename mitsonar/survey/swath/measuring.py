@@ -1,0 +1,126 @@
+"""What a multibeam echo sounder measures of a ping: a time, two angles and a level for every beam."""
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ...hydrography.detection import Detections, Head, detect
+from ...signal.matched_filter import compression
+from .beams import Halves, SectorBeams
+from .survey import SwathSurvey
+
+__all__ = ["Measurement", "SwathBeams"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurement:
+    """Of a ping; arrays (B,) unless said otherwise, NaN where there is no sounding.
+
+    Attributes
+    ----------
+    valid : bool
+    sent, travel_time : [s]
+        Transmission of the beam's sector by the line's clock, and from then to the reception.
+    angle, transmit_angle : [rad]
+        As the instrument takes them to be.
+    sector : int
+    method : uint8
+    quality : [-]
+    deviation : [s]
+        Of the time.
+    angle_deviation : [rad]
+    intensity : [µPa²]
+        Mean of the echo, as received.
+    begin, end : int
+        Of its samples.
+    incidence : [rad]
+        On the bed across the track, as detection finds it.
+    halves : list of (Halves, (T,) [s])
+        Beams and the times of their samples, sector by sector.
+    pulse_length : list of float [s]
+        ∫|χ|² dt of the compressed pulses χ with peak 1, sector by sector.
+    """
+
+    valid: np.ndarray
+    sent: np.ndarray
+    travel_time: np.ndarray
+    angle: np.ndarray
+    transmit_angle: np.ndarray
+    sector: np.ndarray
+    method: np.ndarray
+    quality: np.ndarray
+    deviation: np.ndarray
+    angle_deviation: np.ndarray
+    intensity: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    incidence: np.ndarray
+    halves: list[tuple[Halves, np.ndarray]]
+    pulse_length: list[float]
+
+
+class SwathBeams:
+    """Form and detect the beams of a swath's pings.
+
+    Parameters
+    ----------
+    survey : SwathSurvey
+    seed : int
+    """
+
+    def __init__(self, survey: SwathSurvey, seed: int):
+        self._survey, self._seed = survey, seed
+        self.sectors = [SectorBeams(run, number) for number, run in enumerate(survey.sectors)]
+        self._lengths = [_pulse_length(sector) for sector in self.sectors]
+
+    def measure(self, ping: int) -> Measurement:
+        """Measure a ping."""
+        rows, beams = [], []
+        for number, sector in enumerate(self.sectors):
+            halves = sector.halves(ping, self._seed)
+            found = self._detected(sector, halves, ping, self._lengths[number])
+            rows.append(self._said(number, found, ping))
+            beams.append((halves, sector.time))
+        columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+        return Measurement(halves=beams, pulse_length=self._lengths, **columns)
+
+    def _detected(self, sector: SectorBeams, halves: Halves, ping: int, pulse_length: float) -> Detections:
+        """The bed in a sector's beams."""
+        survey, sines = sector.run.survey, sector.run.sines[ping]
+        gate = self._survey.depth_gate
+        speed = survey.sound_speed(ping)
+        head = Head(pulse_length=pulse_length, beam_width=sector.beam_width(sines), baseline=sector.baseline,
+                    transmit_width=sector.transmit_width, gate=None if gate is None else
+                    (2 * gate[0] / speed, float(sector.time[-1])))
+        found = detect((halves.port, halves.starboard), time=sector.time, sines=sines, head=head)
+        return found if gate is None else _within(found, sines, speed, gate)
+
+    def _said(self, number: int, found: Detections, ping: int) -> dict[str, np.ndarray]:
+        """Angles as the instrument has them, by the head's own sound speed."""
+        run = self._survey.sectors[number]
+        beams = len(found.time)
+        said = float(run.said[ping])
+        angle = np.arcsin(np.clip((run.sines[ping] + found.angle_offset) * said, -1, 1))
+        transmit = np.arcsin(np.clip(run.transmit_sines[ping] * said, -1, 1))
+        there = found.valid
+        return {"valid": there, "sent": np.full(beams, run.survey.track.time[ping]),
+                "travel_time": np.where(there, found.time, np.nan), "angle": angle,
+                "transmit_angle": np.full(beams, transmit), "sector": np.full(beams, number, np.int32),
+                "method": np.where(there, found.method, 0).astype(np.uint8),
+                **{name: np.where(there, getattr(found, name), np.nan) for name in
+                   ("quality", "deviation", "angle_deviation", "intensity", "incidence")},
+                "begin": found.begin, "end": found.end}
+
+
+def _pulse_length(sector: SectorBeams) -> float:
+    """∫|χ|² dt of the compressed pulse [s]."""
+    survey = sector.run.survey
+    return compression(survey.pulse, survey.sampling_rate)[0]
+
+
+def _within(found: Detections, sines: np.ndarray, speed: float, gate: tuple[float, float]) -> Detections:
+    """Detections of which those deeper than the gate are none."""
+    depth = 0.5 * speed * found.time * np.sqrt(1 - np.minimum(sines ** 2, 1))
+    values = {one.name: getattr(found, one.name) for one in fields(found)}
+    return Detections(**{**values, "valid": found.valid & (depth >= gate[0]) & (depth <= gate[1])})
