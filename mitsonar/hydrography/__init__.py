@@ -14,5 +14,7 @@
     bottom_backscatter, snippets     the bed's strength, sounding by sounding and sample by sample
     errors        errors of soundings by cause: detection, refraction, motion
     smile         what a wrong profile or head's speed does to a swath, by ray theory
+    uncertainty   a priori, of depth and place, from the accuracies of all sensors
+    losses        spreading and absorption on the way to a sounding
     gridding      soundings on square cells; what a grid errs by
 """

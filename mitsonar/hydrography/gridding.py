@@ -126,7 +126,7 @@ class _Grid:
         if not (np.isfinite([west, south, east, north]).all() and west < east and south < north):
             raise ValueError(f"a grid has the bounds {bounds}; give west, south, east, north, in order.")
         if (east - west) / cell * ((north - south) / cell) > MOST_CELLS:
-            raise ValueError(f"a grid of {east - west:.0f} m by {north - south:.0f} m with cells of {cell:g} m has more "
+            raise ValueError(f"a grid of {east - west:.0f} m by {north - south:.0f} m in cells of {cell:g} m has more "
                              f"than {MOST_CELLS} cells; give a larger cell, or bounds.")
         first, top = int(np.floor(west / cell)), int(np.ceil(north / cell))
         return cls(cell=cell, west=first, north=top, rows=max(1, top - int(np.floor(south / cell))),
