@@ -1,4 +1,5 @@
 """The command line: render, signals, demo, soundings, scenes, describe, sweep, plot, video, raster, convert, mosaic,
+"""The command line: render, signals, demo, scenes, describe, sweep, plot, video, raster, convert, mosaic, plan,
 published, validate, labels, doctor.
 
 Exit codes: 0 done, 1 where `validate` finds too large an error or renders of a `sweep` failed, 2 for what the user can
@@ -12,6 +13,7 @@ from collections.abc import Sequence
 from .. import __version__
 from ..io.errors import sentence
 from . import describing, exporting, labels, machine, raster, rendering, results, sounding, sweep
+from . import describing, exporting, labels, machine, planning, raster, rendering, results, sweep
 from .arguments import Parser
 from .completion import SHELLS, Completion
 from .words import Signals, mute, warn
@@ -20,6 +22,7 @@ __all__ = ["main"]
 
 # in the order of the help
 GROUPS = (rendering, sounding, describing, sweep, results, raster, exporting, labels, machine)
+GROUPS = (rendering, describing, sweep, results, raster, exporting, planning, labels, machine)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -21,24 +21,33 @@ from ..hydrography.planning import Plan, SurveyLine
 from .files import FilePath, replacing
 from .navigation import Frame
 
-__all__ = ["FORMATS", "file_format", "on_earth", "write"]
+__all__ = ["FORMATS", "check", "on_earth", "write"]
 
 FORMATS = (".csv", ".geojson", ".gpx")
 _GPX = "http://www.topografix.com/GPX/1/1"
 Points = list[tuple[str, np.ndarray]]
 
 
-def file_format(path: FilePath) -> str:
-    """Give the format that a file's name asks for.
+def check(path: FilePath, frame: Frame | None = None) -> str:
+    """Check that lines can go into a file, and give its format.
+
+    Parameters
+    ----------
+    path : str or path
+    frame : Frame, optional
+        Where the plan lies, once it is known.
 
     Raises
     ------
     ValueError
-        If it is none of `FORMATS`.
+        If the file's name asks for none of `FORMATS`, or for degrees where the coordinate system is unknown.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in .csv, .geojson or .gpx.")
+    if suffix != ".csv" and frame is not None and not frame.crs:
+        raise ValueError(f"cannot write {path}: it takes latitudes and longitudes, and the bathymetry names no "
+                         "coordinate system; say it by --crs, or write a .csv.")
     return suffix
 
 
@@ -56,14 +65,11 @@ def write(plan: Plan, path: FilePath, frame: Frame) -> None:
     Raises
     ------
     ValueError
-        If the name says none of these, or GeoJSON or GPX is asked for without a coordinate system.
+        As `check`.
     FileNotFoundError, PermissionError, OSError
         As `files.replacing`.
     """
-    kind = file_format(path)
-    if kind != ".csv" and not frame.crs:
-        raise ValueError(f"cannot write {path}: it takes latitudes and longitudes, and the bathymetry names no "
-                         "coordinate system; say it by --crs, or write a .csv.")
+    kind = check(path, frame)
     text = {".csv": _csv, ".geojson": _geojson, ".gpx": _gpx}[kind](plan, frame)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")

@@ -100,6 +100,7 @@ def refuse_degrees(bounds: Sequence[float]) -> None:
 
 def crs_of(text: str) -> "CRS":
     """Give the coordinate system that a text such as "EPSG:32632" names."""
+    from rasterio import Env
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
@@ -107,7 +108,8 @@ def crs_of(text: str) -> "CRS":
         # GDAL would fetch an address, and read a file
         if re.match(r"\s*(\w+:)?[/\\]", str(text)) or os.path.exists(str(text)):
             raise CRSError
-        return CRS.from_user_input(text)
+        with Env():                                    # what GDAL complains of is our error, not a line of its own
+            return CRS.from_user_input(text)
     except CRSError:
         raise ValueError(f'"{text}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None
 

@@ -89,7 +89,7 @@ BAD = {
     "an empty ring": (polygon([]), "a ring is empty"),
     "too many corners": (polygon([[0.5, 0.5]] * 200_001), "more than 200000 corners"),
     "a system without a name": (polygon(SQUARE) | {"crs": {"type": "link"}}, "crs has no name"),
-    "a system that is a file": (polygon(SQUARE) | {"crs": {"properties": {"name": "/etc/passwd"}}}, "no coordinate sys"),
+    "a system that is a file": (polygon(SQUARE) | {"crs": {"properties": {"name": "/etc/passwd"}}}, "no coordinate"),
 }
 
 

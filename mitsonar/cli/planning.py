@@ -1,0 +1,237 @@
+"""The command that plans a survey: plan."""
+import os
+from typing import TYPE_CHECKING
+
+from .arguments import Commands, number, whole
+from .completion import FILES, SCENES, complete_with
+from .words import announce, warn
+
+if TYPE_CHECKING:
+    from ..hydrography.planning_bed import Bed
+    from ..io.areas import Corners
+    from ..io.navigation import Frame
+    from ..water import SoundSpeedProfile
+
+__all__ = ["add"]
+
+LAYER = 10.0                       # [m] that --cast-error is in unless told
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser's."""
+    plan = commands.add_parser("plan", help="plan the lines of a multibeam survey: time, coverage, errors of the cast")
+    complete_with(plan.add_argument("bathymetry", metavar="BATHYMETRY", nargs="?",
+                                    help="GeoTIFF, BAG, netCDF, ESRI ASCII, text of x, y, z; or --depth"), FILES)
+    complete_with(plan.add_argument("-o", "--output", metavar="OUT.csv|geojson|gpx", action="append", default=[],
+                                    help="lines to write; repeatable"), FILES)
+    bed = plan.add_argument_group("the bed and the area")
+    bed.add_argument("--depth", type=number, metavar="M", help="a level bed, in place of a bathymetry")
+    bed.add_argument("--area", metavar="CORNERS|FILE",
+                     help='"x y, x y, x y" [m], "37.75N 122.38W, ...", or GeoJSON; default: the whole bathymetry')
+    bed.add_argument("--crs", metavar="NAME", help='coordinate system of a bathymetry that names none: "EPSG:32632"')
+    bed.add_argument("--vertical", default="auto", choices=("auto", "depth", "elevation"),
+                     help="how the bathymetry's numbers are meant; default: by their sign")
+    bed.add_argument("--resolution", type=number, metavar="M", help="of the bathymetry; default: its own")
+    bed.add_argument("--least-depth", type=number, metavar="M",
+                     help="shoaler bed is left out; default: a metre below the sonar's head")
+    sonar = plan.add_argument_group("the sonar and the water")
+    complete_with(sonar.add_argument("--sonar", metavar="PRESET|SCENE", help="a preset of `multibeam`, or a scene with "
+                                     "one; what follows goes before it"), SCENES)
+    sonar.add_argument("--swath", type=number, metavar="DEG", help="between the outermost beams; default: 130")
+    sonar.add_argument("--beams", type=whole, metavar="N", help="soundings of a ping; default: 256")
+    sonar.add_argument("--beam-spacing", choices=("angle", "distance"), help="that is even; default: distance")
+    sonar.add_argument("--rate", type=number, metavar="HZ", help="most pings a second; default: what the water allows")
+    sonar.add_argument("--head-depth", type=number, metavar="M", help="of the sonar below the surface; default: 0")
+    sonar.add_argument("--max-range", type=number, metavar="M", help="that the bed is heard from; default: any")
+    complete_with(sonar.add_argument("--cast", metavar="FILE", help="sound speed over depth; default: 1500 m/s"), FILES)
+    lines = plan.add_argument_group("the lines")
+    lines.add_argument("--spacing", type=number, metavar="M", help="between lines; default: by --overlap")
+    lines.add_argument("--overlap", type=number, metavar="PERCENT", help="of neighbouring swaths; default: 10")
+    lines.add_argument("--swath-at", choices=("line", "shoalest", "mean"),
+                       help="whose swath --overlap is of: each line's own (default), or that of one depth for all")
+    lines.add_argument("--heading", metavar="DEG|best", default="best",
+                       help="clockwise from north; default: best, along the contours")
+    lines.add_argument("--speed", type=number, default=5.0, metavar="KNOTS", help="default: 5")
+    lines.add_argument("--run-in", type=number, default=50.0, metavar="M", help="before each line; default: 50")
+    lines.add_argument("--turn-radius", type=number, default=50.0, metavar="M", help="default: 50; 0: none")
+    errors = plan.add_argument_group("a wrong cast")
+    errors.add_argument("--cast-error", type=number, metavar="M/S", help="of the surface layer")
+    errors.add_argument("--layer", type=number, metavar="M", help=f"depth of that layer; default: {LAYER:g}")
+    complete_with(errors.add_argument("--other-cast", metavar="FILE", help="that depths are made with instead"), FILES)
+    errors.add_argument("--order", default="1a", metavar="ORDER",
+                        help="of IHO S-44 that errors are held to: exclusive, special, 1a (default), 1b or 2")
+    plan.add_argument("--picture", metavar="OUT.png", help="a map: depths, lines, swaths, gaps in red")
+    plan.add_argument("--json", metavar="OUT.json", help="all numbers")
+    plan.set_defaults(run=_plan)
+
+
+def _plan(arguments):
+    from ..hydrography.planning import plan
+    from ..hydrography.survey_orders import survey_order
+    from ..io import plan_summary, planned_lines
+    from .planning_words import report
+
+    order = survey_order(arguments.order)
+    _check_outputs(arguments)
+    layout = _layout(arguments)
+    corners = _corners(arguments)
+    sonar, profile, deepest_sample = _sonar_and_water(arguments)
+    used = _used(arguments, profile)
+    bed, frame = _bed(arguments, corners)
+    for path in arguments.output:
+        planned_lines.check(path, frame)
+    if corners is not None:
+        from ..hydrography.planning_area import polygon
+
+        area = polygon(corners.placed(frame))
+    else:
+        area = None
+    found = plan(bed, profile, sonar, layout, area=area, used=used, order=order)
+    numbers = plan_summary.summary(found, frame)
+    for path in arguments.output:
+        planned_lines.write(found, path, frame)
+    if arguments.json:
+        plan_summary.write(numbers, arguments.json)
+    if arguments.picture:
+        from ..plots.survey_plan import survey_plan
+        from .planning_words import subtitle
+
+        survey_plan(found, arguments.picture, frame, title=_title(arguments), subtitle=subtitle(numbers))
+    for said in _doubts(found, numbers, deepest_sample):
+        warn(said)
+    print(report(numbers))
+    for path in (*arguments.output, *filter(None, (arguments.json, arguments.picture))):
+        announce(path)
+
+
+def _check_outputs(arguments):
+    """Refuse what cannot be written before any work is spent."""
+    from ..io import files, planned_lines
+
+    for path in arguments.output:
+        planned_lines.check(path)
+    if arguments.picture:
+        from ..plots import canvas
+
+        canvas.file_format(arguments.picture)
+    outputs = [*arguments.output, *filter(None, (arguments.json, arguments.picture))]
+    targets = [files.check_writable(path) for path in outputs]
+    for number_, target in enumerate(targets):
+        if target in targets[:number_]:
+            raise ValueError(f"{outputs[number_]} is to be written twice; give every output a name of its own.")
+
+
+def _layout(arguments):
+    from ..hydrography.planning import Layout
+    from ..units import KNOT, radians_from_deg
+
+    if arguments.spacing is not None and (arguments.overlap is not None or arguments.swath_at is not None):
+        raise ValueError("--spacing is given beside --overlap or --swath-at, which decide it; leave one out.")
+    heading = None
+    if arguments.heading != "best":
+        try:
+            heading = float(radians_from_deg(float(arguments.heading)))
+        except ValueError:
+            raise ValueError(f"--heading is {arguments.heading!r}; give degrees from north, or best.") from None
+    overlap = 10.0 if arguments.overlap is None else arguments.overlap
+    return Layout(spacing=arguments.spacing, overlap=overlap / 100, swath_at=arguments.swath_at or "line",
+                  heading=heading, speed=arguments.speed * KNOT, run_in=arguments.run_in,
+                  turn_radius=arguments.turn_radius, least_depth=arguments.least_depth)
+
+
+def _corners(arguments) -> "Corners | None":
+    if arguments.area is None:
+        return None
+    from ..io import areas
+
+    return areas.read(arguments.area)
+
+
+def _sonar_and_water(arguments):
+    """The sonar, the profile, and the depth of the cast's deepest sample [m]."""
+    from ..hydrography.planning_coverage import SwathSonar
+    from ..io import casts
+    from ..io.planned_sonar import planned_sonar
+    from ..units import radians_from_deg
+    from ..water import SoundSpeedProfile
+
+    known = {} if arguments.sonar is None else planned_sonar(arguments.sonar)
+    given = {"swath_deg": arguments.swath, "beams": arguments.beams, "even": arguments.beam_spacing,
+             "rate": arguments.rate, "head_depth": arguments.head_depth, "max_range": arguments.max_range}
+    asked = {"swath_deg": 130.0, "even": "distance"} | known | {name: value for name, value in given.items()
+                                                                if value is not None}
+    cast = arguments.cast or asked.pop("cast", None)
+    asked.pop("cast", None)
+    sonar = SwathSonar(swath=float(radians_from_deg(asked.pop("swath_deg"))), **asked)
+    if cast is None:
+        return sonar, SoundSpeedProfile.constant(1500.0), None
+    profile = casts.read(cast).profile
+    return sonar, profile, float(profile.depth[-1])
+
+
+def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None":
+    """The profile that depths are made with, if it is another one."""
+    from ..hydrography.planning_errors import surface_layer_error
+    from ..io import casts
+
+    if arguments.cast_error is None:
+        if arguments.layer is not None:
+            raise ValueError("--layer says where --cast-error is; give both.")
+        return None if arguments.other_cast is None else casts.read(arguments.other_cast).profile
+    if arguments.other_cast is not None:
+        raise ValueError("--cast-error and --other-cast are both given; leave one out.")
+    layer = LAYER if arguments.layer is None else arguments.layer
+    if not 0 < layer < 1e5:
+        raise ValueError(f"--layer is {layer:g} m; give a depth above 0.")
+    return surface_layer_error(profile, arguments.cast_error, layer)
+
+
+def _bed(arguments, corners: "Corners | None") -> "tuple[Bed, Frame]":
+    """The bed, and where its origin lies."""
+    from ..hydrography.planning_bed import bed_of, flat_bed
+    from ..imaging.georeference import named_system
+    from ..io import bathymetry, rasters
+    from ..io.areas import Corners
+    from ..io.navigation import Frame
+
+    if (arguments.bathymetry is None) == (arguments.depth is None):
+        raise ValueError("a plan needs a bed: give a BATHYMETRY, or --depth M for a level one, and not both.")
+    if arguments.bathymetry is not None:
+        grid = bathymetry.read(arguments.bathymetry, crs=arguments.crs, vertical=arguments.vertical,
+                               resolution=arguments.resolution)
+        return bed_of(grid.x, grid.y, grid.heights), Frame(crs=grid.crs, origin=grid.local_origin)
+    if corners is None:
+        raise ValueError("a level bed has no extent of its own; give --area too.")
+    if not 0 < arguments.depth < 12000:
+        raise ValueError(f"--depth is {arguments.depth:g} m; give more than 0 and less than 12000.")
+    if arguments.resolution is not None or arguments.vertical != "auto":
+        raise ValueError("--resolution and --vertical are of a bathymetry; leave them out beside --depth.")
+    frame = Frame(crs=corners.utm() if arguments.crs is None else named_system(rasters.name_of(rasters.crs_of(
+        arguments.crs))))
+    west, south, east, north = Corners(rings=tuple(corners.placed(frame)), crs="").bounds
+    middle = round(0.5 * (west + east)), round(0.5 * (south + north))
+    bed = flat_bed(arguments.depth, west - middle[0], south - middle[1], east - middle[0], north - middle[1])
+    return bed, Frame(crs=frame.crs, origin=(float(middle[0]), float(middle[1])))
+
+
+def _title(arguments):
+    name = f"a level bed {arguments.depth:g} m deep" if arguments.bathymetry is None else os.path.basename(
+        arguments.bathymetry)
+    return f"Survey plan: {name}"
+
+
+def _doubts(found, numbers, deepest_sample):
+    """What a hydrographer should know before trusting the plan."""
+    _, _, deepest = found.depths
+    if deepest_sample is not None and deepest_sample < deepest:
+        yield (f"the cast ends at {deepest_sample:.4g} m and the bed lies down to {deepest:.4g} m; sound speed is "
+               "taken as constant below the cast")
+    unknown = numbers["area"]["without_depth_percent"]
+    if unknown >= 0.05:
+        yield f"{unknown:.1f} % of the area has no depth; it is not counted in the coverage"
+    if found.shoal >= 0.0005:
+        yield f"{100 * found.shoal:.1f} % of the area is shoaler than {found.least_depth:.4g} m, and is left out"
+    aground = [line.number for line in found.lines if line.track.depth.min() <= found.sonar.head_depth]
+    if aground:
+        some = f"{', '.join(map(str, aground[:8]))}{' ...' if len(aground) > 8 else ''}"
+        yield f"line {some} leads over bed no deeper than the sonar's head, {found.sonar.head_depth:g} m"
