@@ -78,7 +78,8 @@ class Errors:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
 
-def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed) -> tuple[Located, Errors]:
+def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
+           at_rest: Measured | None = None) -> tuple[Located, Errors]:
     """Give soundings as they come out, and their errors by cause.
 
     Parameters
@@ -89,6 +90,8 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed) -> tu
         What there was, and what is believed.
     bed : function of x and y [m], arrays (...)
         Its depth (...) [m].
+    at_rest : Measured or None
+        What arrays at rest would have measured, where it is another: the first two stages go by it.
 
     Returns
     -------
@@ -97,7 +100,8 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed) -> tu
     Errors
     """
     refracted = replace(true, profile=used.profile, head_speed=used.head_speed, node=used.node)
-    stages = [one.located(measured) for one in (true, refracted, used)]
+    first = measured if at_rest is None else at_rest
+    stages = [true.located(first), refracted.located(first), used.located(measured)]
     true_depth = [np.asarray(bed(one.x, one.y), float) for one in stages]
     detection, refraction, motion = (one.depth - depth for one, depth in zip(stages, true_depth))
     return stages[-1], Errors(true_depth=true_depth[-1], error=motion, error_detection=detection,

@@ -13,7 +13,7 @@ from ...scene.materials import scattering_strength
 from ...tracing.hits import Hits
 from ...tracing.tracer import registry_index
 
-__all__ = ["BedPoints", "bed_at"]
+__all__ = ["BedPoints", "bed_at", "bed_depth"]
 
 ASIDE = 1e-3                       # [m] beside an edge of facets, where a ray that slips between them is sent again
 
@@ -24,22 +24,18 @@ class BedPoints:
 
     Attributes
     ----------
-    depth : [m]
-        NaN where nothing does.
     label : uint32
-        Of the instance; 0 where nothing does.
+        Of the instance; 0 where nothing lies.
     strength : [-]
-        By the material's law, for sound that comes from where it was sent; NaN where nothing lies, or nobody asks.
+        By the material's law, for sound that comes from where it was sent; NaN where nothing lies.
     """
 
-    depth: np.ndarray
     label: np.ndarray
     strength: np.ndarray
 
 
-def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, arrival: np.ndarray,
-           sound_speed: float, frequency: float | None) -> BedPoints:
-    """Look down at places.
+def bed_depth(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float) -> np.ndarray:
+    """Give the depth of what lies below places, (N,) [m]; NaN where nothing does.
 
     Parameters
     ----------
@@ -47,44 +43,45 @@ def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, ar
     x, y : (N,) [m]
     above : float [m]
         Depth that is looked from: what floats above it does not count.
+    """
+    depth = np.full(len(x), np.nan)
+    for aside in (0.0, ASIDE):
+        lost = np.flatnonzero(np.isnan(depth) & np.isfinite(x))
+        if lost.size:
+            si = geometry.scene.ray_intersect(_down(x[lost] + aside, y[lost] + 0.6 * aside, above))
+            depth[lost] = np.where(si.is_valid().numpy(), above + si.t.numpy(), np.nan)
+    return depth
+
+
+def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, arrival: np.ndarray,
+           sound_speed: float, frequency: float) -> BedPoints:
+    """Give what lies below places.
+
+    Parameters
+    ----------
+    geometry, x, y, above
+        As of `bed_depth`.
     arrival : (N, 3)
         Unit vectors along the travel of sound there, scene.
     sound_speed : float [m/s]
         At the bed.
-    frequency : float or None [Hz]
-        That strengths are asked for.
+    frequency : float [Hz]
     """
-    found = _looked(geometry, x, y, above, arrival, sound_speed, frequency)
-    lost = np.flatnonzero(np.isnan(found.depth) & np.isfinite(x))
-    if lost.size:
-        again = _looked(geometry, x[lost] + ASIDE, y[lost] + 0.6 * ASIDE, above, arrival[lost], sound_speed, frequency)
-        for name in ("depth", "label", "strength"):
-            getattr(found, name)[lost] = getattr(again, name)
-    return found
-
-
-def _looked(geometry: Geometry, x: np.ndarray, y: np.ndarray, above: float, arrival: np.ndarray, sound_speed: float,
-            frequency: float | None) -> BedPoints:
-    place = [upload(mi.Float, np.nan_to_num(v).astype(np.float32)) for v in (x, y)]
-    ray = mi.Ray3f(mi.Point3f(*place, dr.opaque(mi.Float, -float(above))), mi.Vector3f(0, 0, -1))
-    si = geometry.scene.ray_intersect(ray)
+    ray = _down(x, y, above)
+    si, pi = geometry.scene.ray_intersect(ray), geometry.scene.ray_intersect_preliminary(ray)
     valid = si.is_valid()
-    pi = geometry.scene.ray_intersect_preliminary(ray)
+    towards = mi.Vector3f(*(upload(mi.Float, np.nan_to_num(part).astype(np.float32)) for part in arrival.T))
+    hits = Hits.on_surface(valid=valid, point=arrays_of(mi.Float).Array3f64(si.p), normal=si.n,
+                           arrival_direction=towards, sound_speed=dr.opaque(mi.Float64, sound_speed), shape=si.shape,
+                           primitive=si.prim_index, uv=si.uv)
+    strength, _ = scattering_strength(hits, valid, frequency)
     label = dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), valid)
     there = valid.numpy() & np.isfinite(x)
-    strength = np.full(len(x), np.nan)
-    if frequency is not None:
-        strength = np.where(there, _strength(si, arrival, sound_speed, frequency), np.nan)
-    return BedPoints(depth=np.where(there, above + si.t.numpy(), np.nan),
-                     label=np.where(there, label.numpy(), 0).astype(np.uint32), strength=strength)
+    return BedPoints(label=np.where(there, label.numpy(), 0).astype(np.uint32),
+                     strength=np.where(there, strength.numpy(), np.nan))
 
 
-def _strength(si: mi.SurfaceInteraction3f, arrival: np.ndarray, sound_speed: float, frequency: float) -> np.ndarray:
-    """By the materials' laws, (N,)."""
-    lib, valid = arrays_of(mi.Float), si.is_valid()
-    towards = mi.Vector3f(*(upload(mi.Float, np.nan_to_num(part).astype(np.float32)) for part in arrival.T))
-    hits = Hits.on_surface(valid=valid, point=lib.Array3f64(si.p), normal=si.n, arrival_direction=towards,
-                           sound_speed=dr.opaque(mi.Float64, sound_speed), shape=si.shape, primitive=si.prim_index,
-                           uv=si.uv)
-    strength, _ = scattering_strength(hits, valid, frequency)
-    return strength.numpy()
+def _down(x: np.ndarray, y: np.ndarray, above: float) -> mi.Ray3f:
+    """Rays straight down."""
+    place = (upload(mi.Float, np.nan_to_num(v).astype(np.float32)) for v in (x, y))
+    return mi.Ray3f(mi.Point3f(*place, dr.opaque(mi.Float, -float(above))), mi.Vector3f(0, 0, -1))

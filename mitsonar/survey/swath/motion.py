@@ -7,6 +7,7 @@ import numpy as np
 
 from ...device.chance import sonar_seed
 from ...hydrography.attitude import Motion
+from ...hydrography.errors import disturbed
 from ...sonar.trajectory import Trajectory
 from .survey import SwathSurvey
 
@@ -33,7 +34,7 @@ def said_motion(survey: SwathSurvey, seed: int) -> Motion:
     errors = survey.motion_errors
     true = true_motion(survey, earlier=errors.latency)
     added = errors.added(true.time, sonar_seed(seed, "motion sensors"))
-    return replace(true, **{name: getattr(true, name) + more for name, more in added.items()})
+    return disturbed(true, **added)
 
 
 def _reference(trajectory: Trajectory) -> Trajectory:

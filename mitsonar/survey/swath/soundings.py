@@ -2,33 +2,28 @@
 
     measure    times and angles of the bed in the beams                                 `measuring`
     reduce     places, by the profile, the head's sound speed and the motion said       `hydrography.reduction`
-    compare    with the bed that lies there, cause by cause                             `bed_truth`
+    compare    with the bed that lies there, cause by cause                `hydrography.errors`, `bed_truth`
 
-Depths less those of the bed at the same place, z - b(x, y), at three stages of what is believed:
-
-    detection = z₁ - b₁    water and motion as they are
-    refraction = (z₂ - b₂) - (z₁ - b₁)    profile and head's sound speed as believed
-    motion = (z₃ - b₃) - (z₂ - b₂)    motion as said, too
-    error = z₃ - b₃    their sum
-
-An array that moves with v meets waves from n' at a slant, with the sine a_r·n' c / (c + n'·v). The first two stages
-know that; instruments leave it out, and so does the third.
+An array that moves with v meets waves from n' at a slant, with the sine a_r·n' c / (c + n'·v). Instruments leave that
+out: it counts as an error by motion.
 """
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
-from ...hydrography.attitude import Motion
+from ...hydrography.errors import Reduction, errors
+from ...hydrography.motion_errors import MotionErrors
 from ...hydrography.record import variable
-from ...hydrography.reduction import Installation, Located, Measured, located
+from ...hydrography.reduction import Installation, Located, Measured
+from ...hydrography.uncertainty import Accuracies, with_uncertainty
 from ...imaging.fan import levels
 from ...units import db_from_power
 from ...water.profile import SoundSpeedProfile
-from .bed_truth import BedPoints, bed_at
+from .bed_truth import BedPoints, bed_at, bed_depth
 from .measuring import Measurement, SwathBeams
 from .motion import said_motion, true_motion
 from .strength import WORDS, Strengths
@@ -62,7 +57,7 @@ class SoundingLine:
         self._beams = SwathBeams(survey, seed)
         self._strengths = Strengths(survey, self._beams.sectors)
         self._true, self._said = true_motion(survey), said_motion(survey, seed)
-        self._installation = _installation(survey)
+        self._installation, self._accuracies = _installation(survey), _accuracies(survey.motion_errors)
         self._line = self._of_the_line("another than the scene's" if profile else "the scene's", seed)
 
     def pings(self, numbers: Sequence[int] | None = None) -> Iterator[xr.Dataset]:
@@ -76,31 +71,27 @@ class SoundingLine:
         measured = Measured(ping_time=np.full(len(made.sent), self._survey.track.time[ping]), transmit_time=made.sent,
                             travel_time=made.travel_time, angle=made.angle, transmit_angle=made.transmit_angle,
                             head_sound_speed=np.full(len(made.sent), head_speed))
-        upright = self._without_slant(measured)
-        detected = self._located(upright, self._true, self._survey.profile, node=False)
-        refracted = self._located(upright, self._true, self._profile, node=True)
-        final = self._located(measured, self._said, self._profile, node=True)
-        beds = [self._bed(ping, detected), self._bed(ping, refracted), self._bed_by_sector(ping, final)]
-        errors = [some.depth - bed.depth for some, bed in zip((detected, refracted, final), beds)]
+        true = Reduction(motion=self._true, installation=self._installation, profile=self._survey.profile, node=False)
+        used = Reduction(motion=self._said, installation=self._installation, profile=self._profile)
+        above = -float(self._survey.track.position[ping, 2])
+        final, off = errors(measured, true, used, lambda x, y: bed_depth(self._survey.geometry, x, y, above=above),
+                            at_rest=self._at_rest(measured, true))
+        bed = self._bed(ping, final)
         values = {**self._of_a_ping(ping, head_speed), **_sounded(made, final),
                   **self._strengths.of(ping, made, final, self._snippets),
-                  "true_depth": beds[2].depth, "label": beds[2].label,
-                  "true_backscatter_db": db_from_power(np.maximum(beds[2].strength, 1e-30)),
-                  "error": errors[2], "error_detection": errors[0], "error_refraction": errors[1] - errors[0],
-                  "error_motion": errors[2] - errors[1]}
+                  **off.variables(), "label": bed.label,
+                  "true_backscatter_db": db_from_power(np.maximum(bed.strength, 1e-30))}
         if self._snippets:
             values["snippet_rate"] = self._survey.sectors[0].survey.sampling_rate
         if self._column:
             values.update(self._of_the_column(ping, made))
         whole = {name: variable(name, np.asarray(value)[None]) for name, value in values.items()}
-        return xr.Dataset({**self._line.data_vars, **whole}, coords={"ping": [ping]}, attrs=self._line.attrs)
+        made_up = xr.Dataset({**self._line.data_vars, **whole}, coords={"ping": [ping]}, attrs=self._line.attrs)
+        return with_uncertainty(made_up, self._accuracies)
 
-    def _located(self, measured: Measured, motion: Motion, profile: SoundSpeedProfile, *, node: bool) -> Located:
-        return located(measured, motion, self._installation, profile, node=node)
-
-    def _without_slant(self, measured: Measured) -> Measured:
+    def _at_rest(self, measured: Measured, true: Reduction) -> Measured:
         """Give the angles that an array at rest would have measured."""
-        rough = self._located(measured, self._true, self._survey.profile, node=False)
+        rough = true.located(measured)
         heard = np.nan_to_num(measured.transmit_time + measured.travel_time)
         place, later = (self._true.at(heard + step).carried(self._installation.receive_offset)
                         for step in (-STEP, STEP))
@@ -110,25 +101,20 @@ class SoundingLine:
         sine = np.sin(measured.angle) * (1 + closing / measured.head_sound_speed)
         return replace(measured, angle=np.arcsin(np.clip(sine, -1, 1)))
 
-    def _bed(self, ping: int, some: Located, frequency: float | None = None) -> BedPoints:
-        """The bed below soundings, for sound that comes to it as theirs did."""
-        survey = self._survey
+    def _bed(self, ping: int, some: Located) -> BedPoints:
+        """Whose the bed below soundings is, and how strongly it scatters back at the frequency of each sector."""
+        survey, parts = self._survey, []
         origin = survey.track.position[ping]
         away = np.stack([some.x - origin[0], some.y - origin[1]], -1)
         away = away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-9)
         arrival = np.concatenate([away * np.cos(some.grazing)[:, None], -np.sin(some.grazing)[:, None]], -1)
         depth = float(np.nanmean(some.depth)) if some.found.any() else -origin[2]
-        return bed_at(survey.geometry, some.x, some.y, above=-float(origin[2]), arrival=arrival,
-                      sound_speed=float(survey.profile.at(depth)), frequency=frequency)
-
-    def _bed_by_sector(self, ping: int, some: Located) -> BedPoints:
-        """The same, with strengths at the frequency of each sector."""
-        parts = []
-        for run in self._survey.sectors:
-            mine = Located(**{one.name: getattr(some, one.name)[run.beams] for one in fields(some)})
-            parts.append(self._bed(ping, mine, run.survey.frequency))
-        return BedPoints(**{one.name: np.concatenate([getattr(part, one.name) for part in parts])
-                            for one in fields(BedPoints)})
+        for run in survey.sectors:
+            parts.append(bed_at(survey.geometry, some.x[run.beams], some.y[run.beams], above=-float(origin[2]),
+                                arrival=arrival[run.beams], sound_speed=float(survey.profile.at(depth)),
+                                frequency=run.survey.frequency))
+        return BedPoints(label=np.concatenate([part.label for part in parts]),
+                         strength=np.concatenate([part.strength for part in parts]))
 
     def _of_a_ping(self, ping: int, head_speed: float) -> dict[str, np.ndarray | float]:
         """What is of the ping and of its sectors."""
@@ -198,3 +184,10 @@ def _installation(survey: SwathSurvey) -> Installation:
         transmit_offset=offset + first.transmit.position.mean(0),
         receive_offset=offset + first.receive.position.mean(0),
         transmit_mounting=survey.mounting, receive_mounting=survey.mounting)
+
+
+def _accuracies(errors: MotionErrors) -> Accuracies:
+    """Of the sensors as the scene says them; nobody knows a bias."""
+    return Accuracies(angle=0.0, roll=errors.attitude_noise, pitch=errors.attitude_noise,
+                      heading=errors.heading_noise, heave=errors.heave_noise, heave_share=0.0, draught=0.0,
+                      position=errors.position_noise * float(np.sqrt(2)), latency=0.0, profile=0.0, head=0.0)
