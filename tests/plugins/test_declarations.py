@@ -56,7 +56,7 @@ def test_a_default_is_what_its_attribute_expects(reference, plugin):
         defaults = [values[one.name] for values in one.default.table.values()] if isinstance(
             one.default, FromTable) else [one.default]
         for default in defaults:
-            written = ", ".join(map(str, default)) if isinstance(default, tuple) else default
+            written = ", ".join(map(str, default)) if isinstance(default, (tuple, list)) else default
             read = one.read(written, "String" if isinstance(written, str) else "Float")
             assert np.array_equal(read if read is not None else "", one.taken(default)), one.name
 
