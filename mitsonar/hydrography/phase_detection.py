@@ -32,7 +32,7 @@ PASSES = 4
 REACH = 0.8                  # half the window, in the -3 dB width of the beam: that of a half is twice as wide
 BLOCK = 2.0                  # echoes that the scatter is summed over, so that what cancels between neighbours does
 FREE = 2.3                   # echoes that the line takes of those there are, with such blocks
-LEAST_ECHOES = 3.0           # within the window
+LEAST_ECHOES = 2.0           # within the window
 SLOPES = (0.4, 2.5)          # β₁ over 2π d that a bed can have
 SIDE_BY_SIDE = 1.5           # pulse lengths from one independent echo to the next: ∫ρ² over ∫|χ|² (Gauss √2, CW 1.62)
 

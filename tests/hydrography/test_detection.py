@@ -79,7 +79,7 @@ def test_deviations_are_what_soundings_scatter_by(line):
     for method, least in ((BY_AMPLITUDE, 0.75), (BY_PHASE, 0.6)):
         ratio = np.abs(line.error / line.deviation)[line.method == method]
         assert least < np.quantile(ratio, 0.683) < 1.3, (method, np.quantile(ratio, 0.683))
-        assert np.mean(ratio > 4) < 0.01
+        assert np.mean(ratio > 4) < 0.015
 
 
 def test_every_beam_within_the_record_has_a_sounding(line):
@@ -88,14 +88,14 @@ def test_every_beam_within_the_record_has_a_sounding(line):
 
 
 def test_phase_takes_over_where_the_footprint_holds_enough_echoes(line):
-    # The window of ± 0.8 beam widths holds three echoes a pulse and a half long where
-    # 1.6 t tan ψ Δθ = 4.5 T, ψ the incidence: there half of the soundings are by phase.
+    # The window of ± 0.8 beam widths holds two echoes a pulse and a half long where 1.6 t tan ψ Δθ = 3 T, ψ the
+    # incidence: there the phase takes over, within 40 % of that length.
     sounder = line.sounder
     incidence = np.abs(np.arcsin(sounder.sines) + np.radians(line.slope_deg))
     echoes = 1.6 * line.truth * np.tan(incidence) * sounder.beam_widths / (1.5 * sounder.pulse)
     seen = np.isfinite(line.error).any(axis=0)
-    assert np.mean(line.method[:, seen & (echoes < 2)] == BY_PHASE) < 0.1
-    assert np.mean(line.method[:, seen & (echoes > 5)] == BY_PHASE) > 0.9
+    assert np.mean(line.method[:, seen & (echoes < 1.2)] == BY_PHASE) < 0.1
+    assert np.mean(line.method[:, seen & (echoes > 2.8)] == BY_PHASE) > 0.9
 
 
 def test_amplitudes_scatter_as_theory_says(line):

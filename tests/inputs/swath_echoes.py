@@ -5,6 +5,7 @@ scatterer has a place, a complex Gaussian amplitude and a Gaussian pulse; every 
 with the phase of its own place (far field, narrow band); beams are sums over the elements of each half.
 """
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from mitsonar.hydrography.detection import Head
@@ -36,7 +37,7 @@ class Sounder:
     samples_per_pulse: float = 2.0
     taper: float = 0.0                 # 0 none, 1 a cosine
 
-    @property
+    @cached_property
     def time(self):
         step = self.pulse / self.samples_per_pulse
         return 1e-4 + step * np.arange(int(self.duration / step))
@@ -45,7 +46,7 @@ class Sounder:
     def sines(self):
         return np.sin(np.radians(np.linspace(-self.fan_deg, self.fan_deg, self.beams)))
 
-    @property
+    @cached_property
     def elements(self):                # even number, wavelengths
         number = 2 * int(np.ceil(0.886 / np.radians(self.beam_deg)))
         return (np.arange(number) - (number - 1) / 2) / 2
@@ -60,14 +61,14 @@ class Sounder:
         upper = self.elements > 0
         return 2 * np.average(self.elements[upper], weights=self.shading[upper])
 
-    @property
+    @cached_property
     def beam_widths(self):
         """-3 dB widths of the beams, measured on their pattern."""
         offsets = np.linspace(0, 3, 3001) * np.radians(self.beam_deg)
         pattern = np.abs(np.exp(2j * np.pi * np.outer(offsets, self.elements)) @ self.shading) / self.shading.sum()
         return 2 * offsets[np.argmin(pattern > np.sqrt(0.5))] / np.sqrt(1 - self.sines ** 2)
 
-    @property
+    @cached_property
     def pattern_integral(self):
         """∫ of the beam's power pattern over the sine."""
         offsets = np.linspace(-0.5, 0.5, 20001)
