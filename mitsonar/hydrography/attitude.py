@@ -12,9 +12,14 @@ goes on with the rates that it has there.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 __all__ = ["Motion", "Pose", "mounted", "turned"]
 
@@ -111,14 +116,21 @@ class Motion:
 
     def at(self, time: np.ndarray) -> Pose:
         """Give the pose at times (...) [s]; NaN where the time is."""
+        time = np.asarray(time, float)
+        inside = np.clip(time, self.time[0], self.time[-1])
+        if self.time.size == 1:
+            values = self._rows[0] + 0 * inside[..., None]
+        else:
+            values = self._spline(inside) + (time - inside)[..., None] * self._spline(inside, 1)
+        return Pose(place=values[..., :3], roll=values[..., 3], pitch=values[..., 4], heading=values[..., 5])
+
+    @property
+    def _rows(self) -> np.ndarray:
+        return np.stack([self.x, self.y, self.depth, self.roll, self.pitch, np.unwrap(self.heading)], -1)
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        """Made once: a line asks ping by ping."""
         from scipy.interpolate import CubicSpline
 
-        rows = np.stack([self.x, self.y, self.depth, self.roll, self.pitch, np.unwrap(self.heading)], -1)
-        time = np.asarray(time, float)
-        if self.time.size == 1:
-            values = np.where(np.isfinite(time)[..., None], rows[0], np.nan)
-        else:
-            spline = CubicSpline(self.time, rows)
-            inside = np.clip(time, self.time[0], self.time[-1])
-            values = spline(inside) + (time - inside)[..., None] * spline(inside, 1)
-        return Pose(place=values[..., :3], roll=values[..., 3], pitch=values[..., 4], heading=values[..., 5])
+        return CubicSpline(self.time, self._rows)

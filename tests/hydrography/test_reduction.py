@@ -4,6 +4,7 @@ The forward problem is solved by another code (`mitsonar.propagation.eigenrays`,
 references, and here against Runge-Kutta steps written in the test), so agreement is limited by rounding: 1e-8 m.
 """
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -135,6 +136,17 @@ def test_interpolated_motion_errs_as_splines_do():
     error = np.abs(motion.at(asked).roll - np.radians(5) * np.sin(omega * asked)).max()
     assert error < 1.1 * 5 / 384 * (0.1 * omega) ** 4 * np.radians(5)
     np.testing.assert_allclose(np.cos(motion.at(asked).heading), np.cos(6.2 + 0.1 * asked), atol=1e-9)
+
+
+def test_motion_of_a_long_line_is_joined_once():
+    # An hour at 100 Hz, asked for ping by ping: the first question takes some 0.2 s, a later one microseconds.
+    time = np.arange(0, 3600, 0.01)
+    motion = Motion(**{name: time for name in ("time", "x", "y", "depth", "roll", "pitch", "heading")})
+    motion.at(np.array([1.0]))
+    start = perf_counter()
+    for ping in range(20):
+        assert motion.at(np.full(512, 100.0 + ping)).roll[0] == pytest.approx(100.0 + ping)
+    assert perf_counter() - start < 0.5
 
 
 def test_mountings_turn_as_tracks_do():
