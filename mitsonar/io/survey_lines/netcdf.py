@@ -59,7 +59,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         beside = {name: value for name, value in root_attributes(line).items() if name not in record.attrs}
         record.attrs = record.attrs | beside | {BESIDE: json.dumps(list(beside))}
         record.to_netcdf(temporary, engine=ENGINE, unlimited_dims=("ping",), encoding=_encoding(record))
-        with h5py.File(temporary, "a") as file:
+        with h5py.File(temporary, "a", rdcc_nbytes=2 * CHUNK_BYTES) as file:
             growing = {str(name): file[_SHADOWED + str(name) if _SHADOWED + str(name) in file else str(name)]
                        for name, variable in first.variables.items() if variable.dims[:1] == ("ping",)}
             for block in some:
