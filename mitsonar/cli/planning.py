@@ -61,6 +61,7 @@ def add(commands: Commands) -> None:
     errors.add_argument("--order", default="1a", metavar="ORDER",
                         help="of IHO S-44 that errors are held to: exclusive, special, 1a (default), 1b or 2")
     plan.add_argument("--picture", metavar="OUT.png", help="a map: depths, lines, swaths, gaps in red")
+    plan.add_argument("--scene", metavar="OUT.xml", help="a scene of `multibeam` that sails the lines")
     plan.add_argument("--json", metavar="OUT.json", help="all numbers")
     plan.set_defaults(run=_plan)
 
@@ -68,14 +69,14 @@ def add(commands: Commands) -> None:
 def _plan(arguments):
     from ..hydrography.planning import plan
     from ..hydrography.survey_orders import survey_order
-    from ..io import plan_summary, planned_lines
+    from ..io import plan_summary, planned_lines, planned_scene
     from .planning_words import report
 
     order = survey_order(arguments.order)
     _check_outputs(arguments)
     layout = _layout(arguments)
     corners = _corners(arguments)
-    sonar, profile, deepest_sample = _sonar_and_water(arguments)
+    sonar, profile, cast = _sonar_and_water(arguments)
     used = _used(arguments, profile)
     bed, frame = _bed(arguments, corners)
     for path in arguments.output:
@@ -90,6 +91,10 @@ def _plan(arguments):
     numbers = plan_summary.summary(found, frame)
     for path in arguments.output:
         planned_lines.write(found, path, frame)
+    if arguments.scene:
+        planned_scene.write(found, arguments.scene, frame, planned_scene.BedFile(
+            bathymetry=arguments.bathymetry, vertical=arguments.vertical, resolution=arguments.resolution,
+            crs=arguments.crs, cast=cast))
     if arguments.json:
         plan_summary.write(numbers, arguments.json)
     if arguments.picture:
@@ -97,16 +102,20 @@ def _plan(arguments):
         from .planning_words import subtitle
 
         survey_plan(found, arguments.picture, frame, title=_title(arguments), subtitle=subtitle(numbers))
-    for said in _doubts(found, numbers, deepest_sample):
+    for said in _doubts(found, numbers, None if cast is None else float(profile.depth[-1])):
         warn(said)
     print(report(numbers))
-    for path in (*arguments.output, *filter(None, (arguments.json, arguments.picture))):
+    for path in _outputs(arguments):
         announce(path)
+
+
+def _outputs(arguments):
+    return [*arguments.output, *filter(None, (arguments.scene, arguments.json, arguments.picture))]
 
 
 def _check_outputs(arguments):
     """Refuse what cannot be written before any work is spent."""
-    from ..io import files, planned_lines
+    from ..io import files, planned_lines, planned_scene
 
     for path in arguments.output:
         planned_lines.check(path)
@@ -114,7 +123,9 @@ def _check_outputs(arguments):
         from ..plots import canvas
 
         canvas.file_format(arguments.picture)
-    outputs = [*arguments.output, *filter(None, (arguments.json, arguments.picture))]
+    if arguments.scene:
+        planned_scene.check(arguments.scene)
+    outputs = _outputs(arguments)
     targets = [files.check_writable(path) for path in outputs]
     for number_, target in enumerate(targets):
         if target in targets[:number_]:
@@ -148,7 +159,7 @@ def _corners(arguments) -> "Corners | None":
 
 
 def _sonar_and_water(arguments):
-    """The sonar, the profile, and the depth of the cast's deepest sample [m]."""
+    """The sonar, the profile, and the file of its cast."""
     from ..hydrography.planning_coverage import SwathSonar
     from ..io import casts
     from ..io.planned_sonar import planned_sonar
@@ -165,8 +176,7 @@ def _sonar_and_water(arguments):
     sonar = SwathSonar(swath=float(radians_from_deg(asked.pop("swath_deg"))), **asked)
     if cast is None:
         return sonar, SoundSpeedProfile.constant(1500.0), None
-    profile = casts.read(cast).profile
-    return sonar, profile, float(profile.depth[-1])
+    return sonar, casts.read(cast).profile, cast
 
 
 def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None":

@@ -79,6 +79,27 @@ def test_a_scene_gives_its_sonar_its_window_and_its_cast(folder, capsys):
     assert "the cast ends at 20 m and the bed lies down to 30 m; sound speed is taken as constant below" in found.err
 
 
+def test_a_scene_of_the_lines_sails_them_over_the_bed(folder, capsys):
+    import mitsonar
+
+    planned(capsys, "plan", SANDWAVES, "--swath", 70, "--beams", 16, "--head-depth", 2, "--scene", "lines.xml", "-o",
+            "a.csv", "--run-in", 0)
+    scene = mitsonar.load_file("lines.xml", pings=1, rays=1000)
+    with pytest.warns(UserWarning, match="the course is cut by pings, 1"):
+        image = mitsonar.render(scene)
+    lines = tracks.load(folder / "a.csv")
+    begin = np.array([image.x[0], image.y[0]]) + image.attrs["local_origin"]
+    assert np.hypot(lines.x - begin[0], lines.y - begin[1]).min() < 20             # less what lies beside the bed
+    assert float(image.z[0]) == -2 and image.sizes["beam"] == 16 and image.attrs["course_planned"] > 450
+
+
+def test_a_scene_of_a_level_bed_has_its_depth(folder, capsys):
+    planned(capsys, *LEVEL, "--scene", "lines.xml", "--head-depth", 1, "--speed", 7, "--rate", 3)
+    text = (folder / "lines.xml").read_text()
+    for words in ('type="seabed"', '"depth" value="30.000"', '"speed_knots" value="7.0"', '"ping_rate_hz" value="3.0"'):
+        assert words in text
+
+
 def test_doubts_are_said(folder, capsys):
     places = [(x, y) for x in range(0, 401, 10) for y in range(0, 301, 10) if not (200 < x < 300 and 100 < y < 200)]
     (folder / "slope.txt").write_text("".join(f"{x} {y} {-x / 10}\n" for x, y in places))
@@ -139,6 +160,7 @@ COMMANDS = {
     "picture of no format": ([*LEVEL, "--picture", "a.bmp"], "must end in one of .png"),
     "lines on Earth without a place": ([*LEVEL, "-o", "a.csv", "-o", "a.gpx"], "names no coordinate system"),
     "output twice": ([*LEVEL, "-o", "a.csv", "-o", "./a.csv"], "is to be written twice"),
+    "scene of no format": ([*LEVEL, "--scene", "a.json"], "its name must end in .xml"),
     "no folder": ([*LEVEL, "--json", "no/a.json"], "make it first"),
     "crs that is none": ([*LEVEL, "--crs", "EPSG:1"], "is no coordinate system; write an EPSG code"),
     "crs of a file": ([*LEVEL, "--crs", "scene.xml"], "is no coordinate system; write an EPSG code"),
