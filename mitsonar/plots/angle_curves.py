@@ -143,7 +143,7 @@ def _ray_theory(line: xr.Dataset, bins: Bins) -> tuple[np.ndarray, np.ndarray] |
     if not bed > head.depth:
         return None
     angle = np.deg2rad(np.linspace(bins.angle[0], bins.angle[-1], 181))
-    return angle, refraction_error(used_profile(line), water, head, bed, angle)
+    return angle, refraction_error(used_profile(line, head), water, head, bed, angle)
 
 
 def draw_exceeded(axes: Axes, line: xr.Dataset) -> None:

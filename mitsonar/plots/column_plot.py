@@ -17,7 +17,7 @@ from .water_column import column_window, curtain, fan_of_ping
 
 __all__ = ["draw_column", "draw_curtain"]
 
-PHASE, AMPLITUDE = "#56b4e9", "#ffffff"
+PHASE, AMPLITUDE = "#56b4e9", "#cc79a7"      # on the sheet's white as on the dark of the column
 
 
 def draw_column(axes: Axes, line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "recorder",

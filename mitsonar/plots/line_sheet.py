@@ -44,12 +44,14 @@ def sounded(line: xr.Dataset) -> np.ndarray:
 
 
 def vertical_angle(line: xr.Dataset) -> np.ndarray:
-    """Give the angles from the vertical under which soundings lie from the reference point (ping, beam) [rad].
+    """Give the angles from the vertical under which soundings lie from the arrays (ping, beam) [rad].
 
-    Positive to starboard. Where a sounding has no place it is the angle at the array.
+    Positive to starboard, from the middle between both arrays of a level ship. Where a sounding has no place it is the
+    angle at the array.
     """
-    below = line["depth"].values - line["ping_depth"].values[:, None]
-    placed = np.arctan2(line["across_track"].values, below)
+    arm = np.nan_to_num(0.5 * (line["transmit_offset"].values + line["receive_offset"].values))
+    below = line["depth"].values - line["ping_depth"].values[:, None] - arm[2]
+    placed = np.arctan2(line["across_track"].values - arm[1], below)
     return np.where(np.isfinite(placed), placed, line["angle"].values)
 
 

@@ -139,9 +139,16 @@ def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: n
     return along + rest[:, None] * normal / np.linalg.norm(normal, axis=1)[:, None]
 
 
-def used_profile(line: xr.Dataset) -> SoundSpeedProfile:
-    """Give the profile that the soundings were made with."""
-    return _profile(line, "cast")
+def used_profile(line: xr.Dataset, head: Head) -> SoundSpeedProfile:
+    """Give the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
+
+    Below the cast's last node, where there is none to go to, rays see the cast at once (`mitsonar.hydrography.legs`).
+    """
+    profile = _profile(line, "cast")
+    try:
+        return profile.with_node(head.depth, head.sound_speed)
+    except ValueError:
+        return profile
 
 
 def water_profile(line: xr.Dataset) -> SoundSpeedProfile | None:
@@ -212,7 +219,7 @@ def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: He
     used, water : SoundSpeedProfile
         That of the soundings, and that which the echoes travelled in.
     head : Head
-        Its sound speed makes the angle of what arrays measure, in both.
+        Its sound speed, that beams were steered with and read by, plays no part of its own: arrays measure slowness.
     bed : float [m]
         Depth of the bed.
     angle : (N,) [rad]

@@ -40,7 +40,7 @@ def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile 
     chosen = chosen[np.argsort(across[chosen], kind="stable")]
     head = head_of(line, ping)
     water = water_profile(line) if water is None else water
-    for profile, colour, style, words in ((used_profile(line), USED, "-", "rays by the profile in use"),
+    for profile, colour, style, words in ((used_profile(line, head), USED, "-", "rays by the profile in use"),
                                           (water, WATER, "--", "rays by the water's own")):
         if profile is not None:
             ways, depths = ray_lines(one.isel(beam=chosen), head, profile)
@@ -93,7 +93,7 @@ def draw_profiles(axes: Axes, line: xr.Dataset, ping: int, deepest: float,
     """Draw the profile in use, the water's own and what the head's sensor says, over depth."""
     water = water_profile(line) if water is None else water
     head = head_of(line, ping)
-    for profile, colour, style, words in ((used_profile(line), USED, "-", "in use"),
+    for profile, colour, style, words in ((used_profile(line, head), USED, "-", "in use"),
                                           (water, WATER, "--", "water's own")):
         if profile is not None:
             depth = np.unique(np.concatenate([[0.0, deepest], profile.depth[profile.depth < deepest]]))

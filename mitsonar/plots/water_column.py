@@ -123,7 +123,7 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
     if beams.start.size < 2:
         raise ValueError(f"ping {ping} has {beams.start.size} beams of the water column that look down and have "
                          "samples; a fan takes two.")
-    profile = used_profile(line) if bend else SoundSpeedProfile.constant(head.sound_speed)
+    profile = used_profile(line, head) if bend else SoundSpeedProfile.constant(head.sound_speed)
     level = np.hypot(beams.towards[:, 0], beams.towards[:, 1])
     edges, ways, times = layer_sums(profile, head.depth, level / head.sound_speed, 0.5 * float(beams.ends.max()))
     aside = np.divide(beams.towards[:, 1], level, out=np.ones_like(level), where=level > 0)
