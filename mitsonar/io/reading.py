@@ -1,4 +1,4 @@
-"""Any file that mitsonar wrote, read by its content; images and signals, written as the file's name asks."""
+"""Any file that mitsonar wrote, and lines of soundings, read by content; images and signals, written by name."""
 import json
 import os
 
@@ -17,18 +17,21 @@ ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 KINDS = ".exr (images), .nc (images, signals)"
 
 
-def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray:
-    """Read a file that mitsonar wrote.
+def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
+    """Read a file that mitsonar wrote, or a line of soundings.
 
     Parameters
     ----------
     path : str or path
-        An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks).
+        An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf), of which `io.survey_lines.reading` also reads parts.
 
     Returns
     -------
     SonarImage, SonarSignals, dict, list or numpy.ndarray
         Images are an `xarray.Dataset`, signals an `xarray.DataArray`, pictures (row, column) or (row, column, channel).
+    xarray.Dataset
+        Of a survey line, as `hydrography.record` describes it.
 
     Raises
     ------
@@ -37,6 +40,8 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ValueError
         If it is of another kind, damaged, or not of mitsonar.
     """
+    from .survey_lines import reading as survey_lines
+
     if os.path.isdir(path):
         return _zarr(path)
     with open(path, "rb") as stream:
@@ -49,7 +54,10 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
         return _json(path)
-    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON or PNG; give a file that mitsonar wrote.")
+    if survey_lines.recognised(head):
+        return survey_lines.read(path)
+    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that mitsonar "
+                     "wrote, or an .all, .kmall or .gsf file.")
 
 
 def is_netcdf(path: FilePath) -> bool:

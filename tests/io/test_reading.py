@@ -26,8 +26,8 @@ def test_text_and_pictures(tmp_path):
 
 
 @pytest.mark.parametrize("name, content, sentence", [
-    ("a.csv", b"a,b\n1,2\n", "it is no EXR, netCDF, JSON or PNG; give a file that mitsonar wrote"),
-    ("empty", b"", "it is no EXR, netCDF, JSON or PNG"),
+    ("a.csv", b"a,b\n1,2\n", "it is no EXR, netCDF, JSON, PNG or survey line; give a file that"),
+    ("empty", b"", "it is no EXR, netCDF, JSON, PNG or survey line"),
     ("a.json", b'{"a": ', "it is no JSON"),
     ("a.json", b"\xff\xfe", "it is no JSON"),
     ("a.json", b"[" * 100_000, "it is no JSON"),

@@ -1,0 +1,179 @@
+"""Datagrams of Kongsberg's .all and .wcd files: their frames and tables, every length checked before it is believed.
+
+Layouts: Kongsberg, EM Series Multibeam echo sounder, Datagram formats (850-160692). A datagram is its length [bytes]
+without these four, STX, a letter, model, date, milliseconds, counter, serial number; tables; ETX and a checksum.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from functools import cached_property
+from typing import Any, BinaryIO, Literal
+
+import numpy as np
+
+__all__ = ["ATTITUDE", "CAST_NODE", "COLUMN_BEAM", "COLUMN_SECTOR", "Datagram", "HEADS", "RANGE_BEAM", "RANGE_SECTOR",
+           "XYZ_BEAM", "at", "datagrams"]
+
+Order = Literal["<", ">"]
+LONGEST = 1 << 20                  # bytes; the format's are split at 64 kB
+FRAME = np.dtype([("length", "<u4"), ("stx", "u1"), ("kind", "S1"), ("model", "<u2"), ("date", "<u4"), ("time", "<u4"),
+                  ("counter", "<u2"), ("serial", "<u2")])
+HEAD, END = FRAME.itemsize, 3      # bytes
+
+HEADS = {kind: np.dtype(fields) for kind, fields in {
+    "N": [("speed", "<u2"), ("sectors", "<u2"), ("beams", "<u2"), ("detections", "<u2"), ("rate", "<f4"),
+          ("doppler", "<u4")],
+    "X": [("heading", "<u2"), ("speed", "<u2"), ("depth", "<f4"), ("beams", "<u2"), ("detections", "<u2"),
+          ("rate", "<f4"), ("scanning", "u1"), ("spare", "u1", (3,))],
+    "O": [("beams", "<u2"), ("parameters", "u1"), ("spare", "u1")],
+    "P": [("latitude", "<i4"), ("longitude", "<i4"), ("quality", "<u2"), ("speed", "<u2"), ("course", "<u2"),
+          ("heading", "<u2"), ("system", "u1"), ("input", "u1")],
+    "A": [("entries", "<u2")],
+    "n": [("entries", "<u2"), ("system", "i1"), ("spare", "u1")],
+    "U": [("date", "<u4"), ("time", "<u4"), ("entries", "<u2"), ("resolution", "<u2")],
+    "k": [("datagrams", "<u2"), ("number", "<u2"), ("sectors", "<u2"), ("all_beams", "<u2"), ("beams", "<u2"),
+          ("speed", "<u2"), ("rate", "<u4"), ("heave", "<i2"), ("tvg_function", "u1"), ("tvg_offset", "i1"),
+          ("scanning", "u1"), ("spare", "u1", (3,))]}.items()}
+RANGE_SECTOR = np.dtype([("tilt", "<i2"), ("focus", "<u2"), ("length", "<f4"), ("delay", "<f4"), ("frequency", "<f4"),
+                         ("absorption", "<u2"), ("form", "u1"), ("number", "u1"), ("bandwidth", "<f4")])
+RANGE_BEAM = np.dtype([("angle", "<i2"), ("sector", "u1"), ("detection", "u1"), ("window", "<u2"), ("quality", "u1"),
+                       ("doppler", "i1"), ("travel_time", "<f4"), ("backscatter", "<i2"), ("cleaning", "i1"),
+                       ("spare", "u1")])
+XYZ_BEAM = np.dtype([("z", "<f4"), ("y", "<f4"), ("x", "<f4"), ("window", "<u2"), ("quality", "u1"),
+                     ("incidence", "i1"), ("detection", "u1"), ("cleaning", "i1"), ("backscatter", "<i2")])
+ATTITUDE = np.dtype([("time", "<u2"), ("status", "<u2"), ("roll", "<i2"), ("pitch", "<i2"), ("heave", "<i2"),
+                     ("heading", "<u2")])
+CAST_NODE = np.dtype([("depth", "<u4"), ("speed", "<u4")])
+COLUMN_SECTOR = np.dtype([("tilt", "<i2"), ("frequency", "<u2"), ("number", "u1"), ("spare", "u1")])
+COLUMN_BEAM = np.dtype([("angle", "<i2"), ("start", "<u2"), ("samples", "<u2"), ("detected", "<u2"), ("sector", "u1"),
+                        ("number", "u1")])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Datagram:
+    """Hold one datagram.
+
+    Attributes
+    ----------
+    offset : int [bytes]
+        In the file.
+    raw : bytes
+        All of it, in the order of bytes that the tables have.
+    order : '<' or '>'
+    """
+
+    offset: int
+    raw: bytes
+    order: Order
+
+    @cached_property
+    def frame(self) -> Any:
+        """First fields, by their names."""
+        return np.frombuffer(self.raw, FRAME.newbyteorder(self.order), 1)[0]
+
+    @property
+    def kind(self) -> str:
+        """Letter of its type."""
+        return chr(self.raw[5])
+
+    @cached_property
+    def time(self) -> float:
+        """Seconds since 1970, UTC."""
+        return seconds(int(self.frame["date"]), int(self.frame["time"]))
+
+    @property
+    def key(self) -> tuple[int, int, int, int]:
+        """What datagrams of one ping share: serial number, counter, date and time."""
+        serial, counter, date, time = (int(self.frame[name]) for name in ("serial", "counter", "date", "time"))
+        return serial, counter, date, time
+
+    @cached_property
+    def head(self) -> Any:
+        """Fields before the tables, by their names."""
+        return self.table(HEADS[self.kind], 1, HEAD)[0]
+
+    def table(self, layout: np.dtype, count: int, offset: int | None = None) -> np.ndarray:
+        """Give a table of ``count`` rows, by default the one after the head.
+
+        Raises
+        ------
+        ValueError
+            If the datagram is too short for it.
+        """
+        start = HEAD + HEADS[self.kind].itemsize if offset is None else offset
+        if start + count * layout.itemsize > len(self.raw) - END:
+            raise ValueError(f"its datagram {self.kind!r} at byte {self.offset} says that it holds {count} entries, "
+                             "more than it has room for; it is damaged.")
+        return np.frombuffer(self.raw, layout.newbyteorder(self.order), count, start)
+
+    def after(self, *tables: np.ndarray) -> int:
+        """Give the offset behind the head and tables that follow it."""
+        return HEAD + HEADS[self.kind].itemsize + sum(table.nbytes for table in tables)
+
+
+def seconds(date: int, milliseconds: int) -> float:
+    """Give seconds since 1970 of a date (20261231) and milliseconds of the day.
+
+    Raises
+    ------
+    ValueError
+        If there is no such date.
+    """
+    try:
+        day = datetime(date // 10000, date // 100 % 100, date % 100, tzinfo=timezone.utc)
+    except ValueError:
+        raise ValueError(f"a datagram is of the date {date}, which there is not; the file is damaged.") from None
+    return day.timestamp() + 1e-3 * milliseconds
+
+
+def datagrams(stream: BinaryIO, kinds: str) -> Iterator[Datagram]:
+    """Walk through a file's datagrams of some kinds; others are passed over.
+
+    Raises
+    ------
+    ValueError
+        If the file is no .all file, or cut or damaged, once that is met.
+    """
+    size, offset = os.fstat(stream.fileno()).st_size, 0
+    stream.seek(0)
+    head = stream.read(HEAD)
+    orders: tuple[Order, ...] = "<", ">"
+    order = next((one for one in orders if _plausible(head, one)), None)
+    if order is None:
+        raise ValueError("it is no .all or .wcd file: it does not begin with a datagram.")
+    while offset < size:
+        stream.seek(offset)
+        head = stream.read(HEAD)
+        if not _plausible(head, order):
+            raise ValueError(f"it is damaged or cut at byte {offset}: there is no datagram.")
+        length = int.from_bytes(head[:4], "little" if order == "<" else "big")
+        if offset + 4 + length > size:
+            raise ValueError(f"it is cut: its last datagram, at byte {offset}, has {size - offset} of {length + 4} "
+                             "bytes; copy the file again.")
+        if chr(head[5]) in kinds:
+            yield at(stream, offset, length, order)
+        offset += 4 + length
+
+
+def at(stream: BinaryIO, offset: int, length: int, order: Order) -> Datagram:
+    """Read one datagram of a length [bytes] that was checked.
+
+    Raises
+    ------
+    ValueError
+        If it does not end as datagrams do.
+    """
+    stream.seek(offset)
+    raw = stream.read(4 + length)
+    if len(raw) != 4 + length or raw[-END] != 3:
+        raise ValueError(f"its datagram at byte {offset} does not end where it says; it is damaged.")
+    return Datagram(offset=offset, raw=raw, order=order)
+
+
+def _plausible(head, order):
+    """Whether a datagram begins so."""
+    length = int.from_bytes(head[:4], "little" if order == "<" else "big")
+    return len(head) == HEAD and HEAD - 4 + END <= length <= LONGEST and head[4] == 2

@@ -1,0 +1,204 @@
+"""What readers of survey lines find in a file, and the record it makes: blocks of pings, padded alike.
+
+A reader gives a `Line` once and a `Ping` after the other; `dataset` puts them together. Angles are radians, metres are
+metres and times are seconds of the line by then; a reader converts at its border.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+
+import numpy as np
+import xarray as xr
+
+from ...hydrography.record import VARIABLES, variable
+
+__all__ = ["MOST_BEAMS", "Column", "Line", "Ping", "dataset"]
+
+MOST_BEAMS = 4096                  # soundings of a ping, more than any echo sounder has
+MOST_SECTORS = 64
+DEEPEST, FARTHEST = 2e4, 1e5       # [m] of soundings, from the surface and from the ship
+MOST_BYTES = 1 << 32               # of the samples of a water column that are held at once
+MOTION = ("time", "x", "y", "depth", "roll", "pitch", "heading")
+PING = ("time", "x", "y", "depth", "roll", "pitch", "heading")
+SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Line:
+    """Hold what pings share.
+
+    Attributes
+    ----------
+    sonar, title : str
+    start : float [s]
+        Of time 0 since 1970, UTC.
+    crs : str or None
+    origin : (2,) [m] or None
+        Easting and northing of x = y = 0.
+    cast_depth, cast_sound_speed : (D,) [m], [m/s]
+    transmit_offset, transmit_mounting : (3,) [m], [rad]
+    receive_offset, receive_mounting : (R, 3) [m], [rad]
+        Of every receiving head.
+    motion : dict of str to (M,)
+        time, x, y, depth, roll, pitch, heading.
+    backscatter, profile : str
+        Corrections of backscatter, and where the cast is from.
+    beams, sectors, column_beams, column_samples : int
+        Most of a ping.
+    """
+
+    sonar: str
+    title: str
+    start: float
+    crs: str | None
+    origin: tuple[float, float] | None
+    cast_depth: np.ndarray
+    cast_sound_speed: np.ndarray
+    transmit_offset: np.ndarray
+    transmit_mounting: np.ndarray
+    receive_offset: np.ndarray
+    receive_mounting: np.ndarray
+    motion: dict[str, np.ndarray]
+    backscatter: str
+    profile: str
+    beams: int
+    sectors: int
+    column_beams: int = 0
+    column_samples: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Column:
+    """Hold the water column of a ping.
+
+    Attributes
+    ----------
+    angle, start, rate : (C,) [rad], [s], [Hz]
+    sector : (C,) int
+    count : (C,) int
+        Samples of each beam.
+    level_db : (sum of count,) [dB]
+        Beam after beam.
+    """
+
+    angle: np.ndarray
+    start: np.ndarray
+    rate: np.ndarray
+    sector: np.ndarray
+    count: np.ndarray
+    level_db: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ping:
+    """Hold one ping of one head.
+
+    Attributes
+    ----------
+    place : dict of str to float
+        time, x, y, depth, roll, pitch, heading of the reference point.
+    head_sound_speed : float [m/s]
+    head : int
+        Number of the receiving head, from 0.
+    sectors : dict of str to (S,)
+        frequency, delay, angle, pulse_length, bandwidth, source_level_db, absorption_db; offset (S, 3) where known.
+    soundings : dict of str to (B,)
+        By the names of the record's variables.
+    column : Column or None
+    """
+
+    place: dict[str, float]
+    head_sound_speed: float
+    head: int
+    sectors: dict[str, np.ndarray]
+    soundings: dict[str, np.ndarray]
+    column: Column | None = field(default=None)
+
+
+@np.errstate(invalid="ignore", over="ignore")      # of numbers that are none, in what is not valid
+def dataset(line: Line, pings: Sequence[Ping]) -> xr.Dataset:
+    """Put pings together.
+
+    Parameters
+    ----------
+    line : Line
+    pings : sequence of Ping
+        None of them: a record without pings.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `hydrography.record` describes it. Numbers of soundings that are not valid are NaN, and none is valid whose
+        place is no number, or farther off than any sounder reaches.
+
+    Raises
+    ------
+    ValueError
+        If the water column would not fit into memory.
+    """
+    values: dict[str, np.ndarray] = {
+        "cast_depth": line.cast_depth, "cast_sound_speed": line.cast_sound_speed,
+        "transmit_offset": line.transmit_offset, "transmit_mounting": line.transmit_mounting,
+        "receive_offset": line.receive_offset[0], "receive_mounting": line.receive_mounting[0]}
+    values |= {f"motion_{name}": line.motion[name] for name in MOTION}
+    values |= {f"ping_{name}": np.array([ping.place[name] for ping in pings]) for name in PING}
+    values["head_sound_speed"] = np.array([ping.head_sound_speed for ping in pings])
+    values |= {f"sector_{name}": _padded([ping.sectors[name] for ping in pings], (line.sectors,), np.nan)
+               for name in SECTOR}
+    if pings and "offset" in pings[0].sectors:
+        values["sector_offset"] = _padded([ping.sectors["offset"] for ping in pings], (line.sectors, 3), np.nan)
+    if len(line.receive_offset) > 1:
+        values["head"] = np.array([ping.head for ping in pings])
+        values |= {"head_receive_offset": line.receive_offset, "head_receive_mounting": line.receive_mounting}
+    names = list(pings[0].soundings) if pings else [
+        name for name, about in VARIABLES.items() if about.group == "sounding" and about.needed]
+    valid = _padded([_sane(ping.soundings) for ping in pings], (line.beams,), False)
+    values["valid"] = valid
+    for name in names:
+        if name != "valid":
+            kept = VARIABLES[name].dtype.startswith("f")
+            rows = _padded([ping.soundings[name] for ping in pings], (line.beams,), np.nan if kept else 0)
+            values[name] = np.where(valid, rows, np.nan) if kept else rows
+    if line.column_beams:
+        values |= _columns(line, pings)
+    about = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
+             "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
+             "backscatter": line.backscatter}
+    if line.crs is not None:
+        about["origin"] = line.origin
+    return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=about)
+
+
+def _sane(soundings):
+    """Say which soundings are valid and somewhere."""
+    somewhere = (np.abs(soundings["depth"]) < DEEPEST) & np.isfinite(soundings["x"]) & np.isfinite(soundings["y"])
+    return soundings["valid"] & somewhere & (np.hypot(soundings["across_track"], soundings["along_track"]) < FARTHEST)
+
+
+def _padded(rows, shape, filling):
+    """Stack rows of different length (B, ...) to (P, B, ...)."""
+    padded = np.full((len(rows), *shape), filling)
+    for ping, row in enumerate(rows):
+        padded[ping, :len(row)] = row
+    return padded
+
+
+def _columns(line, pings):
+    """Lay out the samples of water columns."""
+    shape = (len(pings), line.column_beams, line.column_samples)
+    if 4 * np.prod(shape, dtype=float) > MOST_BYTES:
+        raise ValueError(f"the water column of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
+                         f"{4e-9 * np.prod(shape, dtype=float):.3g} GB; read fewer pings at a time, or leave it out "
+                         "(water_column=False).")
+    rows = {"angle": np.nan, "start": np.nan, "rate": np.nan, "sector": 0}
+    empty = np.zeros(0)
+    values = {f"column_{name}": _padded([getattr(ping.column, name) if ping.column else empty for ping in pings],
+                                        shape[1:2], filling) for name, filling in rows.items()}
+    level = np.full(shape, np.nan, np.float32)
+    samples = np.arange(line.column_samples)
+    for ping, one in enumerate(pings):
+        if one.column is not None:
+            level[ping, :one.column.count.size][samples < one.column.count[:, None]] = one.column.level_db
+    return {**values, "column_level_db": level}

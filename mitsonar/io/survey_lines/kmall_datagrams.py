@@ -1,0 +1,186 @@
+"""Datagrams of KMALL files: their frames, checked before a library decodes what is inside.
+
+A datagram is its length [bytes, all of it], a type as ``#MRZ``, version, system, model, seconds and nanoseconds since
+1970; a body; and its length again (Kongsberg, EM datagrams on *.kmall format, 410224). `pykmall` decodes a body from
+the bytes of one datagram alone, so that lengths that lie cannot lead it elsewhere.
+"""
+from __future__ import annotations
+
+import io
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+__all__ = ["Datagram", "at", "beams_of", "column_of", "datagrams", "decoded", "position_of"]
+
+LONGEST = 1 << 26                  # bytes; water columns have a few megabytes
+FRAME = struct.Struct("<I4sBBHII")
+BODY = struct.Struct("<2H8B")                      # of multibeam datagrams, after the parts' numbers
+PING_INFO = "<2H1f6B1H11f2h2B1H1I3f2H1f2H6f4B2d1f"
+PLACE = struct.calcsize(PING_INFO[:-4])            # where the latitude stands in it
+SECTORS = struct.calcsize("<2H1f6B1H11f2h2B1H1I3f2H1f")
+RECEIVER, SOUNDING = struct.Struct("<4H4f4H"), 120
+COLUMN_RECEIVER, COLUMN_BEAM = struct.Struct("<2H3B1b2f"), struct.Struct("<f4Hf")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Datagram:
+    """Hold one datagram.
+
+    Attributes
+    ----------
+    offset : int [bytes]
+        In the file.
+    raw : bytes
+    kind : str
+        Three letters.
+    model : int
+    time : float [s]
+        Since 1970.
+    stamp : tuple of int
+        The same, exact.
+    """
+
+    offset: int
+    raw: bytes
+    kind: str
+    model: int
+    time: float
+    stamp: tuple[int, int]
+
+    def part(self, layout: struct.Struct, offset: int) -> tuple[Any, ...]:
+        """Unpack fields.
+
+        Raises
+        ------
+        ValueError
+            If the datagram ends before them.
+        """
+        if offset < 0 or offset + layout.size > len(self.raw) - 4:
+            raise ValueError(f"its datagram #{self.kind} at byte {self.offset} is too short for what it says that it "
+                             "holds; it is damaged.")
+        return layout.unpack_from(self.raw, offset)
+
+    @property
+    def key(self) -> tuple[int, ...]:
+        """What datagrams of one fan of a ping share: counter, fan, swath and time."""
+        _, counter, _, fan, _, swath, *_ = self.part(BODY, FRAME.size + 4)
+        return (counter, fan, swath, *self.stamp)
+
+    @property
+    def body(self) -> int:
+        """Offset behind the part that all multibeam datagrams share."""
+        return FRAME.size + 4 + self.part(BODY, FRAME.size + 4)[0]
+
+
+def datagrams(stream: BinaryIO, kinds: tuple[str, ...]) -> Iterator[Datagram]:
+    """Walk through a file's datagrams of some kinds; others are passed over.
+
+    Raises
+    ------
+    ValueError
+        If the file is no KMALL file, or cut or damaged, once that is met.
+    """
+    size, offset = os.fstat(stream.fileno()).st_size, 0
+    while offset < size:
+        stream.seek(offset)
+        head = stream.read(FRAME.size)
+        length = int.from_bytes(head[:4], "little")
+        if len(head) < FRAME.size or head[4:5] != b"#" or not FRAME.size + 4 <= length <= LONGEST:
+            raise ValueError("it is no .kmall file: it does not begin with a datagram." if offset == 0 else
+                             f"it is damaged or cut at byte {offset}: there is no datagram.")
+        if offset + length > size:
+            raise ValueError(f"it is cut: its last datagram, at byte {offset}, has {size - offset} of {length} bytes; "
+                             "copy the file again.")
+        if head[5:8].decode("ascii", "replace") in kinds:
+            yield at(stream, offset, length)
+        offset += length
+    if size == 0:
+        raise ValueError("it is empty.")
+
+
+def at(stream: BinaryIO, offset: int, length: int) -> Datagram:
+    """Read one datagram of a length [bytes] that was checked.
+
+    Raises
+    ------
+    ValueError
+        If it does not end as datagrams do.
+    """
+    stream.seek(offset)
+    raw = stream.read(length)
+    if len(raw) != length or raw[-4:] != raw[:4]:
+        raise ValueError(f"its datagram at byte {offset} does not end where it says; it is damaged.")
+    _, kind, _, _, model, second, nanosecond = FRAME.unpack_from(raw)
+    return Datagram(offset=offset, raw=raw, kind=kind[1:].decode("ascii", "replace"), model=model,
+                    time=second + 1e-9 * nanosecond, stamp=(second, nanosecond))
+
+
+def beams_of(ping: Datagram) -> tuple[int, int]:
+    """Give the numbers of soundings and sectors of #MRZ, once they are known to fit into it.
+
+    Raises
+    ------
+    ValueError
+        If they do not.
+    """
+    info = ping.body
+    length, _ = ping.part(struct.Struct("<2H"), info)
+    sectors, of_sector = ping.part(struct.Struct("<2H"), info + SECTORS)
+    receiver = info + length + sectors * of_sector
+    own, main, _, of_sounding, *_, extra, classes, of_class = ping.part(RECEIVER, receiver)
+    if of_sounding != SOUNDING:
+        raise ValueError(f"its soundings take {of_sounding} bytes each; {SOUNDING} are known.")
+    soundings = receiver + own + classes * of_class
+    ping.part(struct.Struct("<"), soundings + (main + extra) * of_sounding)
+    return main, sectors
+
+
+def position_of(ping: Datagram) -> tuple[float, float]:
+    """Give longitude and latitude [degrees] of #MRZ."""
+    latitude, longitude = ping.part(struct.Struct("<2d"), ping.body + PLACE)
+    return longitude, latitude
+
+
+def column_of(column: Datagram) -> tuple[int, int]:
+    """Give the number of beams of #MWC and of samples of its longest, once they are known to fit into it.
+
+    Raises
+    ------
+    ValueError
+        If they do not.
+    """
+    info = column.body
+    length, sectors, of_sector = column.part(struct.Struct("<3H"), info)
+    receiver = info + length + sectors * of_sector
+    own, beams, of_beam, phase, *_ = column.part(COLUMN_RECEIVER, receiver)
+    if of_beam != COLUMN_BEAM.size or phase > 2:
+        raise ValueError(f"its water column has {of_beam} bytes a beam and phases of kind {phase}; {COLUMN_BEAM.size} "
+                         "and 0 to 2 are known.")
+    offset, longest = receiver + own, 0
+    for _ in range(beams):
+        count = column.part(COLUMN_BEAM, offset)[4]
+        longest = max(longest, count)
+        offset += of_beam + count * (1 + phase)
+    column.part(struct.Struct("<"), offset)
+    return beams, longest
+
+
+def decoded(one: Datagram) -> dict[str, Any]:
+    """Decode a datagram by the library.
+
+    Raises
+    ------
+    ValueError
+        If it cannot.
+    """
+    from KMALL import kmall
+
+    library = kmall(None)
+    library.FID = io.BytesIO(one.raw)
+    try:
+        return getattr(library, f"read_EMdgm{one.kind}")()
+    except (struct.error, ValueError, KeyError, IndexError, OverflowError, OSError, MemoryError) as error:
+        raise ValueError(f"its datagram #{one.kind} at byte {one.offset} is damaged ({error}).") from None

@@ -1,0 +1,96 @@
+"""How a vessel moved, from its sensors' records: places and attitude at any time of the line.
+
+Places are of the reference point: the antenna's less its lever arm. Between samples everything is linear; before the
+first and after the last a place goes on as it went, for a few seconds, and an attitude stays.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .places import Zone, across_and_along, from_sensor, levelled, zone_of
+
+__all__ = ["Motion", "motion_of"]
+
+BEYOND = 5.0                       # [s] that a course is followed without a position
+ANGLES = ("roll", "pitch", "heading")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """Hold the streams and what they lie in.
+
+    Attributes
+    ----------
+    zone : Zone
+    streams : dict of str to (M,)
+        time, x, y, depth, roll, pitch, heading.
+    """
+
+    zone: Zone
+    streams: dict[str, np.ndarray]
+
+    def at(self, time: float) -> dict[str, float]:
+        """Give time, x, y, depth, roll, pitch and heading at a time [s] of the line."""
+        streams = self.streams
+        values = {name: float(np.interp(time, streams["time"], values)) for name, values in streams.items()}
+        x, y = _followed(np.array([time]), streams["time"], np.column_stack([streams["x"], streams["y"]])).T
+        return values | {"time": float(time), "x": float(x[0]), "y": float(y[0])}
+
+
+def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, waterline: float,
+              mounting: np.ndarray | None = None, antenna: np.ndarray | None = None) -> Motion:
+    """Make the streams.
+
+    Parameters
+    ----------
+    attitude : (M, 5) [s], [rad], [m]
+        Time since 1970, roll, pitch, heading, heave (positive down), in the order of time.
+    positions : (P, 3) [s], [degrees]
+        Time, longitude, latitude.
+    start : float [s]
+        Of the line.
+    waterline : float [m]
+        Below the reference point, at rest.
+    mounting : (3,) [rad] or None
+        Of the attitude sensor.
+    antenna : (3,) [m] or None
+        Lever arm of the positions; None: they are the reference point's.
+
+    Raises
+    ------
+    ValueError
+        If there is no position on Earth.
+    """
+    positions = positions[(np.abs(positions[:, 2]) <= 90) & (np.abs(positions[:, 1]) <= 360)]
+    positions = positions[np.unique(positions[:, 0], return_index=True)[1]] if len(positions) else positions
+    if not len(positions):
+        raise ValueError("it has no position of the vessel.")
+    zone = zone_of(positions[0, 1], positions[0, 2])
+    attitude = attitude[np.unique(attitude[:, 0], return_index=True)[1]] if len(attitude) else attitude
+    attitude = attitude[np.isfinite(attitude).all(1)]
+    if not len(attitude):
+        attitude = np.column_stack([positions[:, 0], np.zeros((len(positions), 4))])
+    roll, pitch, heading = from_sensor(attitude[:, 1], attitude[:, 2], attitude[:, 3],
+                                       np.zeros(3) if mounting is None else mounting)
+    time, heading = attitude[:, 0] - start, np.unwrap(heading + zone.convergence)
+    x, y = zone.places(positions[:, 1], positions[:, 2])
+    way = _followed(time, positions[:, 0] - start, np.column_stack([x, y]))
+    if antenna is not None:
+        arm = levelled(antenna, roll, pitch)
+        way = np.column_stack(across_and_along(way[:, 0], way[:, 1], heading, -arm[:, 1], -arm[:, 0]))
+    return Motion(zone=zone, streams={"time": time, "x": way[:, 0], "y": way[:, 1], "roll": roll, "pitch": pitch,
+                                      "heading": heading, "depth": attitude[:, 4] - waterline})
+
+
+def _followed(time, times, places):
+    """Give places (T, 2) at times, going on straight for a little at either end."""
+    values = np.column_stack([np.interp(time, times, places[:, axis]) for axis in (0, 1)])
+    if times.size > 1:
+        for near, end in ((1, 0), (-2, -1)):
+            pace = (places[end] - places[near]) / (times[end] - times[near])
+            past = time - times[end]
+            past = np.clip(past, -BEYOND, 0) if end == 0 else np.clip(past, 0, BEYOND)
+            values += past[:, None] * pace
+    return values

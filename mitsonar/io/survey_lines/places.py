@@ -1,0 +1,116 @@
+"""Degrees to metres of a zone, and attitude from sensors to the vessel.
+
+The zone is UTM's (UPS beyond 84 degrees) of the line's first position. Offsets of soundings from their ping are not
+shrunk by the zone's scale (0.9996 to 1.0010): a record's distances are metres, as a scene's are. Headings are clockwise
+from the grid's north, so that x and y follow from them.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+__all__ = ["Zone", "across_and_along", "from_sensor", "levelled", "straight", "turned", "zone_of"]
+
+STEP = 1e-5                        # [degrees] over which north is looked for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Hold a line's plane.
+
+    Attributes
+    ----------
+    crs : str
+    origin : (2,) [m]
+        Easting and northing of x = y = 0.
+    convergence : float [rad]
+        Bearing of true north there, clockwise from the grid's.
+    """
+
+    crs: str
+    origin: tuple[float, float]
+    convergence: float
+
+    @cached_property
+    def _projection(self):
+        import pyproj
+
+        return pyproj.Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
+
+    def places(self, longitude: np.ndarray, latitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Give x and y [m] of longitudes and latitudes [degrees], NaN where they are none."""
+        on_earth = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+        east, north = self._projection.transform(np.where(on_earth, longitude, np.nan),
+                                                 np.where(on_earth, latitude, np.nan))
+        return (np.where(np.isfinite(east), east - self.origin[0], np.nan),
+                np.where(np.isfinite(north), north - self.origin[1], np.nan))
+
+
+def zone_of(longitude: float, latitude: float) -> Zone:
+    """Make the zone around a position [degrees].
+
+    Raises
+    ------
+    ValueError
+        If the position is none on Earth.
+    """
+    import pyproj
+
+    if not (abs(latitude) <= 90 and abs(longitude) <= 360):
+        raise ValueError(f"the first position is {latitude:g}, {longitude:g} degrees, nowhere on Earth.")
+    if abs(latitude) > 84:
+        crs = f"EPSG:{5041 if latitude > 0 else 5042}"
+    else:
+        crs = f"EPSG:{326 if latitude >= 0 else 327}{int((longitude + 180) % 360 // 6) + 1:02d}"
+    projection = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    east, north = projection.transform(longitude, latitude)
+    step = -STEP if latitude > 0 else STEP        # towards the equator: there is no north at a pole
+    east_on, north_on = projection.transform(longitude, latitude + step)
+    convergence = np.arctan2((east_on - east) / step, (north_on - north) / step)
+    return Zone(crs=crs, origin=(float(np.round(east)), float(np.round(north))), convergence=float(convergence))
+
+
+def levelled(offset: np.ndarray, roll: ArrayLike, pitch: ArrayLike) -> np.ndarray:
+    """Turn lever arms (..., 3) of the body to forward, starboard and down of a level vessel."""
+    angles = np.stack(np.broadcast_arrays(0.0 * np.asarray(roll), pitch, roll), -1)
+    return Rotation.from_euler("ZYX", angles).apply(offset)
+
+
+def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
+                mounting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give the vessel's roll, pitch and heading from a sensor's that is mounted askew by (roll, pitch, heading)."""
+    if heading.size == 0 or not np.any(mounting):
+        return roll, pitch, heading
+    sensor = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], -1))
+    askew = Rotation.from_euler("ZYX", mounting[::-1])
+    turned = (sensor * askew.inv()).as_euler("ZYX")
+    return turned[:, 2], turned[:, 1], turned[:, 0]
+
+
+def straight(mounting: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Give the mounting (roll, pitch, heading) of an array as if its cable left aft, and whether it leaves forward.
+
+    An array turned by half a circle about its normal is the same array with its own forward and starboard exchanged for
+    aft and port: Rz(h) Ry(p) Rx(r) Rz(180) = Rz(h + 180) Ry(-p) Rx(-r).
+    """
+    roll, pitch, heading = mounting
+    heading = np.remainder(heading + np.pi, 2 * np.pi) - np.pi
+    if abs(heading) <= np.pi / 2:
+        return np.array([roll, pitch, heading]), False
+    return np.array([-roll, -pitch, heading - np.copysign(np.pi, heading)]), True
+
+
+def across_and_along(x: ArrayLike, y: ArrayLike, heading: ArrayLike, across: np.ndarray,
+                     along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give x and y of points across and along track from a place."""
+    sine, cosine = np.sin(heading), np.cos(heading)
+    return x + along * sine + across * cosine, y + along * cosine - across * sine
+
+
+def turned(roll: float, pitch: float, heading: float = 0.0) -> np.ndarray:
+    """Give the matrix (3, 3) that turns the body's directions by heading, pitch and roll, of an array or a vessel."""
+    return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()

@@ -1,0 +1,231 @@
+"""GSF files as lines of soundings, ping after ping, decoded by `gsfu`.
+
+Programs write where beams point in two ways, told by which side a beam's sounding lies on:
+
+    of a level ship: beam_angle from the vertical, beam_angle_forward counterclockwise from starboard; with l towards
+    the beam, sin(angle) = a_r·l and sin(transmit_angle) = a_t·l at the ping's attitude;
+    of the arrays: beam_angle of one sign a side, beam_angle_forward from the bow, 90 degrees athwartships.
+
+Lever arms, mountings and the draught are those that the processing parameters say were applied.
+"""
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from contextlib import closing
+from datetime import datetime
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from .assembly import MOST_BEAMS, MOST_SECTORS, SECTOR, Line, Ping
+from .gsf_layout import walk
+from .motion import motion_of
+from .places import across_and_along, levelled, turned
+from .profiles import cast_of
+
+__all__ = ["GsfFile"]
+
+DAMAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, TypeError, EOFError, MemoryError)
+LEVEL = 0.9                        # share of soundings on the side that the first way says
+OURS = "log10 of depth over its spread"            # what the file's comment says where quality is the record's
+ONE_SIGMA, ONE_SIGMA_LEVEL = 1.96, 2.448 / np.sqrt(2)       # errors are of 95 %
+_BACKSCATTER = "mean calibrated amplitude of the file"
+_SECTORS = {"frequency": "CentreFreq_Hz", "delay": "SectorTransmitDelay_sec", "pulse_length": "TotalSignalLength_sec",
+            "bandwidth": "SignalBandWidth_Hz", "source_level_db": "TxNominalSourceLevel_dB"}
+
+
+class GsfFile:
+    """Read a GSF file.
+
+    Parameters
+    ----------
+    path : str
+    column_path : None
+    water_column : bool
+        GSF has none; accepted so that readers are alike.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or without what a line needs.
+    """
+
+    def __init__(self, path: str, column_path: str | None = None, *, water_column: bool = False) -> None:
+        self._path = path
+        self._walked = walk(path)
+        if not len(self._walked.positions):
+            raise ValueError("it has no pings of soundings.")
+        if self._walked.beams > MOST_BEAMS:
+            raise ValueError(f"a ping says that it has {self._walked.beams} beams; at most {MOST_BEAMS} are believed.")
+        self._start = float(self._walked.positions[0, 0])
+        self._parameters: dict[str, str] = next((one["Parameters"] for one in self._records(4)), {})
+        self._ours = any(OURS in (one["Comment"] or "") for one in self._records(6))
+        self._cast = next((np.column_stack([one["Depth_m"], one["SoundSpeed_mPerSec"]]) for one in self._records(3)),
+                          None)
+        self._draught = _three(self._parameters.get("APPLIED_DRAFT"))[0]
+        self._motion = self._moved()
+        self._sectors = 1
+        for one in self._records(2):
+            self._sectors = max(self._sectors, _count(_shots(one)))
+            if self._sectors > MOST_SECTORS:
+                raise ValueError(f"a ping says that it has {self._sectors} sectors; at most {MOST_SECTORS} are "
+                                 "believed.")
+
+    def __len__(self) -> int:
+        return len(self._walked.positions)
+
+    @property
+    def line(self) -> Line:
+        """What the pings share."""
+        depth, speed = cast_of(self._cast)
+        return Line(sonar="multibeam", title=os.path.basename(self._path), start=self._start,
+                    crs=self._motion.zone.crs, origin=self._motion.zone.origin, cast_depth=depth,
+                    cast_sound_speed=speed, transmit_offset=self._array("", "OFFSET"),
+                    transmit_mounting=self._array("", "MOUNTING"), receive_offset=self._array("RX_", "OFFSET")[None],
+                    receive_mounting=self._array("RX_", "MOUNTING")[None], motion=self._motion.streams,
+                    backscatter=_BACKSCATTER, profile="the cast of the file", beams=self._walked.beams,
+                    sectors=self._sectors)
+
+    def pings(self, start: int, stop: int) -> Iterator[Ping]:
+        """Read pings, in the order of the file."""
+        for number, one in enumerate(islice(self._records(2), start, stop), start):
+            try:
+                yield self._ping(one, number)
+            except DAMAGE as error:
+                raise ValueError(f"its ping {number} is damaged ({error}).") from None
+
+    def _records(self, kind: int) -> Iterator[dict[str, Any]]:
+        """Decode the records of a type."""
+        from GSFU import GSFError, gsf
+
+        file = gsf(self._path)
+        try:
+            with closing(file.iter_records(kind)) as records:
+                for _, _, record in records:
+                    yield record
+        except (*DAMAGE, GSFError) as error:
+            raise ValueError(f"a record of type {kind} is damaged ({error}).") from None
+        finally:
+            if file.FID is not None:
+                file.FID.close()
+
+    def _moved(self):
+        columns = [np.column_stack([one["Time"].astype("int64") * 1e-9, *(np.deg2rad(one[name]) for name in (
+            "Roll_deg", "Pitch_deg", "Heading_deg")), -one["Heave_m"]]) for one in self._records(12)]
+        attitude = np.concatenate(columns) if columns else np.zeros((0, 5))
+        if not len(attitude):
+            attitude = np.array([[when, *np.deg2rad([one["Roll_deg"], one["Pitch_deg"], one["Heading_deg"]]),
+                                  -one["Heave_m"]] for (when, _, _), one in zip(self._walked.positions,
+                                                                                self._records(2))])
+        return motion_of(attitude[np.argsort(attitude[:, 0], kind="stable")], self._walked.positions, self._start,
+                         waterline=-self._draught)
+
+    def _array(self, prefix, what):
+        """Give a lever arm or a mounting of the processing parameters; a receiver's is the transmitter's by default."""
+        def value(of, name):
+            return _three(self._parameters.get(f"APPLIED_{of}TRANSDUCER_{name}"))
+
+        of = prefix if f"APPLIED_{prefix}TRANSDUCER_OFFSET" in self._parameters else ""
+        if what == "OFFSET":
+            return value(of, "OFFSET")
+        return np.deg2rad([value(of, f"{name}_OFFSET")[0] for name in ("ROLL", "PITCH", "HEADING")])
+
+    @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none; `dataset` sorts them out
+    def _ping(self, one, number):
+        beams = {name: values for name, values in one["Beams"].items()
+                 if values is not None and len(values) == one["NumberBeams"]}
+        lacking = [name for name in ("Depth_m", "AcrossTrack_m", "AlongTrack_m") if name not in beams]
+        if lacking:
+            raise ValueError(f"it lacks {lacking[0]}")
+        count, own = one["NumberBeams"], one.get("SensorSpecific") or {}
+        since = datetime.fromisoformat(one["PingTime"]).timestamp()
+        place = self._motion.at(since - self._start)
+        place |= {"roll": np.deg2rad(one["Roll_deg"]), "pitch": np.deg2rad(one["Pitch_deg"]),
+                  "heading": float(np.deg2rad(one["Heading_deg"]) + self._motion.zone.convergence),
+                  "depth": self._draught - one["Heave_m"]}
+        across, along = beams["AcrossTrack_m"], beams["AlongTrack_m"]
+        x, y = across_and_along(place["x"], place["y"], place["heading"], across, along)
+        nothing = np.full(count, np.nan)
+        flags = beams.get("BeamFlags", np.zeros(count, np.uint8))
+        valid = (flags & 1 == 0) & (beams["Depth_m"] > 0)
+        shots = _shots(one)
+        sectors = {name: np.full(max(_count(shots), 1), np.nan) for name in SECTOR}
+        sectors |= {name: shots[column] for name, column in _SECTORS.items() if shots}
+        sectors["delay"] = np.nan_to_num(sectors["delay"])
+        sector = np.clip(beams.get("SectorNumber", np.zeros(count)), 0, sectors["delay"].size - 1).astype(int)
+        sent, heard = self._angles(beams, place)
+        if shots:
+            sectors["angle"] = np.deg2rad(shots["TiltAngleReTx_deg"])
+            sent = sectors["angle"][sector]
+        if "MeanAbsCoeff" in beams:
+            sectors["absorption_db"] = np.array([1e-3 * np.mean(beams["MeanAbsCoeff"][sector == each])
+                                                 if (sector == each).any() else np.nan
+                                                 for each in range(sectors["delay"].size)])
+        soundings = {"valid": valid, "travel_time": beams.get("TravelTime_s", nothing), "angle": heard,
+                     "transmit_angle": sent, "sector": sector, "depth": beams["Depth_m"], "x": x, "y": y,
+                     "across_track": across, "along_track": along}
+        return Ping(place=place, head_sound_speed=self._head_speed(own, place), head=0, sectors=sectors,
+                    soundings=soundings | self._kept(beams))
+
+    def _kept(self, beams):
+        """Give what a sounding may have besides; every ping has the same."""
+        nothing = np.full(len(beams["Depth_m"]), np.nan)
+        kept = {"backscatter_db": beams.get("MeanCalAmplitude_dB", nothing),
+                "uncertainty": beams.get("VerticalError_m", nothing) / ONE_SIGMA,
+                "horizontal_uncertainty": beams.get("HorizontalError_m", nothing) / ONE_SIGMA_LEVEL}
+        if self._ours:
+            kept |= {"quality": beams.get("QualityFactor", nothing),
+                     "detection": np.clip(np.nan_to_num(beams.get("DetectionInfo", nothing)), 0, 2)}
+        return kept
+
+    def _angles(self, beams, place):
+        """Give transmit angles and angles of a ping's beams."""
+        if "BeamAngle_deg" not in beams:
+            nothing = np.full(len(beams["Depth_m"]), np.nan)
+            return nothing, nothing
+        angle, across = np.deg2rad(beams["BeamAngle_deg"]), beams["AcrossTrack_m"]
+        forward = np.deg2rad(beams.get("BeamAngleForward_deg", np.full(len(angle), 90.0)))
+        some = np.abs(across) > 0.1 * np.abs(across).max(initial=0.0)
+        if not some.any() or np.mean(np.sin(angle[some]) * np.cos(forward[some]) * across[some] > 0) <= LEVEL:
+            return np.pi / 2 - forward, (1.0 if np.sum(np.sin(angle) * across) >= 0 else -1.0) * angle
+        away = np.stack([np.sin(angle) * np.sin(forward), np.sin(angle) * np.cos(forward), np.cos(angle)], -1)
+        body = away @ turned(place["roll"], place["pitch"])
+        along, starboard = (turned(*self._array(prefix, "MOUNTING"))[:, axis] for prefix, axis in (("", 0), ("RX_", 1)))
+        return tuple(np.arcsin(np.clip(body @ axis, -1, 1)) for axis in (along, starboard))
+
+    def _head_speed(self, own, place):
+        """Give the sound speed at the head: the sounder's own word, else the cast's at its depth."""
+        for name in ("SoundSpeedAtTxDepth_mPerSec", "SurfaceVelocity_mps"):
+            value = float(np.ravel(own.get(name, 0.0))[0])
+            if 300 < value < 3000:
+                return value
+        arm = levelled(self._array("", "OFFSET"), place["roll"], place["pitch"])
+        depth, speed = cast_of(self._cast)
+        return float(np.interp(place["depth"] + arm[2], depth, speed))
+
+
+def _shots(one) -> dict[str, np.ndarray]:
+    """Give the table of sectors, where the sounder's own record has one."""
+    table = (one.get("SensorSpecific") or {}).get("TxSectors")
+    if not isinstance(table, dict) or not {*_SECTORS.values(), "TiltAngleReTx_deg"} <= set(table):
+        return {}
+    return {name: np.asarray(values) for name, values in table.items()} if len(table["CentreFreq_Hz"]) else {}
+
+
+def _count(shots):
+    return len(shots["CentreFreq_Hz"]) if shots else 0
+
+
+def _three(text: str | None) -> np.ndarray:
+    """Give up to three numbers of a parameter, 0 where it is not known."""
+    numbers = np.zeros(3)
+    for axis, part in enumerate((text or "").split(",")[:3]):
+        try:
+            value = float(part)
+        except ValueError:
+            continue
+        numbers[axis] = value if abs(value) < 1e4 else 0.0
+    return numbers

@@ -1,0 +1,91 @@
+"""Damaged survey lines: cut, empty, changed, or lying about lengths; one sentence, and no more memory than the file."""
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mitsonar.io.survey_lines import reading
+from tests.inputs.all_file import all_file, wcd_file
+
+MEASURED = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam"
+REAL = ("em2042_os01.kmall", "em2042_os01.kmwcd", "gsf_3_08.gsf")
+VARIANTS, OF_REAL = 200, 60
+
+
+def damaged(raw, chance):
+    """Give the bytes of a file after one of five accidents."""
+    raw, kind = raw.copy(), int(chance.integers(5))
+    if kind == 0:
+        return raw[:chance.integers(raw.size)]
+    if kind == 1:                                   # some bytes of one value
+        raw[chance.integers(0, raw.size, chance.integers(1, 200))] = chance.integers(256)
+    elif kind == 2:                                 # a largest length, or a NaN
+        start = chance.integers(0, min(raw.size, 20_000))
+        raw[start:start + 4] = 255
+    elif kind == 3:                                 # words of their own
+        for start in chance.integers(0, raw.size - 1, 20):
+            raw[start:start + 2] = chance.integers(0, 256, 2)
+    else:                                           # bits of the heads
+        raw[chance.integers(0, min(raw.size, 3000), 3)] ^= np.uint8(1 << chance.integers(8))
+    return raw
+
+
+def sources(name):
+    """Give the bytes of a file, and of the one that must stand beside it."""
+    if name == "line.all":
+        return np.frombuffer(all_file(3), np.uint8), {}
+    if name == "line.wcd":
+        return np.frombuffer(wcd_file(3), np.uint8), {"line.all": all_file(3)}
+    if not (MEASURED / name).is_file():
+        pytest.skip("the shared survey lines are not here")
+    beside = {name.replace("wcd", "all"): (MEASURED / name.replace("wcd", "all")).read_bytes()} if "wcd" in name else {}
+    return np.fromfile(MEASURED / name, np.uint8), beside
+
+
+@pytest.mark.parametrize("name", ["line.all", "line.wcd", *REAL])
+def test_a_damaged_line_is_read_or_refused_in_one_sentence(tmp_path, name):
+    raw, beside = sources(name)
+    for other, content in beside.items():
+        (tmp_path / other).write_bytes(content)
+    chance, refused = np.random.default_rng(1), 0
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    variants = OF_REAL if name in REAL else VARIANTS
+    for _ in range(variants):
+        damaged(raw, chance).tofile(tmp_path / name)
+        try:
+            reading.read(tmp_path / name)
+        except ValueError as error:
+            refused += 1
+            assert str(error).startswith(f"cannot read {tmp_path / name}: ") and "\n" not in str(error)
+    assert variants / 6 < refused < variants
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000         # kB
+
+
+@pytest.mark.parametrize("name, content, sentence", [
+    ("a.all", b"", "it is empty"),
+    ("a.kmall", b"#IIP", "it is no .all, .kmall or .gsf file"),
+    ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0", "it has no pings of soundings"),
+    ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0" + b"\0\0\0\x40\0\0\0\2", "it is cut: its last record, at byte 20"),
+    ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0" + bytes(4000), "it is damaged at byte 20: there is no record"),
+    ("a.all", b"\x40\0\0\0\2N" + bytes(20), "it is cut: its last datagram, at byte 0, has 26 of 68 bytes"),
+    ("a.all", all_file(1)[:-40], "copy the file again"),
+    ("a.all", all_file(1).replace(b"\0\0\0\2U", b"\0\0\0\2V"), "it has no cast of sound speed"),
+    ("a.all", all_file(1).replace(b"\0\0\0\2P", b"\0\0\0\2Q"), "it has no position of the vessel"),
+    ("a.all", all_file(1).replace(b"\0\0\0\2X", b"\0\0\0\2D"), "of an older kind"),
+    ("a.all", all_file(1, beams=5000), "says that it has 5000 beams"),
+    ("a.kmall", b"\x18\0\0\0#SPO" + bytes(12) + b"\x18\0\0\0", "it has no soundings"),
+])
+def test_what_is_no_line_is_said(tmp_path, name, content, sentence):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=sentence):
+        reading.read(tmp_path / name)
+
+
+def test_a_huge_hole_is_refused_at_once(tmp_path):
+    for name, head in (("a.all", all_file(1)), ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0")):
+        with open(tmp_path / name, "wb") as stream:
+            stream.write(head)
+            stream.truncate(1 << 40)
+        with pytest.raises(ValueError, match="damaged"):
+            reading.read(tmp_path / name)
