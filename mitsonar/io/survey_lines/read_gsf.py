@@ -159,7 +159,7 @@ class GsfFile:
         sent, heard = self._angles(beams, place)
         if shots:
             sectors["angle"] = np.deg2rad(shots["TiltAngleReTx_deg"])
-            sent = sectors["angle"][sector]
+            sent = sent if "BeamAngleForward_deg" in beams else sectors["angle"][sector]
         if "MeanAbsCoeff" in beams:
             sectors["absorption_db"] = np.array([1e-3 * np.mean(beams["MeanAbsCoeff"][sector == each])
                                                  if (sector == each).any() else np.nan
