@@ -72,7 +72,8 @@ class _Pictures:
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
-        self._sectors = [SectorBeams(run, number) for number, run in enumerate(survey.sectors)]
+        self._sectors = [SectorBeams(run, number, survey.receive_flaws)
+                         for number, run in enumerate(survey.sectors)]
 
     def of(self, pings: Sequence[int], progress: Callable[[float, float], None] | None) -> xr.Dataset:
         """The picture of some pings."""

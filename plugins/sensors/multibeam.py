@@ -94,6 +94,9 @@ ATTRIBUTES = (
                                                          'or "boxcar"'),
     Text("receive_shading", default="taylor 4 30", text="likewise, over the receiving ones; the halves whose phases "
                                                         "are compared have each their part of it"),
+    Number("receive_flaws", default=0.1, minimum=0, maximum=1,
+           text="root mean square of what each receiver is off, in amplitude and in phase [rad], after calibration of "
+                "the halves: side lobes of twice its square over the number of receivers"),
     Numbers("transmit_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
             text='"forward, starboard, down" of the transmitting line from the sonar'),
     Numbers("receive_place", default=(0.0, 0.0, 0.0), count=3, unit="m", text="likewise, of the receiving line"),
@@ -120,6 +123,7 @@ class Multibeam(SonarSensor):
         self.preset = attributes.preset
         self.self_noise_db = attributes.self_noise_db
         self.stabilised = (attributes.roll_stabilised, attributes.pitch_stabilised, attributes.yaw_stabilised)
+        self.receive_flaws = attributes.receive_flaws
         self.head_speed_error = attributes.head_speed_error
         self.depth_gate = _gate(attributes)
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)

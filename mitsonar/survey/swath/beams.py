@@ -20,6 +20,8 @@ from .survey import SectorRun
 
 __all__ = ["Halves", "SectorBeams"]
 
+FLAWS = 0x464C4157                 # of the generator that tells elements' flaws
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Halves:
@@ -48,21 +50,26 @@ class SectorBeams:
     run : SectorRun
     number : int
         Of the sector: its noise is its own.
+    flaws : float
+        As of `SwathSurvey.receive_flaws`.
     """
 
-    def __init__(self, run: SectorRun, number: int):
+    def __init__(self, run: SectorRun, number: int, flaws: float = 0.0):
         self.run, self._number = run, number
         survey = run.survey
         self.line = line = _line(run)
         self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False)
         port = line.place < 0
         halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
+        flawed = _flawed(halves, flaws)
+        # beams are relative to the sum of their weights' sizes, and are to be right on their axes
+        self._gain = np.abs(flawed).sum(1) / np.abs(halves).sum(1)
         #: between the phase centres of the halves [wavelengths]
         self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
         self._width = half_power_width(line.place, line.weight) * survey.wavelength
         widest = float(np.abs(run.sines).max())
         self._beams = LineBeams(
-            mi.Float, position=line.place, weight=halves, pulse=survey.pulse, samples=survey.samples,
+            mi.Float, position=line.place, weight=flawed, pulse=survey.pulse, samples=survey.samples,
             sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start,
             sines=np.array([-widest, widest]), sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
@@ -104,7 +111,7 @@ class SectorBeams:
         laid = lay(self._echoes, grid, ping, own)
         beams = self._beams.form_each(grid, doppler=self._echoes.doppler(ping), noise=self._noise,
                                       key=ping_key(own, ping), sines=self.run.sines[ping])
-        beams *= np.float32(amplitude_from_db(self.run.survey.source_level_db))
+        beams *= (amplitude_from_db(self.run.survey.source_level_db) * self._gain)[:, None, None].astype(np.float32)
         return Halves(port=beams[0], starboard=beams[1]), laid
 
     def _truth_of(self, ping: int) -> FrameTruth:
@@ -117,6 +124,16 @@ class SectorBeams:
             self._truth = sines, FrameTruth(blur, lead=survey.lead, bins=survey.samples - survey.lead,
                                             named=survey.geometry.named)
         return self._truth[1]
+
+
+def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
+    """Weights (2, E) of elements that are off; each half is calibrated, so that it is right on its axis."""
+    if not flaws:
+        return halves
+    draw = np.random.default_rng([halves.shape[1], FLAWS]).standard_normal((2, halves.shape[1]))
+    off = halves * (1 + flaws * draw[0]) * np.exp(1j * flaws * draw[1])
+    size = np.abs(halves).sum(1, keepdims=True)
+    return off * (size / off.sum(1, keepdims=True))
 
 
 def _line(run: SectorRun) -> LineArray:

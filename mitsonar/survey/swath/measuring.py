@@ -71,7 +71,8 @@ class SwathBeams:
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
-        self.sectors = [SectorBeams(run, number) for number, run in enumerate(survey.sectors)]
+        self.sectors = [SectorBeams(run, number, survey.receive_flaws)
+                        for number, run in enumerate(survey.sectors)]
         self._lengths = [_pulse_length(sector) for sector in self.sectors]
 
     def measure(self, ping: int) -> Measurement:

@@ -38,6 +38,8 @@ class MultibeamSensor(Sensor, Protocol):
         Roll, pitch, heading of the head.
     stabilised : (bool, bool, bool)
         Roll, pitch, yaw.
+    receive_flaws : float
+        As of `SwathSurvey`.
     head_speed_error : float [m/s]
     motion_errors : MotionErrors
     depth_gate : (float, float) or None [m]
@@ -50,6 +52,7 @@ class MultibeamSensor(Sensor, Protocol):
     receive: Array
     mounting: np.ndarray
     stabilised: tuple[bool, bool, bool]
+    receive_flaws: float
     head_speed_error: float
     motion_errors: MotionErrors
     depth_gate: tuple[float, float] | None
@@ -85,8 +88,8 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
     return SwathSurvey(
         geometry=geometry, profile=whole.profile, absorption=whole.absorption, volume=whole.volume, passage=passage,
         rays=settings.rays, max_depth=settings.max_depth, sectors=tuple(sectors), mounting=sensor.mounting,
-        head_speed_error=sensor.head_speed_error, motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate,
-        preset=sensor.preset)
+        receive_flaws=sensor.receive_flaws, head_speed_error=sensor.head_speed_error,
+        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
 
 
 def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSettings, passage: Passage, speed: float,

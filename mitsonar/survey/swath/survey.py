@@ -56,6 +56,8 @@ class SwathSurvey(Survey):
         In the order of their beams.
     mounting : (3,) [rad]
         Roll, pitch, heading of the head.
+    receive_flaws : float
+        Root mean square of what each receiver is off, in amplitude and in phase [rad].
     head_speed_error : float [m/s]
     motion_errors : MotionErrors
     depth_gate : (float, float) or None [m]
@@ -65,6 +67,7 @@ class SwathSurvey(Survey):
 
     sectors: Sequence[SectorRun]
     mounting: np.ndarray
+    receive_flaws: float
     head_speed_error: float
     motion_errors: MotionErrors
     depth_gate: tuple[float, float] | None
