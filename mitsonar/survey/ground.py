@@ -63,6 +63,8 @@ class Ground:
     Parameters
     ----------
     survey : ArraySurvey
+    beside : Ground or None
+        Of another survey over the same scene, from the same track and as far: its patches are shared.
 
     Attributes
     ----------
@@ -72,13 +74,15 @@ class Ground:
         Distances that matter.
     """
 
-    def __init__(self, survey: ArraySurvey):
+    def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
         geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
-        facets = Scatterers(geometry, np.inf)
+        facets = Scatterers(geometry, np.inf) if beside is None else beside._facets
         self._survey, self._lib = survey, arrays_of(mi.Float)
         self.ensonification = ensonification_of(survey, facets)
         self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest
-        self._scatterers = ThinnedScatterers(facets, farthest=reach, places=survey.track.position)
+        self._facets = facets
+        self._scatterers = beside._scatterers if beside is not None else ThinnedScatterers(
+            facets, farthest=reach, places=survey.track.position)
         self._horizon = BedHorizon(geometry, self.farthest)
         self._objects = ObjectShadows(geometry, survey.water, self.farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())

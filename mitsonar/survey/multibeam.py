@@ -22,7 +22,7 @@ from . import limits
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .signals import ping_attributes, ping_coordinates
-from .swath.beams import SectorBeams
+from .swath.beams import sector_beams
 from .swath.plan import MultibeamSensor, plan
 from .swath.survey import SwathSurvey
 
@@ -72,8 +72,7 @@ class _Pictures:
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
-        self._sectors = [SectorBeams(run, number, survey.receive_flaws)
-                         for number, run in enumerate(survey.sectors)]
+        self._sectors = sector_beams(survey)
 
     def of(self, pings: Sequence[int], progress: Callable[[float, float], None] | None) -> xr.Dataset:
         """The picture of some pings."""

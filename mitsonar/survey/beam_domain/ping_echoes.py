@@ -48,13 +48,16 @@ class PingEchoes:
         Scatterers a resolution cell.
     beams_from_origin : bool
         Beams look from the body's origin; else from the middle of the receive array.
+    beside : PingEchoes or None
+        As of `Ground`.
     """
 
-    def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True):
+    def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
+                 beside: PingEchoes | None = None):
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
-        self.ground = Ground(survey)
+        self.ground = Ground(survey, None if beside is None else beside.ground)
         turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
         self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned) or None
         self._residual = residual_doppler(survey.pulse)

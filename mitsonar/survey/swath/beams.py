@@ -16,9 +16,9 @@ from ..beam_domain.laying import LaidPing, lay
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
-from .survey import SectorRun
+from .survey import SectorRun, SwathSurvey
 
-__all__ = ["Halves", "SectorBeams"]
+__all__ = ["Halves", "SectorBeams", "sector_beams"]
 
 FLAWS = 0x464C4157                 # of the generator that tells elements' flaws
 
@@ -42,6 +42,14 @@ class Halves:
         return 0.5 * (self.port + self.starboard)
 
 
+def sector_beams(survey: SwathSurvey) -> list[SectorBeams]:
+    """Make what forms the beams of each sector."""
+    made: list[SectorBeams] = []
+    for number, run in enumerate(survey.sectors):
+        made.append(SectorBeams(run, number, survey.receive_flaws, beside=made[0] if made else None))
+    return made
+
+
 class SectorBeams:
     """Form the beams of one sector, ping by ping.
 
@@ -52,13 +60,16 @@ class SectorBeams:
         Of the sector: its noise is its own.
     flaws : float
         As of `SwathSurvey.receive_flaws`.
+    beside : SectorBeams or None
+        Of another sector: what it knows of the scene is shared.
     """
 
-    def __init__(self, run: SectorRun, number: int, flaws: float = 0.0):
+    def __init__(self, run: SectorRun, number: int, flaws: float = 0.0, beside: SectorBeams | None = None):
         self.run, self._number = run, number
         survey = run.survey
         self.line = line = _line(run)
-        self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False)
+        self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False,
+                                  beside=None if beside is None else beside._echoes)
         port = line.place < 0
         halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
         flawed = _flawed(halves, flaws)

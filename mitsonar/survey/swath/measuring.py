@@ -7,7 +7,7 @@ import numpy as np
 
 from ...hydrography.detection import Detections, Head, detect
 from ...signal.matched_filter import compression
-from .beams import Halves, SectorBeams
+from .beams import Halves, SectorBeams, sector_beams
 from .survey import SwathSurvey
 
 __all__ = ["Measurement", "SwathBeams"]
@@ -71,8 +71,7 @@ class SwathBeams:
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
-        self.sectors = [SectorBeams(run, number, survey.receive_flaws)
-                        for number, run in enumerate(survey.sectors)]
+        self.sectors = sector_beams(survey)
         self._lengths = [_pulse_length(sector) for sector in self.sectors]
 
     def measure(self, ping: int) -> Measurement:
