@@ -27,7 +27,7 @@ __all__ = ["AmplitudeDetections", "about", "along_delay", "by_amplitude", "footp
            "refined_centre", "slopes"]
 
 NEIGHBOURS = (4, 8)               # beams to either side that slopes are taken over, at least
-SPAN = 0.1                        # and rad that they are taken over
+SPANS = (0.03, 0.1)               # and rad
 STEEPEST = 1.48                   # rad
 PASSES = 4
 REACH = 1.0                       # half the window, in -3 dB widths of the footprint
@@ -90,7 +90,8 @@ def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarra
     beams = np.arange(len(values))
     spacing = float(np.median(np.diff(angle))) if len(angle) > 1 else 1.0
     found = [np.full(len(values), np.nan)]
-    for away in np.unique(np.linspace(NEIGHBOURS[0], max(NEIGHBOURS[1], SPAN / spacing), 7).astype(int)):
+    nearest, farthest = (max(count, span / spacing) for count, span in zip(NEIGHBOURS, SPANS, strict=True))
+    for away in np.unique(np.linspace(nearest, farthest, 7).astype(int)):
         low, high = np.maximum(beams - away, 0), np.minimum(beams + away, len(beams) - 1)
         both = (high - low == 2 * away) & good[low] & good[high]
         apart = np.where(both, angle[high] - angle[low], 1.0)

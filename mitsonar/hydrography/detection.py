@@ -25,6 +25,7 @@ LEAST_QUALITY = 1.5         # 3 % of the depth
 QUIETEST = 1e-15            # noise over the strongest echo: rounding leaves no less
 LEAST_PEAK = 20.0           # over the noise's mean, of an echo found by amplitude: 13 dB
 LEAST_PEAK_BY_PHASE = 10.0
+MOST_ASIDE = 0.5            # rms widths of the beam that an amplitude's echo can have its middle off the axis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +142,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     valid &= (np.minimum(found, brightest) >= gate[0]) & (np.maximum(found, brightest) <= gate[1])
 
     brighter = np.nan_to_num(slopes(np.log(amplitude.energy), fan.angle, valid))
+    offset = fan.rms * np.clip(fan.rms * brighter, -MOST_ASIDE, MOST_ASIDE) * np.cos(fan.angle)
     held = windows_about(time, found, half)
     mean = held.summed(_intensity(halves, held)) / (held.end - held.begin) - noise
     spread = angle_deviation(fan.rms, footprint, head.pulse_length)
@@ -148,7 +150,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
         time=np.where(valid, found, np.nan),
         method=np.where(valid, np.where(phased, BY_PHASE, BY_AMPLITUDE), NOT_DETECTED).astype(np.uint8),
         deviation=np.where(valid, deviation, np.nan),
-        angle_offset=np.where(valid & ~phased, np.cos(fan.angle) * fan.rms ** 2 * brighter, 0.0),
+        angle_offset=np.where(valid & ~phased, offset, 0.0),
         angle_deviation=np.where(valid & ~phased, spread, 0.0),
         quality=np.where(valid, quality, np.nan), intensity=np.where(valid, np.maximum(mean, 0.0), np.nan),
         incidence=incidence, begin=held.begin, end=held.end, valid=valid)

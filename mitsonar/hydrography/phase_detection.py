@@ -13,6 +13,10 @@ It is fitted to the samples within the beam by the greatest Σ |s p*| cos(arg(s 
 by magnitude that need no unwrapping. The window is centred on the crossing anew until that rests. The slope also says
 what ψ really is.
 
+A bed that is no plane within the beam, of ripples or stones, bends the line. So the crossing is measured in windows of
+the full, half and a quarter of the reach, and the widest one is believed that the narrower ones agree with (Lepski
+1991, Theory Probab. Appl. 35, 454), judged over neighbouring beams together.
+
 The deviation is that of the fit, from the samples' own scatter, which holds noise, the bed's roughness and what the
 pulse's length takes of the coherence. Scatter is summed over blocks of some echoes before it is squared (as Newey and
 West 1987, Econometrica 55, 703, sum it over lags): what the echoes within a pulse pull to one side the next ones pull
@@ -20,7 +24,7 @@ back, so that samples taken singly say two to four times too much. It is average
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,11 +32,12 @@ from .windows import Windows, among_neighbours, windows_about
 
 __all__ = ["PhaseDetections", "by_phase", "no_phase"]
 
-PASSES = 4
-REACH = 0.8                  # half the window, in the -3 dB width of the beam: that of a half is twice as wide
+PASSES = 3
+REACHES = (0.8, 0.4, 0.2)    # half the windows, in the -3 dB width of the beam: that of a half is twice as wide
+AGREED = 1.2                 # deviations, rms, that wider windows' crossings may differ by from narrower ones'
 BLOCK = 2.0                  # echoes that the scatter is summed over, so that what cancels between neighbours does
 FREE = 2.3                   # echoes that the line takes of those there are, with such blocks
-LEAST_ECHOES = 2.0           # within the window
+LEAST_ECHOES = (2.3, 3.5, 5.0)      # within each window
 SLOPES = (0.4, 2.5)          # β₁ over 2π d that a bed can have
 SIDE_BY_SIDE = 1.5           # pulse lengths from one independent echo to the next: ∫ρ² over ∫|χ|² (Gauss √2, CW 1.62)
 
@@ -82,36 +87,101 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
     -------
     PhaseDetections
     """
-    reach = REACH * widths * np.sqrt(1 - sines ** 2)
+    beams = _Beams(halves=halves, time=time, sines=sines, spread=widths * np.sqrt(1 - sines ** 2),
+                   turn=np.full(len(centre), 2 * np.pi * baseline), spacing=SIDE_BY_SIDE * pulse_length)
     incidence = np.arctan(np.where(np.abs(slope) < 0.02, 0.02, slope))
-    half = centre * np.abs(np.tan(incidence)) * widths * 1.5 * REACH
-    windows = windows_about(time, centre, half + pulse_length)
-    port, starboard = (windows.taken(record).astype(complex) for record in halves)
-    samples = _Samples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
-                       instants=time[windows.sample], windows=windows)
-    turn = np.full(len(centre), 2 * np.pi * baseline)
-    found, ok = centre, np.ones(len(centre), bool)
-    for number in range(PASSES):
-        fit = _fitted(samples, found, incidence, sines, reach, turn, slope_too=number > 1)
-        ok = np.isfinite(fit.crossing) & (np.abs(fit.crossing) < 2 * reach)
-        found = np.where(ok, np.clip(_time_of(fit.crossing, found, incidence, sines), centre - half, centre + half),
-                         found)
-        if 1 < number < PASSES - 1:
-            share = np.clip(np.where(ok, fit.turn / turn, 1.0), 0.5, 2.0)
-            incidence = np.arctan(np.tan(incidence) / share)
-    spacing = SIDE_BY_SIDE * pulse_length / (time[1] - time[0])
-    fit = _fitted(samples, found, incidence, sines, reach, turn, True, int(round(BLOCK * spacing)))
+    half = centre * np.abs(np.tan(incidence)) * widths * 1.5 * REACHES[0]
+    found, incidence, settled = _settled(beams, centre, incidence, half)
     ratio = slope / np.tan(incidence)
-    echoes = fit.count / max(spacing, 1.0)
-    rate = np.abs(fit.turn) * np.cos(np.arcsin(sines)) / (found * np.abs(np.tan(incidence)))
+    settled &= (ratio > SLOPES[0]) & (ratio < SLOPES[1]) & (np.abs(found - centre) < half)
+    made = []
+    for reach, least in zip(REACHES, LEAST_ECHOES, strict=True):
+        one = _measured(beams, found, incidence, reach, least, settled)
+        made.append(_no_surer(one, made[-1]) if made else one)
+        found = np.where(np.isfinite(made[-1].deviation), made[-1].time, found)
+    best = _widest_that_agrees(made)
+    return PhaseDetections(slope=np.tan(incidence), **{name: np.choose(best, [getattr(one, name) for one in made])
+                                                       for name in ("time", "deviation", "coherence", "echoes")})
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Beams:
+    """What is fitted to: both halves, times, sines, widths [sine], 2π d, and the time between echoes apart [s]."""
+
+    halves: tuple[np.ndarray, np.ndarray]
+    time: np.ndarray
+    sines: np.ndarray
+    spread: np.ndarray
+    turn: np.ndarray
+    spacing: float
+
+    def samples(self, centre: np.ndarray, half: np.ndarray) -> _Samples:
+        """Take the samples about a time of every beam."""
+        windows = windows_about(self.time, centre, half + self.spacing)
+        port, starboard = (windows.taken(record).astype(complex) for record in self.halves)
+        return _Samples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
+                        instants=self.time[windows.sample], windows=windows)
+
+
+def _settled(beams: _Beams, centre: np.ndarray, incidence: np.ndarray,
+             half: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centre the widest window on the crossing; give its time, the incidence, and whether it rests."""
+    samples = beams.samples(centre, half)
+    reach = REACHES[0] * beams.spread
+    found, ok, share = centre, np.ones(len(centre), bool), np.ones(len(centre))
+    for number in range(PASSES):
+        turned = _turned(samples, found, incidence, beams.sines, reach, beams.turn)
+        crossing = -turned.offset / beams.turn
+        if number == PASSES - 1:
+            fit = _fitted(samples, turned, beams.turn, 1)
+            crossing = fit.crossing
+            share = np.where(np.isfinite(crossing), fit.turn / beams.turn, 1.0)
+        ok = np.isfinite(crossing) & (np.abs(crossing) < 2 * reach)
+        moved = _time_of(crossing, found, incidence, beams.sines)
+        found = np.where(ok, np.clip(moved, centre - half, centre + half), found)
+    incidence = np.arctan(np.tan(incidence) / np.clip(np.where(ok, share, 1.0), 0.5, 2.0))
+    return found, incidence, ok
+
+
+def _measured(beams: _Beams, found: np.ndarray, incidence: np.ndarray, reach: float, least: float,
+              settled: np.ndarray) -> PhaseDetections:
+    """Measure the crossing in one window, and how well it is known."""
+    tangent = np.abs(np.tan(incidence))
+    half = found * tangent * beams.spread / np.sqrt(1 - beams.sines ** 2) * reach
+    spacing = max(beams.spacing / (beams.time[1] - beams.time[0]), 1.0)
+    samples = beams.samples(found, 1.2 * half)
+    turned = _turned(samples, found, incidence, beams.sines, reach * beams.spread, beams.turn)
+    fit = _fitted(samples, turned, beams.turn, int(round(BLOCK * spacing)))
+    echoes = fit.count / spacing
+    rate = np.abs(fit.turn) * np.sqrt(1 - beams.sines ** 2) / (found * tangent)
     freedom = echoes / np.maximum(echoes - FREE, 0.5)
     own = fit.variance * freedom / np.where(rate > 0, rate, np.nan) ** 2
-    deviation = np.sqrt(among_neighbours(own, np.isfinite(own) & (echoes >= LEAST_ECHOES)))
-    ok &= (echoes >= LEAST_ECHOES) & (ratio > SLOPES[0]) & (ratio < SLOPES[1]) & (fit.turn / turn > 0.5)
-    ok &= np.isfinite(deviation) & (np.abs(found - centre) < half)
-    return PhaseDetections(time=_time_of(np.where(ok, fit.crossing, 0.0), found, incidence, sines),
-                           deviation=np.where(ok, deviation, np.inf), slope=np.tan(incidence),
-                           coherence=fit.coherence, echoes=echoes)
+    deviation = np.sqrt(among_neighbours(own, np.isfinite(own) & (echoes >= least)))
+    ok = settled & (echoes >= least) & (fit.turn / beams.turn > SLOPES[0]) & np.isfinite(deviation)
+    ok &= np.abs(fit.crossing) < 1.5 * reach * beams.spread
+    return PhaseDetections(time=_time_of(np.where(ok, fit.crossing, 0.0), found, incidence, beams.sines),
+                           deviation=np.where(ok, deviation, np.inf), slope=tangent, coherence=fit.coherence,
+                           echoes=echoes)
+
+
+def _no_surer(narrow: PhaseDetections, wide: PhaseDetections) -> PhaseDetections:
+    """Let a narrower window know no more than its fewer echoes do: what scatter they happen to show may say less."""
+    known = np.where(np.isfinite(wide.deviation), wide.deviation, 0.0) * np.sqrt(
+        wide.echoes / np.maximum(narrow.echoes, 0.1))
+    return replace(narrow, deviation=np.maximum(narrow.deviation, known))
+
+
+def _widest_that_agrees(made: list[PhaseDetections]) -> np.ndarray:
+    """Give the number (B,) of the widest window whose crossing agrees with those of all narrower ones."""
+    best = np.full(len(made[0].time), len(made) - 1)
+    for number in range(len(made) - 2, -1, -1):
+        agreed = np.isfinite(made[number].deviation)
+        for narrower in made[number + 1:]:
+            both = np.isfinite(made[number].deviation) & np.isfinite(narrower.deviation)
+            apart = (made[number].time - narrower.time) / np.where(both, narrower.deviation, 1.0)
+            agreed &= ~(among_neighbours(apart ** 2, both) > AGREED ** 2)
+        best = np.where(agreed | ~np.isfinite(made[number + 1].deviation) & (best == number + 1), number, best)
+    return best
 
 
 def no_phase(time: np.ndarray) -> PhaseDetections:
@@ -140,33 +210,52 @@ class _Fit:
     count: np.ndarray
 
 
-def _fitted(samples: _Samples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
-            turn: np.ndarray, slope_too: bool, block: int = 1) -> _Fit:
-    """Fit the phase's line about a time of every beam, by one step from the best offset of a line of slope ``turn``."""
-    windows, beam = samples.windows, samples.windows.beam
+@dataclass(frozen=True, kw_only=True)
+class _Turned:
+    """Samples (W,) turned back by a line of the slope expected, and that line's best offset (B,) [rad]."""
+
+    x: np.ndarray
+    inside: np.ndarray
+    product: np.ndarray
+    offset: np.ndarray
+
+
+def _turned(samples: _Samples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
+            turn: np.ndarray) -> _Turned:
+    """Find the offset of a line of slope ``turn`` about a time of every beam; nothing needs to be unwrapped."""
+    beam = samples.windows.beam
     x = _offsets(samples.instants, found, incidence, sines, beam)
     inside = np.abs(x) <= reach[beam]
-    product = np.where(inside, samples.product, 0.0) * np.exp(-1j * turn[beam] * np.where(inside, x, 0.0))
-    start = np.angle(windows.summed(product))
-    product = product * np.exp(-1j * start)[beam]
     x = np.where(inside, x, 0.0)
-    weight = np.maximum(np.real(product), 0.3 * np.abs(product))
-    m0, m1, m2 = (windows.summed(weight * x ** power) for power in range(3))
-    e0, e1 = (windows.summed(np.imag(product) * x ** power) for power in range(2))
+    phase = turn[beam] * x
+    product = np.where(inside, samples.product, 0.0) * (np.cos(phase) - 1j * np.sin(phase))
+    offset = np.angle(samples.windows.summed(product))
+    return _Turned(x=x, inside=inside, product=product * np.exp(-1j * offset)[beam], offset=offset)
+
+
+def _fitted(samples: _Samples, turned: _Turned, turn: np.ndarray, block: int) -> _Fit:
+    """Fit the line's offset and slope, by one step from the line of slope ``turn``."""
+    windows, beam, x, product = samples.windows, samples.windows.beam, turned.x, turned.product
+    size, across = np.abs(product), np.imag(product)
+    weight = np.maximum(np.real(product), 0.3 * size)
+    first = weight * x
+    m0, m1, m2 = windows.summed(weight), windows.summed(first), windows.summed(first * x)
+    e0, e1 = windows.summed(across), windows.summed(across * x)
     with np.errstate(invalid="ignore", divide="ignore"):
         determinant = m0 * m2 - m1 ** 2
-        change = (m0 * e1 - m1 * e0) / determinant if slope_too else np.zeros(len(turn))
-        offset = start + (e0 - change * m1) / m0
-        fitted = turn + change
-        crossing = -offset / fitted
-        rest = product * np.exp(-1j * ((offset - start)[beam] + change[beam] * x))
+        slope = (m0 * e1 - m1 * e0) / determinant
+        offset = (e0 - slope * m1) / m0
+        crossing = -(turned.offset + offset) / (turn + slope)
+        phase = offset[beam] + slope[beam] * x
+        rest = across * np.cos(phase) - np.real(product) * np.sin(phase)
         g0, g1 = (m2 - m1 * crossing) / determinant, (m0 * crossing - m1) / determinant
-        pull = np.where(inside, np.imag(rest) * (g0[beam] + g1[beam] * x), 0.0)
+        pull = np.nan_to_num(rest * (g0[beam] + g1[beam] * x))
         length = np.full(len(turn), 2 * (block // 2) + 1)
-        variance = windows.summed(windows.smoothed(np.nan_to_num(pull), length) ** 2) / length
-        coherence = np.abs(windows.summed(product)) / windows.summed(np.where(inside, samples.power, 0.0))
-    return _Fit(crossing=crossing, turn=fitted, variance=variance, coherence=np.nan_to_num(coherence),
-                count=windows.summed(inside.astype(float)))
+        variance = windows.summed(windows.smoothed(pull, length) ** 2) / length
+        power = windows.summed(np.where(turned.inside, samples.power, 0.0))
+        coherence = np.hypot(windows.summed(np.real(product)), e0) / power
+    return _Fit(crossing=crossing, turn=turn + slope, variance=variance, coherence=np.nan_to_num(coherence),
+                count=windows.summed(turned.inside.astype(float)))
 
 
 def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray,
