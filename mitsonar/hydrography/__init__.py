@@ -9,6 +9,7 @@
     quality       how well an echo's time is known
     attitude      place and attitude of a platform at any time, from the samples of its motion sensors
     legs          rays through the layers between an array and the bed
+        columns              many layers at once, by a table
     reduction     soundings from angles and times to places
     resounding    a record reduced anew, with another profile or another sound speed of the head
     bottom_backscatter, snippets     the bed's strength, sounding by sounding and sample by sample

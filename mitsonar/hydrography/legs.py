@@ -24,13 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..propagation.layers import atan_ratio, atanh_ratio
+from ..propagation.layers import atanh_ratio
 from ..water import SoundSpeedProfile
 from ..water.profile import SAME_DEPTH
+from .columns import Column, crossed
 
 __all__ = ["Leg", "Starts"]
 
 BLOCK = 2048                       # rays at a time: their layers stay in the processor's cache
+FEW = 24                           # layers that are crossed one by one; more by the table of `columns`
 
 
 class Leg(NamedTuple):
@@ -78,6 +80,15 @@ class Starts:
         head = None if self.head_speed is None else self.head_speed[rays]
         return Starts(profile=self.profile, depth=self.depth[rays], head_speed=head)
 
+    def coarse(self, time: np.ndarray) -> Starts:
+        """Take few of the nodes that rays pass within a time (N,) [s], for a first guess."""
+        reach = float(self.profile.sound_speed.max()) * np.max(time, initial=0.0, where=np.isfinite(time))
+        first, last = self._nodes(self.depth + reach)
+        first, last = max(0, first - 1), min(last, self.profile.depth.size - 1)
+        some = np.unique(np.linspace(first, last, min(FEW, last - first + 1)).round().astype(int))
+        return Starts(profile=SoundSpeedProfile(self.profile.depth[some], self.profile.sound_speed[some]),
+                      depth=self.depth, head_speed=self.head_speed)
+
     def mirrored(self) -> Starts:
         """Turn the water upside down: what went up goes down."""
         return Starts(profile=SoundSpeedProfile(-self.profile.depth[::-1], self.profile.sound_speed[::-1]),
@@ -96,37 +107,67 @@ class Starts:
     def _edges(self, lowest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths and speeds (N, L + 1) of the edges of the layers from the starts down to `lowest` (N,)."""
         nodes = self.profile.depth
-        known = self.depth[np.isfinite(self.depth)]
-        first = np.searchsorted(nodes, known.min(initial=np.inf))
-        last = np.searchsorted(nodes, np.max(lowest, initial=-np.inf, where=np.isfinite(lowest)))
+        first, last = self._nodes(lowest)
         between = np.clip(nodes[first:last], self.depth[:, None], lowest[:, None])
         edges = np.concatenate([self.depth[:, None], between, lowest[:, None]], axis=1)
-        speeds = self.profile.at(edges)
-        if self.head_speed is not None:
-            following = self._next()
-            down = (edges - self.depth[:, None]) / (following - self.depth)[:, None]
-            joined = self.head_speed[:, None] + down * (self.profile.at(following) - self.head_speed)[:, None]
-            ramp = (edges < following[:, None]) & np.isfinite(following)[:, None]
-            speeds = np.where(ramp, joined, speeds)
-        return edges, speeds
+        return edges, self._speeds(edges)
+
+    def _nodes(self, lowest: np.ndarray) -> tuple[int, int]:
+        """Numbers of the first node between the highest start and the lowest end, and of the first one below."""
+        highest = np.min(self.depth, initial=np.inf, where=np.isfinite(self.depth))
+        deepest = np.max(lowest, initial=-np.inf, where=np.isfinite(lowest))
+        return int(np.searchsorted(self.profile.depth, highest)), int(np.searchsorted(self.profile.depth, deepest))
+
+    def _speeds(self, depth: np.ndarray) -> np.ndarray:
+        """Speeds at depths (N, L) along the rays."""
+        speeds = self.profile.at(depth)
+        if self.head_speed is None:
+            return speeds
+        following = self._next()
+        down = (depth - self.depth[:, None]) / (following - self.depth)[:, None]
+        joined = self.head_speed[:, None] + down * (self.profile.at(following) - self.head_speed)[:, None]
+        return np.where((depth < following[:, None]) & np.isfinite(following)[:, None], joined, speeds)
 
     def _next(self) -> np.ndarray:
         """Depth (N,) of the cast's next node below the head's; infinite where there is none."""
         return np.r_[self.profile.depth, np.inf][np.searchsorted(self.profile.depth, self.depth + SAME_DEPTH)]
 
     def _cross(self, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+        first, last = self._nodes(depth)
+        if last - first > FEW:
+            column = Column.of(self.profile, first, last - 1)
+            known = column.knows(slowness) & np.isfinite(depth) & np.isfinite(self.depth)
+            if known.all():
+                return self._cross_column(column, slowness, depth)
+            legs = np.full((len(Leg._fields), len(depth)), np.nan)
+            legs[:, known] = self[known]._cross_column(column, slowness[known], depth[known])
+            legs[:, ~known] = self[~known]._cross_layers(slowness[~known], depth[~known])
+            return Leg(*legs)
+        return self._cross_layers(slowness, depth)
+
+    def _cross_layers(self, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+        """Cross layer by layer."""
         edges, speed = self._edges(depth)
-        thickness, step = np.diff(edges), np.diff(speed)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            sines = np.sqrt(1 - (slowness[:, None] * speed) ** 2)
-            upper, lower = sines[:, :-1], sines[:, 1:]
-            both = upper + lower
-            stretch = thickness * (speed[:, :-1] + speed[:, 1:]) / both
-            slope = stretch / (upper * lower)
-            across = speed[:, 1:] * upper + speed[:, :-1] * lower
-            time = 2 * thickness / across * atanh_ratio(step / across)
-            length = 2 * thickness / both * atan_ratio(slowness[:, None] * step / both)
-        return Leg(stretch.sum(1), slope.sum(1), time.sum(1), length.sum(1), sines[:, -1], speed[:, -1])
+        sums = [one.sum(1) for one in crossed(slowness[:, None], np.diff(edges), speed[:, :-1], speed[:, 1:])]
+        with np.errstate(invalid="ignore"):
+            sine = np.sqrt(1 - (slowness * speed[:, -1])**2)
+        return Leg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
+
+    def _cross_column(self, column: Column, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+        """Cross a piece of a layer, whole layers by the table, and another piece."""
+        nodes, near = self.profile.depth, SAME_DEPTH if self.head_speed is not None else 0.0
+        upper = np.searchsorted(nodes, self.depth + near)
+        lower = np.searchsorted(nodes, depth) - 1
+        whole = upper <= lower
+        stops = np.stack([self.depth, np.where(whole, nodes[upper.clip(max=nodes.size - 1)], depth),
+                          np.where(whole, nodes[lower], depth), depth], 1)
+        speed = self._speeds(stops)
+        pieces = crossed(slowness[:, None], np.diff(stops)[:, ::2], speed[:, ::2], speed[:, 1::2])
+        sums = np.stack([one.sum(1) for one in pieces])
+        sums += column.between(slowness, np.where(whole, upper, column.first), np.where(whole, lower, column.first))
+        with np.errstate(invalid="ignore"):
+            sine = np.sqrt(1 - (slowness * speed[:, -1])**2)
+        return Leg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
 
     def _run(self, slowness: np.ndarray, time: np.ndarray) -> np.ndarray:
         fastest = max(float(self.profile.sound_speed.max()), float(np.max(self.speed, initial=0)))

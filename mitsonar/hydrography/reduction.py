@@ -252,7 +252,9 @@ def _solved(legs: _Legs) -> np.ndarray:
     out, back = legs.out, legs.back
     middle = replace(out.starts, depth=0.5 * (out.place[:, 2] + back.place[:, 2]))
     q = legs.initial()[:, :2] / middle.speed[:, None]
-    z = middle.depth_after(np.hypot(*q.T), 0.5 * legs.time)
+    z = middle.coarse(0.5 * legs.time).depth_after(np.hypot(*q.T), 0.5 * legs.time)
+    if (turned := np.isnan(z)).any():                          # there, perhaps, but not in all of the water
+        z[turned] = middle[turned].depth_after(np.hypot(*q[turned].T), 0.5 * legs.time[turned])
     z = np.where(z > np.maximum(out.place[:, 2], back.place[:, 2]), z, np.nan)
     slow = [tuple(q.T.copy()) for _ in range(2)]
     leg = middle.to_depth(np.hypot(*q.T), z)

@@ -1,0 +1,59 @@
+"""Legs through casts of many nodes: the table of whole layers against layers one by one, and its cost."""
+from time import process_time
+
+import numpy as np
+import pytest
+
+from mitsonar.hydrography import legs
+from mitsonar.hydrography.columns import COEFFICIENTS, Column
+from mitsonar.hydrography.legs import Starts
+from mitsonar.water import SoundSpeedProfile
+
+DEPTH = np.linspace(0, 120, 400)
+FINE = SoundSpeedProfile(DEPTH, 1500 - 15 * np.tanh((DEPTH - 30) / 12) + 0.5 * np.sin(3 * DEPTH))
+
+
+def rays(count=500, head=False):
+    rng = np.random.default_rng(5)
+    depth = rng.uniform(3, 6, count)
+    depth[:3] = FINE.depth[[12, 13, 14]]                       # at nodes
+    start = Starts(profile=FINE, depth=depth, head_speed=FINE.at(depth) - 4 if head else None)
+    end = np.r_[depth[:5] + 0.01, rng.uniform(20, 119, count - 5)]     # the first within a layer
+    end[5] = FINE.depth[200]
+    return start, np.sin(rng.uniform(0, 1.56, count)) / start.speed, end
+
+
+@pytest.mark.parametrize("head", [False, True])
+def test_table_of_whole_layers_agrees_with_layers_one_by_one(monkeypatch, head):
+    # 1e-12 of the sums is what 40 coefficients leave; flatter rays are crossed one by one in both.
+    start, slowness, end = rays(head=head)
+    quick = start.to_depth(slowness, end)
+    monkeypatch.setattr(legs, "FEW", 10**6)
+    slow = start.to_depth(slowness, end)
+    assert np.isnan(slow.time).any() and np.isfinite(slow.time).sum() > 300
+    for one, other in zip(quick, slow):
+        np.testing.assert_allclose(one, other, rtol=3e-11, atol=1e-12)
+
+
+def test_rays_run_for_a_time_are_as_deep_as_that_time_takes(monkeypatch):
+    start, slowness, end = rays()
+    time = start.to_depth(slowness, end).time
+    down = np.isfinite(time)
+    np.testing.assert_allclose(start[down].depth_after(slowness[down], time[down]), end[down], atol=1e-9)
+    # A guess by few nodes is near; rays that hardly get through may turn there.
+    guess = start[down].coarse(time[down]).depth_after(slowness[down], time[down])
+    assert np.isfinite(guess).mean() > 0.9 and np.nanmedian(np.abs(guess - end[down])) < 0.2
+
+
+def test_many_nodes_cost_no_more_than_few(monkeypatch):
+    start, slowness, end = rays(2000)
+    Column.of(FINE, 10, 397)
+    start.to_depth(slowness, end)
+    spent = []
+    for few in (legs.FEW, 10**6):
+        monkeypatch.setattr(legs, "FEW", few)
+        begin = process_time()
+        start.to_depth(slowness, end)
+        spent.append(process_time() - begin)
+    assert spent[0] < spent[1] / 2
+    assert Column.of(FINE, 10, 20).table.shape == (11, 4, COEFFICIENTS)
