@@ -30,8 +30,9 @@ from .legs import Leg, Starts
 
 __all__ = ["Installation", "Located", "Measured", "located"]
 
-STEPS = 16
+STEPS = 24
 CLOSE = 1e-5                       # [m]: the next step is shorter than the square of this over the range
+LOWEST = 0.1                       # sine at which a search begins where cones about one point do not meet
 Plane = tuple[np.ndarray, np.ndarray]
 
 
@@ -234,17 +235,18 @@ class _Legs:
         return _Legs(out=self.out.mirrored(), back=self.back.mirrored(), time=self.time)
 
     def initial(self) -> np.ndarray:
-        """Unit vectors (N, 3) of where the two cones meet about one point; of two, the lower; NaN of none."""
+        """Unit vectors (N, 3) of where the two cones meet about one point, or nearly do; of two, the lower."""
         t, r, speed = self.out.axis, self.back.axis, self.back.starts.speed
         u, v = self.out.along * self.out.starts.speed, self.back.along * speed
         cosine = (t * r).sum(1)
         square = 1 - cosine**2
         with np.errstate(invalid="ignore", divide="ignore"):
             first, second = (u - cosine * v) / square, (v - cosine * u) / square
-            third = np.sqrt((1 - first * u - second * v) / square)
+            third = np.sqrt(np.maximum((1 - first * u - second * v) / square, LOWEST**2))
         normal = np.cross(t, r)
         third = np.where(normal[:, 2] < 0, -third, third)
-        return first[:, None] * t + second[:, None] * r + third[:, None] * normal
+        found = first[:, None] * t + second[:, None] * r + third[:, None] * normal
+        return found / np.linalg.norm(found, axis=1)[:, None]
 
 
 def _solved(legs: _Legs) -> np.ndarray:
@@ -268,9 +270,10 @@ def _solved(legs: _Legs) -> np.ndarray:
         x, y, depth = place[0][todo], place[1][todo], z[todo]
         q = [(one[0][todo], one[1][todo]) for one in slow]
         step, turns, ends = _step(sides, legs.time[todo], x, y, depth, q)
-        place[0][todo], place[1][todo], z[todo] = x + step[0], y + step[1], depth + step[2]
+        share = _share(sides, step, depth, legs.time[todo])
+        place[0][todo], place[1][todo], z[todo] = x + share * step[0], y + share * step[1], depth + share * step[2]
         for one, (before, turn) in zip(slow, zip(q, turns)):
-            one[0][todo], one[1][todo] = before[0] + turn[0], before[1] + turn[1]
+            one[0][todo], one[1][todo] = before[0] + share * turn[0], before[1] + share * turn[1]
         far = np.abs(step).max(0)
         lost = np.isnan(far)
         z[todo[lost]] = np.nan
@@ -278,6 +281,13 @@ def _solved(legs: _Legs) -> np.ndarray:
         rows[:, todo[done]] = _answer(sides, slow, ends, todo, place, z)[:, done]
         todo = todo[~done & ~lost]
     return rows
+
+
+def _share(sides: list[_Side], step: np.ndarray, z: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """What of a step (3, N) to go: at most a quarter of the range, and of the way up to the arrays half."""
+    long = np.sqrt((step**2).sum(0)) / (0.125 * time * sides[0].starts.speed)
+    up = -step[2] / (0.5 * (z - np.maximum(sides[0].place[:, 2], sides[1].place[:, 2])))
+    return 1 / np.maximum(1, np.maximum(long, up))
 
 
 def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray,

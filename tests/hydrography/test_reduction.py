@@ -36,6 +36,16 @@ def test_arrays_ten_metres_apart_make_no_error():
     np.testing.assert_allclose(places_of(located(line.measured, motion, far, SUMMER, node=False)), places, atol=1e-8)
 
 
+def test_arrays_far_apart_in_shallow_water_find_all_soundings():
+    # 5 m apart, 7 m over the bed, out to 80 degrees: about one point the two cones often do not even meet.
+    rng, motion = np.random.default_rng(0), rocking(np.arange(-1, 12, 0.01))
+    far = replace(ARMS, transmit_offset=(2.5, 0.5, 0.3), receive_offset=(-2.5, -0.8, 0.35))
+    sent = rng.uniform(0, 9, 500)
+    places = swath(motion, sent, rng.uniform(-38, 38, 500), rng.uniform(-3, 3, 500), np.full(500, 12.0))
+    line = sounded(places, sent, motion, far)
+    np.testing.assert_allclose(places_of(located(line.measured, motion, far, SUMMER, node=False)), places, atol=1e-7)
+
+
 def walked(profile, start, slowness, time, steps=4000):
     """A ray by Runge-Kutta steps of dx/dt = c² q, dz/dt = c √(1 - c² q²): range and depth after a time."""
     h, depth, level = time / steps, start, 0.0
