@@ -1,4 +1,6 @@
 """Legs through casts of many nodes: the table of whole layers against layers one by one, and its cost."""
+import json
+from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -9,6 +11,7 @@ from mitsonar.hydrography.columns import COEFFICIENTS, Column
 from mitsonar.hydrography.legs import Starts
 from mitsonar.water import SoundSpeedProfile
 
+REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"
 DEPTH = np.linspace(0, 120, 400)
 FINE = SoundSpeedProfile(DEPTH, 1500 - 15 * np.tanh((DEPTH - 30) / 12) + 0.5 * np.sin(3 * DEPTH))
 
@@ -57,3 +60,23 @@ def test_many_nodes_cost_no_more_than_few(monkeypatch):
         spent.append(process_time() - begin)
     assert spent[0] < spent[1] / 2
     assert Column.of(FINE, 10, 20).table.shape == (11, 4, COEFFICIENTS)
+
+
+@pytest.mark.skipif(not REFERENCE.is_file(), reason="the shared reference of eigenrays is not here")
+def test_legs_agree_with_references_of_sixty_digits():
+    # Range and dx/dp at the reference's own p lose digits where the ray runs flat: 1e-8 is what p's rounding costs.
+    reference = json.loads(REFERENCE.read_text(encoding="utf-8"))
+    seen = 0
+    for case in reference["cases"]:
+        if case["branch"] != "direct" or case["target_depth"] <= case["source_depth"]:
+            continue
+        water = SoundSpeedProfile(*(reference["profiles"][case["profile"]][name] for name in ("depth", "c")))
+        start = Starts(profile=water, depth=np.array([case["source_depth"]]))
+        leg = start.to_depth(np.array([float(case["p"])]), np.array([case["target_depth"]]))
+        if leg.sine[0] < 0.05 or float(case["p"]) * water.at(case["source_depth"]) > 0.999:
+            continue
+        wanted = [float(case[name]) for name in ("range", "time", "arc_length", "dX_dp")]
+        found = [float(case["p"]) * leg.stretch[0], leg.time[0], leg.length[0], leg.slope[0]]
+        np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-9, err_msg=str(case))
+        seen += 1
+    assert seen > 20
