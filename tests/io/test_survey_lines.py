@@ -43,7 +43,8 @@ def test_a_line_that_breaks_off_leaves_no_file_and_keeps_an_older_one(suffix, tm
     ([LINE.drop_vars("angle")], {}, "lack angle"), ([LINE], {"place": (54.0, 8.0)}, "leave place out"),
     ([LINE.drop_attrs(deep=False)], {"place": (95.0, 8.0)}, "latitude and longitude"),
     ([LINE], {"start": "yesterday"}, "give a date and time"), ([LINE], {"start": "1950-01-01"}, "between 1970"),
-    ([LINE, LINE.isel(beam=slice(0, 9))], {}, "other variables, beams or samples"),
+    ([LINE, LINE.isel(beam=slice(0, 9))], {}, "other variables, beams, samples or motion"),
+    ([LINE, LINE.isel(motion=slice(9))], {}, "motion of the whole line"),
     ([LINE.assign_attrs(crs="EPSG:4326")], {}, "not one in metres")])
 def test_what_is_no_line_is_refused_in_a_sentence(blocks, options, said, tmp_path):
     with pytest.raises(ValueError, match=said) as caught:
@@ -179,3 +180,54 @@ def test_memory_does_not_grow_with_the_line(suffix, tmp_path):
 def test_blocks_join_to_the_line_that_netcdf_gives(tmp_path):
     survey_lines.write(blocks_of(LINE, 3), tmp_path / "line.nc")
     assert mitsonar.read(tmp_path / "line.nc").identical(joined(blocks_of(LINE, 1)))
+
+
+def gaps():
+    """A line as instruments leave it: a ping without beams, one without a sounding, fewer sectors, no water column."""
+    line = LINE.copy(deep=True)
+    for name in ("angle", "transmit_angle", "travel_time", "x", "y", "depth", "across_track", "along_track"):
+        line[name].values[1] = np.nan
+        if name not in ("angle", "transmit_angle"):
+            line[name].values[2] = np.nan
+    line["valid"].values[1:3] = False
+    line["angle"].values[4, 8] = line["x"].values[4, 8] = np.nan
+    line["valid"].values[4, 8] = False
+    for name in line.data_vars:
+        if line[name].dims == ("ping", "sector"):
+            line[name].values[3, 2] = np.nan
+        if line[name].dims[:2] == ("ping", "column_beam") and line[name].dtype.kind == "f":
+            line[name].values[3] = np.nan
+    line["sector"].values[3] = np.minimum(line["sector"].values[3], 1)
+    return line
+
+
+@pytest.mark.parametrize("suffix", survey_lines.SUFFIXES)
+def test_pings_with_gaps_are_written(suffix, tmp_path):
+    line = gaps()
+    written = survey_lines.write(blocks_of(line), tmp_path / f"line{suffix}")
+    assert written.soundings == int(line["valid"].sum())
+    if suffix in (".gsf", ".kmall"):
+        assert written.pings == 4 and "1 ping without beams left out" in written.words
+
+
+def test_gaps_are_read_back_as_gaps(tmp_path):
+    from GSFU.gsfu import gsf
+
+    line = gaps()
+    for suffix in (".gsf", ".kmall"):
+        survey_lines.write(blocks_of(line), tmp_path / f"line{suffix}")
+    reader = gsf(str(tmp_path / "line.gsf"))
+    pings = [one[-1] for one in reader.iter_records("GSF_RECORD_SWATH_BATHYMETRY_PING")]
+    beams = [int(np.isfinite(line["angle"].values[number]).sum()) for number in (0, 2, 3, 4)]
+    assert [one["NumberBeams"] for one in pings] == beams
+    assert [len(one["SensorSpecific"]["TxSectors"]["TxSectorNumb"]) for one in pings] == [3, 3, 2, 3]
+    assert np.all(pings[1]["Beams"]["BeamFlags"] == 1)
+    reader.closeFile()
+    whole = (tmp_path / "line.kmall").read_bytes()
+    assert (whole.count(b"#MRZ"), whole.count(b"#MWC")) == (4, 3)
+
+
+def test_a_ship_at_rest_with_one_sample_of_motion_is_written(tmp_path):
+    line = LINE.isel(motion=slice(0, 1))
+    for suffix in survey_lines.SUFFIXES:
+        assert survey_lines.write(line, tmp_path / f"line{suffix}").pings == 5

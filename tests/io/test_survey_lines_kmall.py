@@ -142,7 +142,7 @@ def test_motion_positions_cast_and_the_heads_sound_speed_are_there(path):
     draught = float(LINE["motion_depth"].mean())
     assert np.allclose(heave + draught, LINE["motion_depth"].values, atol=1e-6)
     text, = [one["install_txt"] for one in datagrams(path, "#IIP")]
-    assert f"EMXI:SWLZ={-draught:.3f}" in text and "TRAI_TX1:N=1;X=1.2000;Y=0.3000;Z=0.9000" in text
+    assert f"EMXI:SWLZ={-draught:.4f}" in text and "TRAI_TX1:N=1;X=1.2000;Y=0.3000;Z=0.9000" in text
     cast, = datagrams(path, "#SVP")
     assert cast["sensorData"]["depth_m"] == [0, 20, 200]
     assert cast["sensorData"]["soundVelocity_mPerSec"] == [1502, 1498, 1510]

@@ -1,6 +1,6 @@
 """#MWC, the water column of a ping in KMALL: beams of samples in steps of half a decibel.
 
-    level = value / 2 - offset      value -128 to 127; one offset a file, from the loudest sample of its first ping
+    level = value / 2 - offset      value -128 to 127; one offset a file, after its first ping's loudest sample
 
 No gain over range is applied (0 log R). A beam's first sample lies at its number over the rate after its sector's
 transmission: starts are told to half a sample.
@@ -11,7 +11,6 @@ import struct
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 
 from .directions import from_vertical
 from .kmall_sensors import body, datagram
@@ -21,7 +20,7 @@ from .passage import Passage
 __all__ = ["Column", "column_of", "offset_of", "water_column"]
 
 VERSION = 2
-TOP = 60.0                                 # dB, where the loudest sample goes; 63.5 is full
+TOP = 50.0                                 # dB, where the first ping's loudest sample goes; 63.5 is full
 LAST = 65_535
 
 
@@ -38,8 +37,8 @@ class Column:
     sector, start, count : int (W,)
         Sector, number of the first sample, samples.
     values : list of int8 (count,)
-    saturated : int
-        Samples that are full.
+    outside : (int, int)
+        Samples that are louder and quieter than the steps reach.
     """
 
     rate: float
@@ -49,20 +48,19 @@ class Column:
     start: np.ndarray
     count: np.ndarray
     values: list[np.ndarray]
-    saturated: int
+    outside: tuple[int, int]
 
     def nearest(self, angle: np.ndarray) -> np.ndarray:
         """Give the number (B,) of the beam next to angles (B,)."""
         return np.argmin(np.abs(self.angle[None] - angle[:, None]), axis=1)
 
 
-def offset_of(block: xr.Dataset) -> int | None:
-    """Give the offset [dB] of a file from its first ping, however many the block has; None without a water column."""
-    if "column_level_db" not in block:
+def offset_of(ping: Ping) -> int | None:
+    """Give the offset [dB] that suits a ping's water column; None where it has no sample."""
+    level = ping.get("column_level_db")
+    if level is None or not np.isfinite(level).any():
         return None
-    level = block["column_level_db"][0].values
-    loudest = float(level[np.isfinite(level)].max()) if np.isfinite(level).any() else 0.0
-    return int(np.clip(np.rint(TOP - loudest), -128, 127))
+    return int(np.clip(np.rint(TOP - float(level[np.isfinite(level)].max())), -128, 127))
 
 
 def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
@@ -73,7 +71,7 @@ def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
     ValueError
         If its beams have different rates, or it is longer than files can count.
     """
-    if offset is None:
+    if offset is None or not np.isfinite(ping["column_level_db"]).any():
         return None
     there = np.isfinite(ping["column_angle"])
     angle, level, rates = ping["column_angle"][there], ping["column_level_db"][there], ping["column_rate"][there]
@@ -92,7 +90,7 @@ def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
     return Column(rate=rate, angle=angle, vertical_deg=np.degrees(from_vertical(line, ping, angle)),
                   sector=ping["column_sector"][there], start=start, count=end - first,
                   values=[row[begin:stop] for row, begin, stop in zip(whole, first, end)],
-                  saturated=int((steps[finite] > 127).sum()))
+                  outside=(int((steps[finite] > 127).sum()), int((steps[finite] < -128).sum())))
 
 
 def water_column(line: Line, passage: Passage, ping: Ping, number: int, sounder: int, column: Column, *,

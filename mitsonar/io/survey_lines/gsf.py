@@ -9,7 +9,7 @@ from ..files import FilePath, replacing
 from .gsf_pings import MOST_SECTORS, SCALES, swath
 from .gsf_records import File, attitudes, cast, comments, parameters
 from .held import SOUNDINGS
-from .lines import Blocks, Place, Written, line_of, lost, pings
+from .lines import Blocks, Place, Written, left_out, line_of, lost, pings
 from .passage import passage_of
 
 __all__ = ["write"]
@@ -39,7 +39,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     """
     line, some = line_of(blocks, place=place, start=start)
     passage = passage_of(line)
-    number = soundings = 0
+    number = soundings = empty = 0
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     time = passage.time[0]
     with replacing(path) as temporary, open(temporary, "wb") as stream:
@@ -52,6 +52,9 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
             file.write_attitude(attitude)
         for block in some:
             for ping in pings(line, block):
+                if not ping["valid"].size:
+                    empty += 1
+                    continue
                 _add(file, swath(line, passage, ping, number), number)
                 found = np.stack([ping["latitude"], ping["longitude"], ping["depth"]])[:, ping["valid"]]
                 low = np.minimum(low, found.min(1, initial=np.inf))
@@ -62,7 +65,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
                 "StartTime": line.start + float(line.first["ping_time"][0]), "EndTime": time,
                 "MinLatitude_deg": low[0], "MinLongitude_deg": low[1], "MinDepth_m": low[2],
                 "MaxLatitude_deg": high[0], "MaxLongitude_deg": high[1], "MaxDepth_m": high[2]})
-    return Written(pings=number, soundings=soundings, words=_words(line))
+    return Written(pings=number, soundings=soundings, words=_words(line, empty))
 
 
 def _add(file, record, number):
@@ -73,11 +76,11 @@ def _add(file, record, number):
                          ".nc.") from None
 
 
-def _words(line):
+def _words(line, empty):
     out = lost(line, SOUNDINGS)
     sectors = line.first.sizes["sector"]
     return tuple(text for text in (
-        line.placed,
+        line.placed, left_out(empty),
         f"GSF has no room for {', '.join(out)}: write a .nc to keep them" if out else "",
         f"GSF lists {MOST_SECTORS} sectors of the {sectors}" if sectors > MOST_SECTORS else "",
         "snippets lack snippet_rate, so GSF holds none" if "snippet_db" in line.first

@@ -79,7 +79,8 @@ def _specific(line, ping, number, array):
     length = ping["sector_pulse_length"]
     across = ping["across_track"][ping["valid"]] if ping["valid"].any() else np.zeros(1)
     runs = runs_of(ping)
-    column = ping.get("column_rate")
+    rates = ping.get("column_rate", np.zeros(0))
+    rates = rates[np.isfinite(rates)]
     head = int(ping.get("head", 0))
     specific = {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": number % 65_536, "RxFansPerPing": 1,
                 "RxFanIndex": head, "SwathsPerPing": 1, "RxTransducerInd": head, "NumRxTransducers": 1,
@@ -96,7 +97,7 @@ def _specific(line, ping, number, array):
                 "Longitude_deg": float(ping["ping_longitude"]), "NumBytesRxInfo": 32,
                 "NumSoundingsMaxMain": ping["valid"].size, "NumSoundingsValidMain": int(ping["valid"].sum()),
                 "NumBytesPerSounding": 120, "SeabedImageSampleRate": 0.0 if runs is None else runs.rate,
-                "WCSampleRate": 0.0 if column is None or not column.size else float(column[0])}
+                "WCSampleRate": float(rates[0]) if rates.size else 0.0}
     some = slice(0, MOST_SECTORS)
     sectors = {"TxSectorNumb": np.arange(length.size), "SectorTransmitDelay_sec": ping["sector_delay"],
                "TiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "CentreFreq_Hz": ping["sector_frequency"],

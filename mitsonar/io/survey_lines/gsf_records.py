@@ -60,7 +60,7 @@ def parameters(line: Line, passage: Passage) -> dict[str, Any]:
     values |= {f"APPLIED_{name}_OFFSET": none for name in OFFSETS}
     for prefix, array in (("", "transmit"), ("RX_", "receive")):
         offset, turned = line.array(f"{array}_offset"), deg_from_radians(line.array(f"{array}_mounting"))
-        values[f"APPLIED_{prefix}TRANSDUCER_OFFSET"] = ",".join(f"{value:+.3f}" for value in offset)
+        values[f"APPLIED_{prefix}TRANSDUCER_OFFSET"] = ",".join(f"{value:+.4f}" for value in offset)
         values |= {f"APPLIED_{prefix}TRANSDUCER_{name}_OFFSET": f"{value:+.4f}"
                    for name, value in zip(("ROLL", "PITCH", "HEADING"), turned)}
     values |= {f"APPLIED_{name}_LATENCY": zero for name in ("POSITION", "ATTITUDE", "DEPTH_SENSOR")}

@@ -113,7 +113,7 @@ def _soundings(line, ping, runs: Runs | None, column: Column | None) -> dict[str
                            "WCrange_samples", "WCNomBeamAngleAcross_deg", "SIstartRange_samples", "SIcentreSample",
                            "SInumSamples"), 0)
     out = zeros | {
-        "soundingIndex": np.arange(valid.size), "txSectorNumb": sector, "rangeFactor": np.full(valid.size, 100.0),
+        "soundingIndex": ping["beam"], "txSectorNumb": sector, "rangeFactor": np.full(valid.size, 100.0),
         "detectionType": np.where(valid, NORMAL, REJECTED), "detectionMethod": told("detection").astype(int),
         "qualityFactor": quality, "detectionUncertaintyVer_m": told("uncertainty"),
         "detectionUncertaintyHor_m": told("horizontal_uncertainty"),

@@ -71,7 +71,7 @@ def installation(line: Line, passage: Passage) -> bytes:
     nothing = "X=0.000;Y=0.000;Z=0.000"
     parts += [f"POSI_1:{nothing};D=0.000;G=WGS84;T=Datagram;C=On;F=GGA;Q=Off;I=Net port 1;U=ACTIVE",
               f"ATTI_1:{nothing};R=0.000;P=0.000;H=0.000;D=0.000;M=Rotation;F=KM Binary;I=Net port 2;U=ACTIVE",
-              "SVPI:F=AML NMEA;I=Integrated probe;U=ACTIVE", f"EMXI:SWLZ={-passage.draught:.3f}", "\n"]
+              "SVPI:F=AML NMEA;I=Integrated probe;U=ACTIVE", f"EMXI:SWLZ={-passage.draught:.4f}", "\n"]
     return datagram("IIP", 0, number, passage.time[0], _text(",".join(parts)))
 
 

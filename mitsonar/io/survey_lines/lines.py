@@ -16,7 +16,7 @@ import xarray as xr
 from ...hydrography.record import VARIABLES, check
 from ..navigation import Frame
 
-__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "line_of", "lost", "pings", "rotation"]
+__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "line_of", "left_out", "lost", "pings", "rotation"]
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
 Place = tuple[float, float]                # latitude and longitude [degrees]
@@ -130,12 +130,13 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
 def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
     """Give a block's pings one by one, without padding and with their places on Earth.
 
-    Each has the record's variables, beams without an angle left out, and ``beam`` (number in the record), ``since`` [s
-    since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and ``longitude`` (of beams; NaN where there is no
-    sounding) [degrees] and ``true_heading`` [rad].
+    Each has the record's variables, beams without an angle and sectors without a frequency left out. More are ``beam``
+    (numbers in the record), ``since`` [s since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and
+    ``longitude`` (of beams; NaN where there is no sounding) [degrees] and ``true_heading`` [rad].
     """
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
+    of_sectors = {name for name in arrays if block[name].dims[1:2] == ("sector",)}
     here = np.stack([arrays["ping_x"], arrays["ping_y"]], -1)
     latitude, longitude, convergence = line.frame.on_globe(here)
     valid = arrays["valid"]
@@ -150,6 +151,11 @@ def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
         ping["beam"] = np.arange(there.size)
         for name in (*of_beams, "latitude", "longitude", "beam"):
             ping[name] = ping[name][there]
+        sent = np.flatnonzero(np.isfinite(ping["sector_frequency"]))
+        sectors = 1 + int(sent[-1]) if sent.size else 1
+        for name in of_sectors:
+            ping[name] = np.nan_to_num(ping[name][:sectors])
+        ping["sector"] = np.clip(ping["sector"], 0, sectors - 1)
         ping |= {"since": line.start + ping["ping_time"], "ping_latitude": latitude[number],
                  "ping_longitude": longitude[number], "true_heading": ping["ping_heading"] + convergence[number]}
         yield ping
@@ -169,6 +175,11 @@ def lost(line: Line, held: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in VARIABLES if name in line.first.variables and name not in known)
 
 
+def left_out(empty: int) -> str:
+    """Say how many pings had no beams."""
+    return f"{empty} ping{'s' if empty > 1 else ''} without beams left out" if empty else ""
+
+
 def _alike(first: xr.Dataset, others: Iterable[xr.Dataset]) -> Iterator[xr.Dataset]:
     yield first
     names, sizes = set(first.variables), _sizes(first)
@@ -176,14 +187,15 @@ def _alike(first: xr.Dataset, others: Iterable[xr.Dataset]) -> Iterator[xr.Datas
         check(block)
         if not block.sizes["ping"]:
             continue
-        if set(block.variables) != names or _sizes(block) != sizes:
-            raise ValueError("a block of pings has other variables, beams or samples than the first one; pad them to "
-                             "the same and give them again.")
+        if set(block.variables) != names or _sizes(block) != sizes or not np.array_equal(
+                block["motion_time"].values, first["motion_time"].values):
+            raise ValueError("a block of pings has other variables, beams, samples or motion than the first one; pad "
+                             "them to the same, and give every block the motion of the whole line.")
         yield block
 
 
 def _sizes(block):
-    return {name: size for name, size in block.sizes.items() if name not in ("ping", "motion", "node")}
+    return {name: size for name, size in block.sizes.items() if name != "ping"}
 
 
 def _checked(place: Place) -> Place:
