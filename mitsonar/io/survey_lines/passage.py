@@ -58,16 +58,17 @@ class Passage:
 
 
 def passage_of(line: Line) -> Passage:
-    """Take a line's passage from its motion."""
-    time, depth = line.array("motion_time"), line.array("motion_depth")
-    x, y = line.array("motion_x"), line.array("motion_y")
+    """Take a line's passage from its motion, from 1970 on: files count no earlier time."""
+    early = line.start + line.array("motion_time") < 0
+    kept = ~early if not early.all() else np.arange(early.size) == early.size - 1
+    time, x, y, depth, roll, pitch, heading = (line.array(f"motion_{name}")[kept] for name in (
+        "time", "x", "y", "depth", "roll", "pitch", "heading"))
     latitude, longitude, convergence = line.frame.on_globe(np.stack([x, y], -1))
     turn = np.cos(convergence), np.sin(convergence)
     north, east = y * turn[0] - x * turn[1], x * turn[0] + y * turn[1]
     moved = np.stack([north, east, depth], -1)
-    draught = float(depth.mean())
+    draught = float(line.array("motion_depth").mean())
     velocity = np.gradient(moved, time, axis=0) if time.size > 1 else np.zeros_like(moved)
-    return Passage(time=line.start + time, latitude=latitude, longitude=longitude, depth=depth,
-                   roll=line.array("motion_roll"), pitch=line.array("motion_pitch"),
-                   heading=line.array("motion_heading") + convergence, heave=draught - depth, velocity=velocity,
+    return Passage(time=np.maximum(line.start + time, 0.0), latitude=latitude, longitude=longitude, depth=depth,
+                   roll=roll, pitch=pitch, heading=heading + convergence, heave=draught - depth, velocity=velocity,
                    draught=draught)
