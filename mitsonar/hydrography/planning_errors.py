@@ -5,8 +5,8 @@ head, so p = sin(θ) / c(h) is right. The water bends the ray by the true profil
 
     t = T(p, d; c)           d' : T(p, d'; c') = t           error = d' - d
 
-T the time down to a depth, see `legs`. From the head on the water is that of the other profile: the head's own speed is
-no node of it, as it is in `reduction`, where casts with nodes close to the head make no difference.
+T the time down to a depth, see `legs`. The head's own speed is the other profile's node at the head, as `reduction` and
+instruments have it: what `mitsonar.soundings` makes with that profile is wrong by as much.
 """
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from .survey_orders import SurveyOrder
 
 __all__ = ["CastError", "cast_error", "depth_error", "surface_layer_error"]
 
+MOST_NODES = 1000
 _EDGE = 0.01                       # [m] in which the error of a surface layer ends
 
 
@@ -79,7 +80,8 @@ def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: fl
     slowness = np.sin(angle) / true.at(head_depth)
     head = np.full(angle.shape, float(head_depth))
     time = Starts(profile=true, depth=head).to_depth(slowness, np.full(angle.shape, float(depth))).time
-    return Starts(profile=used, depth=head).depth_after(slowness, time) - depth
+    known = Starts(profile=used, depth=head, head_speed=true.at(head))
+    return known.depth_after(slowness, time) - depth
 
 
 def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float, half_angle: float,
@@ -100,8 +102,8 @@ def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: flo
 
 
 def surface_layer_error(profile: SoundSpeedProfile, error: float, layer: float) -> SoundSpeedProfile:
-    """Give a profile that is wrong by an error [m/s] from the surface down to a depth [m]."""
-    edges = [min(0.0, float(profile.depth[0])), layer, layer + _EDGE]
-    depth = np.union1d(profile.depth, edges)
-    share = np.interp(depth, edges[1:], [1.0, 0.0])
+    """Give a profile that is wrong by an error [m/s] from the surface down to a depth [m], a node a metre."""
+    edges = [layer, layer + _EDGE]
+    depth = np.union1d(profile.depth, [*np.linspace(0, layer, min(int(np.ceil(layer)), MOST_NODES) + 1), *edges])
+    share = np.interp(depth, edges, [1.0, 0.0])
     return SoundSpeedProfile(depth, profile.at(depth) + error * share)
