@@ -133,6 +133,7 @@ COMMANDS = {
     "resolution of a level bed": ([*LEVEL, "--resolution", "2"], "leave them out beside --depth"),
     "no such bathymetry": (["plan", "no.tif"], "no.tif"),
     "bathymetry that is none": (["plan", "scene.xml"], "scene.xml"),
+    "bathymetry of land": (["plan", "hill.asc", "--vertical", "elevation"], "no depth of the bathymetry is below"),
     "empty area": (["plan", SANDWAVES, "--area", ""], "cannot read the area"),
     "area of two corners": (["plan", SANDWAVES, "--area", "0 0, 1 1"], "ring of 2 corners"),
     "area elsewhere": (["plan", SANDWAVES, "--area", "0 0, 9 0, 9 9"], "where the bathymetry has no depth"),
@@ -169,5 +170,6 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("arguments, words", COMMANDS.values(), ids=COMMANDS)
-def test_what_cannot_be_planned_is_refused(refusal, arguments, words):
+def test_what_cannot_be_planned_is_refused(refusal, folder, arguments, words):
+    (folder / "hill.asc").write_text("ncols 2\nnrows 2\nxllcorner 1000\nyllcorner 1000\ncellsize 9\n5 6\n7 8\n")
     assert words in refusal(*arguments)
