@@ -19,7 +19,7 @@ from .planning_area import Area, LineFrame
 from .planning_bed import Bed, heading_along_area, heading_along_contours
 from .planning_coverage import Coverage, Gap, SwathSonar, Track, coverage, gaps, track
 from .planning_errors import CastError, cast_error
-from .planning_lines import Lattice, even_segments, fitted_segments, in_sailing_order
+from .planning_lines import Lattice, even_segments, fitted_segments, in_sailing_order, refuse_many
 from .planning_rays import SwathRays, swath_rays
 from .planning_turns import Turn, turn
 from .survey_orders import ORDERS, SurveyOrder
@@ -27,8 +27,9 @@ from .survey_orders import ORDERS, SurveyOrder
 __all__ = ["Layout", "Plan", "SurveyLine", "plan"]
 
 SPACINGS = ("line", "shoalest", "mean")
-MOST_STATIONS = 1000
-MOST_NODES = 4_000_000             # of a lattice
+MOST_STATIONS = 1000               # of a lattice along lines,
+FINEST = 0.02                      # of the swath's width: distance of stations
+MOST_OFFSETS = 20_000              # and across
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,7 +214,8 @@ def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout
     width = 2 * float(rays.reach_at(mean))
     heading, contours = _heading(bed, wanted, width, layout, area)
     frame = LineFrame(heading=heading)
-    lattice = _lattice(bed, inside, asked & ~inside, area, frame)
+    lattice = _lattice(bed, inside, asked & ~inside, area, frame, width,
+                       layout.spacing or 2 * float(rays.reach.max()) * (1 - layout.overlap))
     shortest = 2 * layout.run_in + np.pi * layout.turn_radius
     if layout.spacing is None and layout.swath_at == "line":
         segments = fitted_segments(bed, rays, lattice, layout.overlap, shortest)
@@ -224,7 +226,7 @@ def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout
             raise ValueError(f"the shoalest bed of the area is {float(some.min()):.3g} m deep, where the sonar has no "
                              "swath; leave the shoal out of the area, or let the spacing follow each line.")
         segments = even_segments(lattice, spacing, shortest)
-    step = max(*bed.step, 0.02 * width)
+    step = max(*bed.step, FINEST * width)
     tracks = [(track(bed, rays, sonar, frame, one, float(profile.at(sonar.head_depth)), step), ahead)
               for one, ahead in in_sailing_order(segments)]
     found = coverage(bed, rays, sonar, frame, [one for one, _ in tracks], layout.speed, wanted)
@@ -289,15 +291,22 @@ def _outline(bed: Bed, inside: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([bed.x[column], bed.y[row]], -1) for column in (first, last)])
 
 
-def _lattice(bed: Bed, inside: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame) -> Lattice:
-    """Lay nodes along and across the lines over the area but its shoals, about as close as those of the bed."""
+def _lattice(bed: Bed, inside: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
+             width: float, spacing: float) -> Lattice:
+    """Lay nodes along and across the lines over the area but its shoals, about as close as those of the bed.
+
+    Along the lines there are no more than 50 to the width of a swath [m], across several. ``spacing`` [m] is the widest
+    that lines may have.
+    """
     if area is None:
         corners = np.stack(frame.along_across(*_outline(bed, inside).T))
     else:
         corners = np.concatenate([np.stack(frame.along_across(*ring.T)) for ring in area.rings], axis=1)
     low, high = corners.min(1), corners.max(1)
+    refuse_many((high[1] - low[1]) / spacing, spacing)
     step = max(min(bed.step), float(np.max(high - low)) / MOST_STATIONS)
-    number = [max(int(np.ceil(span / step)) + 1, 3) for span in high - low]
+    steps = max(step, FINEST * width), max(min(step, width / 8), float(high[1] - low[1]) / MOST_OFFSETS)
+    number = [max(int(np.ceil(span / one)) + 1, 3) for span, one in zip(high - low, steps)]
     s, u = (np.linspace(*ends, size) for ends, size in zip(zip(low, high), number))
     # nodes on the border of the area are in it
     inner = [middle + (axis - middle) * (1 - 1e-7) for axis, middle in zip((s, u), 0.5 * (low + high))]

@@ -117,8 +117,8 @@ def _coarser(x, y, heights, factor):
 
 def flat_bed(depth: float, west: float, south: float, east: float, north: float) -> Bed:
     """Make a level bed of a depth [m] about bounds [m], with at most half a million nodes."""
-    longer = max(east - west, north - south)
-    step = max(longer / 700, min(0.1 * depth, longer / 100))
+    longer, narrow = max(east - west, north - south), min(east - west, north - south)
+    step = max(np.sqrt(longer * narrow / 5e5), longer / 1e5, min(0.1 * depth, longer / 100, narrow / 20))
     margin = 2 * step
     x, y = (np.arange(low - margin, high + margin + step, step) for low, high in ((west, east), (south, north)))
     shape = y.size, x.size

@@ -25,7 +25,7 @@ from .planning_bed import Bed
 from .planning_rays import SwathRays
 
 __all__ = ["Edges", "Lattice", "Segment", "even_segments", "fitted_segments",
-           "in_sailing_order", "swath_edges"]
+           "in_sailing_order", "refuse_many", "swath_edges"]
 
 MOST_LINES = 2000
 TRIED = 50                         # lines before it is guessed how many there will be
@@ -116,7 +116,7 @@ def even_segments(lattice: Lattice, spacing: float, shortest: float) -> list[Seg
     across = lattice.u[lattice.inside.any(axis=0)]
     low, high = float(across[0]), float(across[-1])
     number = max(int(np.ceil((high - low) / spacing * (1 - 1e-9))), 1)
-    _refuse_many(number, spacing)
+    refuse_many(number, spacing)
     offsets = 0.5 * (low + high) + (np.arange(number) - 0.5 * (number - 1)) * spacing
     found = []
     for row, offset in enumerate(offsets):
@@ -125,17 +125,18 @@ def even_segments(lattice: Lattice, spacing: float, shortest: float) -> list[Seg
     return found
 
 
-def _refuse_many(number, spacing):
+def refuse_many(number: float, spacing: float) -> None:
+    """Raise `ValueError` if so many lines, at a spacing [m], are too many."""
     if number > MOST_LINES:
-        raise ValueError(f"lines {spacing:.3g} m apart would be {number} in the area, more than {MOST_LINES}; take a "
-                         "wider spacing or less overlap, or a part of the area.")
+        raise ValueError(f"lines {spacing:.3g} m apart would be {min(number, 1e9):.0f} in the area, more than "
+                         f"{MOST_LINES}; take a wider spacing or less overlap, or a part of the area.")
 
 
 def _refuse_hopeless(sailed, left):
     """Raise after some lines if the rest would be ten times too many at their spacing."""
     spacing = sailed / TRIED
     if left / spacing > 10 * MOST_LINES:
-        _refuse_many(int(left / spacing), spacing)
+        refuse_many(left / spacing, spacing)
 
 
 def fitted_segments(bed: Bed, rays: SwathRays, lattice: Lattice, overlap: float, shortest: float) -> list[Segment]:
@@ -199,7 +200,7 @@ def fitted_segments(bed: Bed, rays: SwathRays, lattice: Lattice, overlap: float,
             _refuse_hopeless(offset - begun, float(np.max(last)) - offset)
         begun = offset if row == 0 else begun
         low = offset + LEAST_STEP * (1 - overlap) * max(float(np.median(edges.width[here])), u[1] - u[0])
-    _refuse_many(MOST_LINES + 1, (low - float(u[0])) / MOST_LINES)
+    refuse_many(MOST_LINES + 1, (low - float(u[0])) / MOST_LINES)
     return found
 
 

@@ -198,6 +198,17 @@ def test_lines_without_end_are_refused(layout):
         planned(polygon([box(0, 0, 1000, 700)]), layout)
 
 
+@pytest.mark.parametrize("layout", [Layout(least_depth=0.0), Layout(least_depth=0.0, spacing=2.0)])
+def test_an_area_of_an_ocean_in_shoal_water_is_refused_at_once(layout):
+    with pytest.raises(ValueError, match="more than 2000; take a wider spacing or less overlap"):
+        planned(polygon([box(0, 0, 1e8, 1e8)]), layout, depth=0.5)
+
+
+def test_an_area_narrower_than_the_swath_is_covered_by_one_line():
+    found = planned(polygon([box(0, 0, 500, 1)]))
+    assert len(found.lines) == 1 and found.lines[0].length == pytest.approx(500) and found.coverage.share() == 1.0
+
+
 def test_a_bed_shoaler_than_the_least_depth_is_refused():
     with pytest.raises(ValueError, match="nowhere deeper than 30 m, and what is shoaler than 40 m is left out"):
         planned(polygon([box(0, 0, 1000, 700)]), Layout(least_depth=40.0))
