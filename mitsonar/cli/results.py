@@ -29,9 +29,10 @@ def add(commands: Commands) -> None:
                       help="of a waterfall, a fan or a water column")
     plot.set_defaults(run=_plot)
 
-    video = commands.add_parser("video", help="draw the pings of an array's records as a GIF, an MP4 or PNG files")
-    complete_with(video.add_argument("records", metavar="IN.exr", nargs="+", help="in their order; of the same beams"),
-                  FILES)
+    video = commands.add_parser("video", help="draw the pings of an array's records, or the water column of a line of "
+                                               "soundings, as a GIF, an MP4 or PNG files")
+    complete_with(video.add_argument("records", metavar="IN.exr|nc", nargs="+",
+                                     help="in their order; of the same beams; or one line of soundings"), FILES)
     output = video.add_argument("output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     complete_with(output, FILES)
     video.add_argument("--fps", type=number, metavar="N", help="frames a second; default: as the pings came, 1 to 30")
@@ -85,7 +86,8 @@ def _video(arguments):
     from .. import plots
 
     with Progress("records", "drawing") as progress:
-        plots.video(arguments.records, arguments.output, fps=arguments.fps, colours=arguments.colours,
+        records = arguments.records[0] if len(arguments.records) == 1 else arguments.records
+        plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
                     tvg=None if arguments.tvg == "none" else arguments.tvg, progress=progress)
     announce(arguments.output)
 

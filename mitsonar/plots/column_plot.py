@@ -15,7 +15,7 @@ from .line_sheet import LABEL_SIZE, bar_beside, curve_axes, key_above
 from .ray_paths import head_of, launches, receiving_axes
 from .water_column import column_window, curtain, fan_of_ping
 
-__all__ = ["draw_column", "draw_curtain"]
+__all__ = ["draw_column", "draw_curtain", "soundings_of"]
 
 PHASE, AMPLITUDE = "#56b4e9", "#cc79a7"      # on the sheet's white as on the dark of the column
 
@@ -38,6 +38,25 @@ def draw_column(axes: Axes, line: xr.Dataset, ping: int, *, bend: bool = True, t
 
 
 def _draw_soundings(axes: Axes, line: xr.Dataset, ping: int, bend: bool) -> None:
+    across, depth, there, amplitude = soundings_of(line, ping, bend)
+    by = (", by phase", ", by amplitude") if "detection" in line else ("", "")
+    for where, colour, marker, words in ((there & ~amplitude, PHASE, ".", by[0]),
+                                         (there & amplitude, AMPLITUDE, "^", by[1])):
+        if where.any():
+            axes.plot(across[where], depth[where], marker, color=colour, markersize=2.2, markeredgewidth=0,
+                      label=f"soundings{words}")
+
+
+def soundings_of(line: xr.Dataset, ping: int, bend: bool = True) -> tuple[np.ndarray, ...]:
+    """Give where the soundings of a ping are on its fan.
+
+    Returns
+    -------
+    across, depth : (beam,) [m]
+        About the reference point, and below the surface; of rays that are not bent where these lie.
+    there, amplitude : (beam,) bool
+        Whether there is a sounding, and whether it was detected by amplitude.
+    """
     one = line.isel(ping=ping)
     across, depth = (one[name].values.astype(float) for name in ("across_track", "depth"))
     if not bend:
@@ -48,12 +67,7 @@ def _draw_soundings(axes: Axes, line: xr.Dataset, ping: int, bend: bool) -> None
         across, depth = head.across + away[:, 1], head.depth + away[:, 2]
     there = one["valid"].values.astype(bool) & np.isfinite(across) & np.isfinite(depth)
     amplitude = one["detection"].values == BY_AMPLITUDE if "detection" in one else np.zeros(there.shape, bool)
-    by = (", by phase", ", by amplitude") if "detection" in one else ("", "")
-    for where, colour, marker, words in ((there & ~amplitude, PHASE, ".", by[0]),
-                                         (there & amplitude, AMPLITUDE, "^", by[1])):
-        if where.any():
-            axes.plot(across[where], depth[where], marker, color=colour, markersize=2.2, markeredgewidth=0,
-                      label=f"soundings{words}")
+    return across, depth, there, amplitude
 
 
 def draw_curtain(panels: Sequence[Axes], line: xr.Dataset, *, tvg: Tvg = "recorder",

@@ -9,12 +9,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from ..io import netcdf
 from ..io.files import FilePath
-from ..io.reading import read
+from ..io.reading import is_netcdf, read
 from . import canvas
+from .column_video import column_video
 from .fan_sheet import FanSheet, FanView
 from .fans import fan_heard, fan_levels, fan_view, fan_window, name_of, words_of
 from .gain import Tvg
+from .line_views import is_line
 from .movie_files import check_movie, movie_file
 
 __all__ = ["video"]
@@ -33,7 +36,7 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
     ----------
     records : xarray.Dataset, str or path, or any number of these
         What `mitsonar.render` or `mitsonar.frames` give of an array, or files of it: ``level`` (ping, beam, range)
-        [dB re 1 µPa], all of the same beams and ranges.
+        [dB re 1 µPa], all of the same beams and ranges. Or one line of soundings, whose water column is drawn.
     path : str or path
         Ending in .gif or .mp4, or the name of a folder that gets a PNG a frame.
     fps : float, optional [Hz]
@@ -63,6 +66,14 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
         raise ValueError(f"the video has {fps:g} frames a second; give a number above 0 and at most 1000.")
     shades = canvas.colours_of(colours)
     check_movie(path)
+    if isinstance(records, (str, os.PathLike)) and is_netcdf(records):
+        with netcdf.opened(records) as opened:                     # a water column may be larger than memory
+            if isinstance(opened, xr.Dataset) and is_line(opened):
+                column_video(opened, path, fps=fps, tvg=tvg, limits=limits, colours=shades, progress=progress)
+                return
+    if isinstance(records, xr.Dataset) and is_line(records):
+        column_video(records, path, fps=fps, tvg=tvg, limits=limits, colours=shades, progress=progress)
+        return
     sample, given, total = _looked_into(records)
     view = fan_view(sample[0])
     frames = [(_alike(dataset, view), ping) for dataset in sample

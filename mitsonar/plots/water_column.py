@@ -19,7 +19,7 @@ from ..water import SoundSpeedProfile
 from .gain import heard_to
 from .ray_paths import ATTITUDE, HELD, Head, head_of, launches, layer_sums, receiving_axes, used_profile
 
-__all__ = ["ColumnFan", "Curtain", "column_window", "curtain", "fan_of_ping", "has_column"]
+__all__ = ["Box", "ColumnFan", "Curtain", "column_window", "curtain", "fan_of_ping", "has_column"]
 
 SIZE = 860                         # picture elements of the larger side of the fan
 BELOW, ASIDE = 1.3, 1.12           # times the soundings' reach: how far pictures go, where samples go farther
@@ -28,6 +28,7 @@ CURTAIN_ROWS = 600
 LEAST_DOWN = 0.05                  # of a unit vector: flatter beams are left out
 DYNAMIC_DB, LEAST_DB = 70.0, 20.0  # between the first and the last colour
 FAINT, BRIGHT = 5.0, 99.9          # percentiles of both
+Box = tuple[float, float, float]
 COLUMN = ("column_angle", "column_sector", "column_start", "column_rate", "column_level_db")
 _SAMPLED = [*COLUMN, "sector_angle", "sector_absorption_db", "travel_time", *ATTITUDE]
 BLOCK = 32                         # pings that are read together
@@ -45,11 +46,14 @@ class ColumnFan:
         About the reference point, and below the surface.
     gain : str
         Formula of the gain in it.
+    box : three floats [m]
+        How far it goes from the head to port (negative), to starboard and down.
     """
 
     image: np.ndarray
     extent: tuple[float, float, float, float]
     gain: str
+    box: Box
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +101,8 @@ def has_column(line: xr.Dataset) -> bool:
     return set(COLUMN) <= set(line) and line["column_level_db"].size > 0
 
 
-def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "recorder") -> ColumnFan:
+def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "recorder",
+                box: Box | None = None) -> ColumnFan:
     """Lay the water column of a ping out across its track.
 
     Parameters
@@ -108,6 +113,9 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
         By the rays of the profile in use; else along straight lines, at the head's sound speed.
     tvg : {'seabed', 'target', 'recorder', None}
         Gain for display over slant range.
+    box : three floats [m], optional
+        How far the picture goes from the head to port (negative), to starboard and down; by default as the ping asks
+        for.
 
     Returns
     -------
@@ -127,7 +135,7 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
     level = np.hypot(beams.towards[:, 0], beams.towards[:, 1])
     edges, ways, times = layer_sums(profile, head.depth, level / head.sound_speed, 0.5 * float(beams.ends.max()))
     aside = np.divide(beams.towards[:, 1], level, out=np.ones_like(level), where=level > 0)
-    box = _box(line.isel(ping=ping), head, beams, edges, ways * aside[:, None], times)
+    box = _box(line.isel(ping=ping), head, beams, edges, ways * aside[:, None], times) if box is None else box
     cell = max(box[1] - box[0], box[2]) / SIZE
     x = np.arange(box[0], box[1], cell) + 0.5 * cell
     depth = np.arange(0, box[2], cell) + 0.5 * cell
@@ -139,7 +147,7 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
               for parts in (ways * aside[:, None], times)]
     for row, (places, after) in enumerate(zip(passed[0].T, passed[1].T, strict=True)):
         image[row] = _row(x, places, 2 * after, beams, power)
-    return ColumnFan(image=db_from_power(image), gain=words,
+    return ColumnFan(image=db_from_power(image), gain=words, box=box,
                      extent=(head.across + x[0] - 0.5 * cell, head.across + x[-1] + 0.5 * cell,
                              head.depth + depth[-1] + 0.5 * cell, head.depth))
 
@@ -186,7 +194,7 @@ def _held_gain(beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.ndarray, str]:
 
 
 def _box(one: xr.Dataset, head: Head, beams: _Beams, edges: np.ndarray, ways: np.ndarray,
-         times: np.ndarray) -> tuple[float, float, float]:
+         times: np.ndarray) -> Box:
     """How far the picture goes to port, to starboard and below the head [m]."""
     within = times <= 0.5 * beams.ends[:, None]
     below = float((np.where(within, edges, 0) - head.depth).max())

@@ -346,3 +346,22 @@ def test_a_water_column_is_read_some_pings_at_a_time(tmp_path, monkeypatch):
         pings = water_column.curtain(opened)
         assert not opened["column_level_db"].variable._in_memory
     assert np.array_equal(pings.largest, water_column.curtain(FULL).largest, equal_nan=True)
+
+
+def test_a_video_has_a_frame_a_ping_with_its_bed_in_the_same_place(tmp_path):
+    """The ship heaves by a metre; the bed stays at its depth, and pings without samples are left out."""
+    data = line(4, 41, column=120)
+    data = data.assign(ping_depth=("ping", HEAD + np.array([0.0, 1.0, 0.0, 0.0])),
+                       depth=data["true_depth"],
+                       column_level_db=data["column_level_db"].where(data["ping_time"] != 1.5))
+    netcdf.write(data, tmp_path / "line.nc")
+    plots.video(tmp_path / "line.nc", tmp_path / "frames", tvg=None)
+    frames = [matplotlib.image.imread(path) for path in sorted((tmp_path / "frames").iterdir())]
+    assert len(frames) == 3 and len({frame.shape for frame in frames}) == 1
+    assert np.array_equal(frames[0][100:], frames[2][100:]) and not np.array_equal(frames[0], frames[1])
+    heads = [np.flatnonzero(np.abs(frame[100:, 480, :3] - frame[100, 90, :3]).max(-1) > 0.01)[0]
+             for frame in frames[:2]]
+    assert heads[1] > heads[0]                                            # lower on the sheet by a metre
+    with pytest.raises(ValueError, match="no ping with a water column"):
+        plots.video(line(2, 5), tmp_path / "a.gif")
+    assert not (tmp_path / "a.gif").exists()
