@@ -12,8 +12,9 @@ __all__ = ["add"]
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
-    plot = commands.add_parser("plot", help="draw what an EXR or netCDF file of mitsonar holds")
-    complete_with(plot.add_argument("image", metavar="IN.exr|nc", help="an image, or a line of soundings"), FILES)
+    plot = commands.add_parser("plot", help="draw what an EXR or netCDF file, or a sounder's line, holds")
+    complete_with(plot.add_argument("image", metavar="IN.exr|nc|kmall|all|gsf",
+                                    help="an image, or a line of soundings"), FILES)
     plot.add_argument("--what", metavar="VIEW",
                       help="of an image waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays; of soundings overview (default), column, curtain, swath, "
@@ -31,7 +32,7 @@ def add(commands: Commands) -> None:
 
     video = commands.add_parser("video", help="draw the pings of an array's records, or the water column of a line of "
                                                "soundings, as a GIF, an MP4 or PNG files")
-    complete_with(video.add_argument("records", metavar="IN.exr|nc", nargs="+",
+    complete_with(video.add_argument("records", metavar="IN.exr|nc|kmall|all", nargs="+",
                                      help="in their order; of the same beams; or one line of soundings"), FILES)
     output = video.add_argument("output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     complete_with(output, FILES)
@@ -67,12 +68,12 @@ def _plot(arguments):
 
 @contextlib.contextmanager
 def _opened(path):
-    """An EXR, or a netCDF file, whose water column may be larger than memory."""
+    """An EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
     from ..io import exr, netcdf
     from ..io.reading import is_netcdf
 
     if not is_netcdf(path):
-        yield exr.read(path)
+        yield _sounders_line(path) or exr.read(path)
         return
     import xarray as xr
 
@@ -82,11 +83,26 @@ def _opened(path):
         yield record
 
 
+def _sounders_line(path):
+    """The line in a file that begins as those of echo sounders and survey software do; None of any other."""
+    if not os.path.isfile(path):
+        return None
+    with open(path, "rb") as stream:
+        head = stream.read(8)
+    if head.startswith(b"\x76\x2f\x31\x01"):                       # an EXR, whose readers should stay light
+        return None
+    from ..io.survey_lines import reading
+
+    return None if reading.recognised(head) is None else reading.read(path)
+
+
 def _video(arguments):
     from .. import plots
 
     with Progress("records", "drawing") as progress:
-        records = arguments.records[0] if len(arguments.records) == 1 else arguments.records
+        records = arguments.records
+        if len(records) == 1:
+            records = _sounders_line(records[0]) or records[0]
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
                     tvg=None if arguments.tvg == "none" else arguments.tvg, progress=progress)
     announce(arguments.output)

@@ -24,7 +24,7 @@ WIDTHS = (0.5, 1.0, 2.0, 5.0, 10.0)            # of bins [deg]
 MOST, FULL = 90, 0.8               # bins; and of beams, so that bins have some
 LEAST_SHARE = 1e-3                 # of the largest error: what is smaller is not drawn
 ORDER_GAP = 0.07                   # of the axes' height between the names of orders
-ANGLE = "port        ←        angle from the vertical [deg]        →        starboard"
+ANGLE = "port   ←   angle from the vertical [deg]   →   starboard"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +96,15 @@ def angle_bins(line: xr.Dataset, where: np.ndarray | None = None) -> Bins:
     return Bins(angle=np.bincount(of, angle) / np.bincount(of), width=width, of=of, where=where)
 
 
+def _known(line: xr.Dataset, *names: str) -> list[str]:
+    """Those of some variables of which a sounding has a number; `ValueError` if none has."""
+    there = sounded(line)
+    known = [name for name in names if name in line and np.isfinite(line[name].values[there]).any()]
+    if not known:
+        raise ValueError(f"no valid sounding has a finite {names[0]}, so there is no curve of it to draw.")
+    return known
+
+
 def total_vertical_uncertainty(order: str, depth: np.ndarray) -> np.ndarray:
     """Give what an order of S-44 allows at 95 % confidence [m] in a depth [m]."""
     fixed, share = ORDERS[order]
@@ -115,9 +124,8 @@ def draw_smile(axes: Axes, line: xr.Dataset, theory: tuple[np.ndarray, np.ndarra
         profile, that of ray theory on a level bed.
     """
     bins = angle_bins(line)
-    for name, (words, colour, style) in CAUSES.items():
-        if name not in line:
-            continue
+    for name in _known(line, *CAUSES):
+        words, colour, style = CAUSES[name]
         values = bins.values(line[name].values)
         mean, spread = bins.mean(values), bins.spread(values)
         axes.fill_between(bins.angle, mean - spread, mean + spread, color=colour, alpha=0.13, linewidth=0)
@@ -149,11 +157,10 @@ def _ray_theory(line: xr.Dataset, bins: Bins) -> tuple[np.ndarray, np.ndarray] |
 def draw_exceeded(axes: Axes, line: xr.Dataset) -> None:
     """Draw what 95 % of the errors are within, by causes, beside what orders of S-44 allow, over the angle."""
     bins = angle_bins(line)
-    for name, (_, colour, style) in CAUSES.items():
-        if name in line:
-            within = bins.percentile(np.abs(bins.values(line[name].values)), 95)
-            axes.plot(bins.angle, np.where(within > 0, within, np.nan), color=colour, linestyle=style, linewidth=1.6,
-                      marker="o" if bins.angle.size == 1 else None)
+    for name in _known(line, *CAUSES):
+        within = bins.percentile(np.abs(bins.values(line[name].values)), 95)
+        axes.plot(bins.angle, np.where(within > 0, within, np.nan), color=CAUSES[name][1], linestyle=CAUSES[name][2],
+                  linewidth=1.6, marker="o" if bins.angle.size == 1 else None)
     depth = bins.mean(bins.values(line["depth"].values))
     ends = []
     for order in ORDERS:
@@ -179,13 +186,14 @@ def _apart(places: np.ndarray, gap: float) -> np.ndarray:
 def draw_response(axes: Axes, line: xr.Dataset) -> None:
     """Draw the mean backscattering strength over the angle, and that of the seabed's law where it is known."""
     bins = angle_bins(line)
+    known = _known(line, "backscatter_db", "true_backscatter_db")
     measured = bins.values(line["backscatter_db"].values)
     axes.fill_between(bins.angle, bins.percentile(measured, 10), bins.percentile(measured, 90), color="#0072b2",
                       alpha=0.15, linewidth=0, label="10 to 90 % of soundings")
     marker = "o" if bins.angle.size == 1 else None
     axes.plot(bins.angle, db_from_power(bins.mean(power_from_db(measured))), color="#0072b2", linewidth=1.6,
               marker=marker, label="mean intensity of soundings")
-    if "true_backscatter_db" in line:
+    if "true_backscatter_db" in known:
         law = db_from_power(bins.mean(power_from_db(bins.values(line["true_backscatter_db"].values))))
         axes.plot(bins.angle, law, color="#d55e00", linestyle="--", linewidth=1.6, marker=marker, label="seabed's law")
     curve_axes(axes, ANGLE, "backscattering strength [dB]")
@@ -196,9 +204,10 @@ def draw_uncertainty(axes: Axes, line: xr.Dataset) -> None:
     """Draw what the soundings say of their uncertainty, beside how their errors really spread, over the angle."""
     bins = angle_bins(line)
     marker = "o" if bins.angle.size == 1 else None
+    known = _known(line, "uncertainty", "horizontal_uncertainty")
     for name, words, colour, style in (("uncertainty", "said: of depth", "#0072b2", "-"),
                                        ("horizontal_uncertainty", "said: of place", "#009e73", ":")):
-        if name in line:
+        if name in known:
             values = np.sqrt(bins.mean(bins.values(line[name].values)**2))
             axes.plot(bins.angle, values, color=colour, linestyle=style, linewidth=1.6, label=words, marker=marker)
     if "error" in line:
@@ -213,6 +222,7 @@ def draw_uncertainty(axes: Axes, line: xr.Dataset) -> None:
 def draw_quality(axes: Axes, line: xr.Dataset) -> None:
     """Draw the quality of soundings over the angle, by the way they were detected."""
     there = sounded(line)
+    _known(line, "quality")
     method = line["detection"].values if "detection" in line else None
     groups = {"all soundings": ("#000000", "o", there)} if method is None else {
         words: (colour, marker, there & (method == number))

@@ -30,7 +30,7 @@ def draw_column(axes: Axes, line: xr.Dataset, ping: int, *, bend: bool = True, t
                         interpolation="nearest", aspect="equal")
     _draw_soundings(axes, line, ping, bend)
     axes.set(xlim=fan.extent[:2], ylim=fan.extent[2:])
-    curve_axes(axes, "port        ←        across track [m]        →        starboard", "depth [m]")
+    curve_axes(axes, "port   ←   across track [m]   →   starboard", "depth [m]")
     axes.grid(False)
     bar_beside(axes, drawn, f"level{fan.gain}  [dB re 1 µPa]", extend="both")
     key_above(axes, markers=3)

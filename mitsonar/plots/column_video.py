@@ -86,7 +86,7 @@ class _Frame:
                                       vmin=window[0], vmax=window[1], interpolation="nearest", aspect="auto")
         self.dots = self.axes.plot([], [], ".", color=canvas.INK, markersize=2.2, markeredgewidth=0)[0]
         self.axes.set(xlim=(port, starboard), ylim=(lower, upper))
-        self.axes.set_xlabel("port        ←        across track [m]        →        starboard", color=canvas.INK)
+        self.axes.set_xlabel("port   ←   across track [m]   →   starboard", color=canvas.INK)
         self.axes.set_ylabel("depth [m]", color=canvas.INK)
         self.axes.tick_params(colors=canvas.INK)
         self.words = canvas.headings(self.figure, BEFORE, line_title(line), "")

@@ -49,9 +49,13 @@ def vertical_angle(line: xr.Dataset) -> np.ndarray:
     Positive to starboard, from the middle between both arrays of a level ship. Where a sounding has no place it is the
     angle at the array.
     """
-    arm = np.nan_to_num(0.5 * (line["transmit_offset"].values + line["receive_offset"].values))
-    below = line["depth"].values - line["ping_depth"].values[:, None] - arm[2]
-    placed = np.arctan2(line["across_track"].values - arm[1], below)
+    receive = line["receive_offset"].values[None]
+    if {"head", "head_receive_offset"} <= set(line):
+        heads = line["head_receive_offset"].values
+        receive = heads[np.clip(line["head"].values, 0, len(heads) - 1)]
+    arm = np.nan_to_num(0.5 * (line["transmit_offset"].values + receive))              # (ping or 1, axis)
+    below = line["depth"].values - line["ping_depth"].values[:, None] - arm[:, 2:]
+    placed = np.arctan2(line["across_track"].values - arm[:, 1:2], below)
     return np.where(np.isfinite(placed), placed, line["angle"].values)
 
 

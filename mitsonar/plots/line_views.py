@@ -18,7 +18,7 @@ from ..water import SoundSpeedProfile
 from . import angle_curves, canvas
 from .column_plot import draw_column, draw_curtain
 from .line_maps import draw_map, map_shape
-from .line_sheet import CAUSES, headed, line_title, line_words
+from .line_sheet import CAUSES, headed, line_title, line_words, sounded
 from .motion_plot import MOTIONS, draw_attitude, draw_motion
 from .ray_plot import draw_profiles, draw_rays
 from .water_column import COLUMN, has_column
@@ -198,12 +198,14 @@ def _rays(figure: Figure, line: xr.Dataset, options: Options) -> None:
 
 
 def _quality(figure: Figure, line: xr.Dataset, options: Options) -> None:
-    drawn = [draw for draw, names in ((angle_curves.draw_uncertainty, ("uncertainty", "horizontal_uncertainty")),
-                                      (angle_curves.draw_quality, ("quality",)),
-                                      (angle_curves.draw_methods, ("detection",))) if set(names) & set(line)]
+    there = sounded(line)
+    drawn = [draw for draw, names in (
+        (angle_curves.draw_uncertainty, ("uncertainty", "horizontal_uncertainty")),
+        (angle_curves.draw_quality, ("quality",)), (angle_curves.draw_methods, ("detection",)))
+        if any(name in line and np.isfinite(line[name].values[there]).any() for name in names)]
     if not drawn:
-        raise ValueError("the plot 'quality' needs one of the variables quality, uncertainty, horizontal_uncertainty "
-                         "and detection, and this line has none.")
+        raise ValueError("the plot 'quality' needs one of quality, uncertainty, horizontal_uncertainty and detection, "
+                         "and no sounding of this line has any.")
     panels = np.atleast_1d(figure.subplots(len(drawn), 1, sharex=True))
     for draw, axes in zip(drawn, panels, strict=True):
         draw(axes, line)

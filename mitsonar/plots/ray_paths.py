@@ -22,13 +22,14 @@ from numpy.typing import ArrayLike
 from ..hydrography.attitude import mounted
 from ..water import SoundSpeedProfile
 
-__all__ = ["ATTITUDE", "HELD", "Head", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes",
+__all__ = ["ATTITUDE", "HELD", "Head", "SEVERAL", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes",
            "refraction_error", "used_profile", "water_profile"]
 
 ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
             "motion_heading")      # variables that `receiving_axes` looks at, and those of `head_of`
 HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_offset", "transmit_mounting",
         "receive_mounting", "head_sound_speed", "cast_depth", "cast_sound_speed")
+SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # of a line of several heads
 
 STEPS = 240                        # layers that the water under the head is cut into, beside the profile's own
 FLATTEST = 1e-4                    # least sine of a ray that is followed: flatter ones turn
@@ -59,15 +60,23 @@ class Head:
 
 def head_of(line: xr.Dataset, ping: int) -> Head:
     """Give where the arrays of a ping are, and how they lie."""
-    one = line[list(HELD)].isel(ping=ping)
+    one = _with_head(line[[name for name in (*HELD, *SEVERAL) if name in line]].isel(ping=ping))
     held = float(one["ping_roll"]), float(one["ping_pitch"]), 0.0
     middle = _turned(0.5 * (one["transmit_offset"].values + one["receive_offset"].values), *held)
-    along = [_turned(_mounting(line, name), *held) for name in ("transmit", "receive")]
+    along = [_turned(_mounting(one, name), *held) for name in ("transmit", "receive")]
     speed = float(one["head_sound_speed"])
     if not speed > 0:
         speed = float(np.interp(0.0, one["cast_depth"].values, one["cast_sound_speed"].values))
     return Head(depth=float(np.nan_to_num(one["ping_depth"])) + float(middle[2]), across=float(middle[1]),
                 sound_speed=speed, transmit=along[0], receive=along[1])
+
+
+def _with_head(one: xr.Dataset) -> xr.Dataset:
+    """A ping with the receive array of its own head, where the line has several."""
+    if not set(SEVERAL) <= set(one):
+        return one
+    head = int(np.clip(one["head"], 0, one.sizes["receive_head"] - 1))
+    return one.assign({name: one[f"head_{name}"][head] for name in ("receive_offset", "receive_mounting")})
 
 
 def _turned(vector: np.ndarray, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
@@ -108,7 +117,8 @@ def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) ->
     north = float(np.nan_to_num(line["ping_heading"][ping]))
     inside = (when >= clock[0]) & (when <= clock[-1])
     roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*told[:2], np.unwrap(told[2])))
-    axes[inside] = _turned(_mounting(line, "receive"), roll, pitch, heading - north)
+    one = _with_head(line[[name for name in (*ATTITUDE, *SEVERAL) if name in line]].isel(ping=ping))
+    axes[inside] = _turned(_mounting(one, "receive"), roll, pitch, heading - north)
     return axes
 
 

@@ -52,7 +52,7 @@ def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile 
     axes.plot(across[there], depth[there], ".", color="#cc79a7", markersize=4, label="soundings")
     axes.plot(head.across, head.depth, "v", color="#000000", markersize=7)
     axes.invert_yaxis()
-    curve_axes(axes, "port        ←        across track [m]        →        starboard", "depth [m]")
+    curve_axes(axes, "port   ←   across track [m]   →   starboard", "depth [m]")
     key_above(axes)
 
 

@@ -17,7 +17,7 @@ from ..imaging.gain import Tvg, display_gain
 from ..units import db_from_power, power_from_db
 from ..water import SoundSpeedProfile
 from .gain import heard_to
-from .ray_paths import ATTITUDE, HELD, Head, head_of, launches, layer_sums, receiving_axes, used_profile
+from .ray_paths import ATTITUDE, HELD, SEVERAL, Head, head_of, launches, layer_sums, receiving_axes, used_profile
 
 __all__ = ["Box", "ColumnFan", "Curtain", "column_window", "curtain", "fan_of_ping", "has_column"]
 
@@ -152,8 +152,13 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
                              head.depth + depth[-1] + 0.5 * cell, head.depth))
 
 
+def _sampled(line: xr.Dataset) -> list[str]:
+    """Variables that the samples of a ping are drawn by."""
+    return [*_SAMPLED, *(name for name in SEVERAL if name in line)]
+
+
 def _beams(line: xr.Dataset, ping: int, head: Head) -> _Beams:
-    one = line[_SAMPLED].isel(ping=ping)
+    one = line[_sampled(line)].isel(ping=ping)
     level = one["column_level_db"].values
     start, rate, angle = (one[f"column_{name}"].values.astype(float) for name in ("start", "rate", "angle"))
     echo = one["travel_time"].values[np.isfinite(one["travel_time"].values)]
@@ -259,7 +264,7 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
     ValueError
         If no ping has samples.
     """
-    pings, still = line.sizes["ping"], line[list(HELD)].load()
+    pings, still = line.sizes["ping"], line[[name for name in (*HELD, *SEVERAL) if name in line]].load()
     heads = [head_of(still, ping) for ping in range(pings)]
     reach, length = _reach(line, heads)
     rows = max(min(CURTAIN_ROWS, int(0.8 * reach / length)), 1)
@@ -268,7 +273,7 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
     words = ""
     for ping, head in enumerate(heads):
         if ping % BLOCK == 0:
-            some = line[_SAMPLED].isel(ping=slice(ping, ping + BLOCK)).load()
+            some = line[_sampled(line)].isel(ping=slice(ping, ping + BLOCK)).load()
         beams = _beams(some, ping % BLOCK, head)
         if beams.start.size:
             down = int(np.argmax(beams.towards[:, 2]))

@@ -3,6 +3,8 @@
 Closed forms: straight rays in water of one speed end where the soundings lie; a mean over a bin is the mean of its
 soundings; what a wrong profile does follows from exact eigenrays of the library.
 """
+from pathlib import Path
+
 import matplotlib.image
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from mitsonar.cli import main as cli
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.resounding import resounded
 from mitsonar.io import netcdf
-from mitsonar.plots import angle_curves, line_maps, ray_paths, ray_plot, water_column
+from mitsonar.plots import angle_curves, line_maps, line_sheet, ray_paths, ray_plot, water_column
 from mitsonar.propagation import eigenray
 from mitsonar.water import SoundSpeedProfile
 
@@ -190,6 +192,38 @@ def test_echoes_are_seen_by_the_array_as_it_lies_when_they_return():
     axes = ray_paths.receiving_axes(rolls, 5, head, np.array([0.05, 1e4]))
     towards = ray_paths.launches(head, np.zeros(2), np.zeros(2), axes)
     assert np.rad2deg(np.arctan2(towards[:, 1], towards[:, 2])) == pytest.approx([-2, 0])     # the last is unknown
+
+
+def test_a_ping_is_seen_by_its_own_head():
+    """Of two heads that look 40 degrees aside, a metre apart."""
+    mountings = np.deg2rad([[-40.0, 0, 0], [40.0, 0, 0]])
+    two = FULL.assign(head=variable("head", np.arange(12) % 2),
+                      head_receive_offset=variable("head_receive_offset", np.array([[0, -1.0, 0], [0, 1.0, 0]])),
+                      head_receive_mounting=variable("head_receive_mounting", mountings))
+    for ping in (4, 5):
+        head = ray_paths.head_of(two, ping)
+        assert head.across == (0.5, -0.5)[ping % 2 == 0]
+        for axes in (None, ray_paths.receiving_axes(two, ping, head, np.array([0.1]))):
+            towards = ray_paths.launches(head, np.zeros(1), np.zeros(1), axes)[0]
+            assert np.rad2deg(np.arctan2(towards[1], towards[2])) == pytest.approx((-40, 40)[ping % 2 == 0])
+    angles = line_sheet.vertical_angle(two)
+    assert np.tan(angles[5, 20]) == pytest.approx(-0.5 / float(two["depth"][5, 20] - HEAD))
+
+
+def test_what_no_sounding_has_is_left_out_of_an_overview():
+    bare = line(6, 11, truth=False)
+    assert len(plots.line_figure(bare).axes) == 6
+    silent = unknown(bare, "backscatter_db", "uncertainty", "horizontal_uncertainty")
+    assert len(plots.line_figure(silent).axes) == 3                        # no mosaic, response, uncertainty
+
+
+@pytest.mark.parametrize("what", ["column", "rays", "backscatter"])
+def test_the_line_of_a_real_sounder_is_drawn(what, tmp_path, capsys):
+    path = Path(__file__).resolve().parents[3] / "shared/data/measured/multibeam/em2042_os01.kmall"
+    if not path.exists():
+        pytest.skip("the measured lines are not beside this checkout")
+    assert cli.main(["plot", str(path), "--what", what, "-o", str(tmp_path / "a.png")]) == 0
+    assert (tmp_path / "a.png").stat().st_size > 20_000 and capsys.readouterr().err == ""
 
 
 def test_rays_show_both_profiles_over_the_bed():
