@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from mitsonar.hydrography.record import VARIABLES
-from mitsonar.io.survey_lines import reading, write
+from mitsonar.io.survey_lines import read_blocks, reading, write
 from tests.inputs.soundings_line import soundings_line
 
 # Largest differences: of times, places, angles and depths, by what the formats count in (GSF: 1e-7 degrees of places,
@@ -38,3 +38,12 @@ def test_a_line_comes_back(tmp_path, suffix):
         level = again["column_level_db"].values
         before = line["column_level_db"].values[..., :level.shape[-1]]
         assert np.array_equal(np.isfinite(level), np.isfinite(before))
+
+
+@pytest.mark.parametrize("suffix", ["kmall", "nc"])
+def test_a_line_is_read_block_by_block_with_its_water_column_or_without(tmp_path, suffix):
+    write(soundings_line(pings=5), tmp_path / f"line.{suffix}")
+    blocks = list(read_blocks(tmp_path / f"line.{suffix}", size=2))
+    assert [one.sizes["ping"] for one in blocks] == [2, 2, 1]
+    assert all("column_level_db" in one for one in blocks)
+    assert not any("column_level_db" in one for one in read_blocks(tmp_path / f"line.{suffix}", column=False))

@@ -6,18 +6,23 @@
     .csv          one sounding a line, with units
     .las          a point cloud
 
-Pings come in blocks, and memory holds one block at a time. A file is whole or not there.
+Pings come in blocks, and memory holds one block at a time. A file is whole or not there. `reading` knows what is read.
 """
 from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Iterator
 
+import xarray as xr
+
+from ...hydrography.record import check
 from ..files import FilePath, check_writable
 from .lines import Blocks, Place, Written
 
-__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "write"]
+__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "read_blocks", "write"]
 
+BLOCK = 64                         # pings
 _WRITERS = {".gsf": "gsf", ".kmall": "kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
 SUFFIXES = tuple(_WRITERS)
 
@@ -59,3 +64,42 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
                          f"{', '.join(SUFFIXES)}.")
     check_writable(path)
     return importlib.import_module(f"{__name__}.{_WRITERS[suffix]}").write(blocks, path, place=place, start=start)
+
+
+def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> Iterator[xr.Dataset]:
+    """Read a line of soundings some pings at a time.
+
+    Parameters
+    ----------
+    path : str or path
+        .all, .wcd, .kmall, .kmwcd, .gsf, or a record in netCDF.
+    column : bool
+        Take the water column, where there is one.
+    size : int
+        Pings of a block.
+
+    Yields
+    ------
+    xarray.Dataset
+        As `mitsonar.hydrography.record` says.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+        If there is no such file, or it may not be read.
+    ValueError
+        If it is none of these, damaged, or holds no soundings.
+    """
+    if os.path.splitext(path)[1].lower() != ".nc":
+        from . import reading
+
+        yield from reading.blocks(path, water_column=column, size=size)
+        return
+    from .. import netcdf
+
+    with netcdf.opened(path) as record:
+        check(record, f"{path}:")
+        if not column:
+            record = record.drop_vars([name for name in record.variables if str(name).startswith("column_")])
+        for start in range(0, record.sizes["ping"], size):
+            yield record.isel(ping=slice(start, start + size)).load()
