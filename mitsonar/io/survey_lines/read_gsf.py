@@ -137,8 +137,11 @@ class GsfFile:
     def _ping(self, one, number):
         beams = {name: values for name, values in one["Beams"].items()
                  if values is not None and len(values) == one["NumberBeams"]}
-        lacking = [name for name in ("Depth_m", "AcrossTrack_m", "AlongTrack_m") if name not in beams]
-        if lacking:
+        needed = ("Depth_m", "AcrossTrack_m", "AlongTrack_m")
+        lacking = [name for name in needed if name not in beams]
+        if not one["NumberBeams"]:
+            beams = {name: np.zeros(0) for name in (*needed, "BeamAngle_deg")}
+        elif lacking:
             raise ValueError(f"it lacks {lacking[0]}")
         count, own = one["NumberBeams"], one.get("SensorSpecific") or {}
         since = datetime.fromisoformat(one["PingTime"]).timestamp()
@@ -149,7 +152,7 @@ class GsfFile:
         across, along = beams["AcrossTrack_m"], beams["AlongTrack_m"]
         x, y = across_and_along(place["x"], place["y"], place["heading"], across, along)
         nothing = np.full(count, np.nan)
-        flags = beams.get("BeamFlags", np.zeros(count, np.uint8))
+        flags = beams.get("BeamFlags", np.zeros(count)).astype(np.uint8)
         valid = (flags & 1 == 0) & (beams["Depth_m"] > 0)
         shots = _shots(one)
         sectors = {name: np.full(max(_count(shots), 1), np.nan) for name in SECTOR}

@@ -27,6 +27,10 @@ __all__ = ["KmallFile"]
 _BACKSCATTER = ("as the sounder gives it (reflectivity 1): its source level, beam patterns, spreading and absorption "
                 "taken out, flattened near normal incidence and by Lambert's law where its operator asked for it")
 _NORMAL = 0                        # type of a detection
+WHOLE = ("txSectorNumb", "detectionType", "detectionMethod")
+REAL = ("twoWayTravelTime_sec", "beamAngleReRx_deg", "z_reRefPoint_m", "y_reRefPoint_m", "x_reRefPoint_m",
+        "reflectivity1_dB", "qualityFactor", "detectionUncertaintyVer_m", "detectionUncertaintyHor_m",
+        "meanAbsCoeff_dbPerkm")
 _ACTIVE = 1                        # of a sensor
 
 
@@ -116,9 +120,8 @@ class KmallFile:
         whole = decoded(datagram)
         info, receiver = whole["pingInfo"], whole["rxInfo"]
         count = receiver["numSoundingsMaxMain"]
-        sounding = {name: np.asarray(values)[:count] for name, values in whole["sounding"].items()} if count else {}
-        if not sounding:
-            raise ValueError(f"its ping {key[0]} has no soundings.")
+        sounding = {name: np.asarray(values)[:count] for name, values in whole["sounding"].items()} if count else \
+            {name: np.zeros(0, int if name in WHOLE else float) for name in (*WHOLE, *REAL)}
         head = whole["cmnPart"]["rxTransducerInd"]
         if head >= len(installed.receive_offset):
             raise ValueError(f"its ping {key[0]} is of receiver {head + 1} of {len(installed.receive_offset)}; it is "
