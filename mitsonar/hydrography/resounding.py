@@ -22,7 +22,7 @@ STALE = {name for name, one in VARIABLES.items() if name == "true_depth" or name
 
 
 def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, head_speed: ArrayLike | None = None,
-              node: bool = True) -> xr.Dataset:
+              node: bool = True, under_way: bool = True) -> xr.Dataset:
     """Reduce a line of soundings anew.
 
     Parameters
@@ -35,6 +35,8 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
         In place of the record's: what the angles are read with, and the node at the arrays.
     node : bool
         Whether the head's speed is the profile's node at the arrays.
+    under_way : bool
+        Whether the way counts that the platform makes while an echo comes in; instruments leave it out.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     profile = profile_of(soundings) if profile is None else profile
     head = soundings["head_sound_speed"].values if head_speed is None else _speeds(head_speed, soundings)
     places = located(measured_of(soundings), Motion.of(soundings), installation_of(soundings), profile,
-                     head_speed=head[:, None], node=node)
+                     head_speed=head[:, None], node=node, under_way=under_way)
     left_out = [name for name in soundings.variables if name in STALE or "node" in soundings[name].dims]
     changed = {**placed(places), "head_sound_speed": head, "cast_depth": profile.depth,
                "cast_sound_speed": profile.sound_speed, "valid": soundings["valid"].values & places.found}

@@ -46,6 +46,17 @@ def test_arrays_far_apart_in_shallow_water_find_all_soundings():
     np.testing.assert_allclose(places_of(located(line.measured, motion, far, SUMMER, node=False)), places, atol=1e-7)
 
 
+def test_way_over_ground_while_the_echo_comes_in_may_be_left_out(line):
+    # The receiver is 0.13 to 0.3 s at 5.8 m/s further on: half of that, seen from the sounding, moves it.
+    stays = located(line.measured, line.motion, line.installation, line.profile, node=False, under_way=False)
+    anywhere = replace(line.motion, x=0 * line.motion.x + 7, y=0 * line.motion.y)
+    fixed = located(line.measured, anywhere, line.installation, line.profile, node=False)
+    for name in ("depth", "across_track", "along_track"):
+        np.testing.assert_allclose(getattr(stays, name), getattr(fixed, name), rtol=0, atol=1e-8)
+    moved = np.abs(places_of(stays) - line.places).max()
+    assert 0.1 < moved < 3
+
+
 def walked(profile, start, slowness, time, steps=4000):
     """A ray by Runge-Kutta steps of dx/dt = c² q, dz/dt = c √(1 - c² q²): range and depth after a time."""
     h, depth, level = time / steps, start, 0.0
