@@ -162,7 +162,7 @@ def located(measured: Measured, motion: Motion, installation: Installation, prof
         hold the head's speed where the arrays are.
     under_way : bool
         Whether the way over ground counts that the platform makes while an echo comes in. Instruments leave it out: the
-        places of an EM 710 that drifts sideways at 0.19 m/s are met to 1 mm across track without it, and to 35 mm with it.
+        places of an EM 710 that drifts sideways at 0.19 m/s are met to 1 mm across track without it, to 35 mm with it.
 
     Returns
     -------

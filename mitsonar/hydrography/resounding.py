@@ -5,6 +5,8 @@ head's sound speed.
 """
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
@@ -52,8 +54,14 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     check(soundings)
     profile = profile_of(soundings) if profile is None else profile
     head = soundings["head_sound_speed"].values if head_speed is None else _speeds(head_speed, soundings)
-    places = located(measured_of(soundings), Motion.of(soundings), installation_of(soundings), profile,
-                     head_speed=head[:, None], node=node, under_way=under_way)
+    motion, measured = Motion.of(soundings), measured_of(soundings)
+    rows = {one.name: np.full(soundings["valid"].shape, np.nan) for one in fields(Located)}
+    for number, pings in _heads(soundings):
+        places = located(measured[pings], motion, installation_of(soundings, number), profile,
+                         head_speed=head[pings, None], node=node, under_way=under_way)
+        for name, values in rows.items():
+            values[pings] = getattr(places, name)
+    places = Located(**rows)
     left_out = [name for name in soundings.variables if name in STALE or "node" in soundings[name].dims]
     changed = {**placed(places), "head_sound_speed": head, "cast_depth": profile.depth,
                "cast_sound_speed": profile.sound_speed, "valid": soundings["valid"].values & places.found}
@@ -77,10 +85,21 @@ def measured_of(soundings: xr.Dataset) -> Measured:
                     head_sound_speed=soundings["head_sound_speed"].values[:, None])
 
 
-def installation_of(soundings: xr.Dataset) -> Installation:
-    """Take lever arms and mountings out of a record."""
-    return Installation(**{name: soundings[name].values for name in (
-        "transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting")})
+def installation_of(soundings: xr.Dataset, head: int | None = None) -> Installation:
+    """Take lever arms and mountings out of a record; of one of several receiving heads by its number."""
+    names = ("transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting")
+    values = {name: soundings[name].values for name in names}
+    if head is not None:
+        values |= {name: soundings[f"head_{name}"].values[head] for name in names[1::2]}
+    return Installation(**values)
+
+
+def _heads(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
+    """Receiving heads and their pings; None where there is one."""
+    if "head" not in soundings or "head_receive_offset" not in soundings:
+        return [(None, np.arange(soundings.sizes["ping"]))]
+    heads = soundings["head"].values
+    return [(int(number), np.flatnonzero(heads == number)) for number in np.unique(heads)]
 
 
 def profile_of(soundings: xr.Dataset) -> SoundSpeedProfile:

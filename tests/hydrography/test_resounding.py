@@ -55,3 +55,18 @@ def test_line_of_three_sectors_made_by_other_formulas_is_met():
     for name in ("x", "y", "depth", "across_track", "along_track"):
         np.testing.assert_allclose(again[name].values[valid], given[name].values[valid], rtol=0, atol=1e-6)
     assert np.array_equal(again["valid"], valid) and not np.isfinite(again["depth"].values[~valid]).any()
+
+
+def test_pings_of_several_receiving_heads_have_their_own_arms(soundings):
+    head = np.arange(soundings.sizes["ping"]) % 2
+    arms = np.stack([soundings["receive_offset"].values, soundings["receive_offset"].values + [0, 0.7, 0]])
+    mountings = np.repeat(soundings["receive_mounting"].values[None], 2, 0) + [[0, 0, 0], [0.01, 0, 0]]
+    twin = soundings.assign(head=variable("head", head), head_receive_offset=variable("head_receive_offset", arms),
+                            head_receive_mounting=variable("head_receive_mounting", mountings))
+    again = resounded(twin, node=False)
+    other = resounded(soundings.assign(receive_offset=variable("receive_offset", arms[1]),
+                                       receive_mounting=variable("receive_mounting", mountings[1])), node=False)
+    for name in ("depth", "x"):
+        np.testing.assert_allclose(again[name][0::2], soundings[name][0::2], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(again[name][1::2], other[name][1::2], rtol=0, atol=1e-8)
+    assert np.abs(again["depth"] - soundings["depth"])[1::2].max() > 0.5
