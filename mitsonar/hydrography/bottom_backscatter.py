@@ -29,8 +29,9 @@ __all__ = ["DB_MEAN_BIAS", "ensonified_area", "strength_db"]
 DB_MEAN_BIAS = -10 * np.euler_gamma / np.log(10)       # dB: the mean of decibels of speckle over those of the mean
 
 
-def ensonified_area(slant_range: np.ndarray, incidence: np.ndarray, *, pulse_length: float,
-                    transmit_width: float | np.ndarray, receive_width: float | np.ndarray, sound_speed: float,
+def ensonified_area(slant_range: np.ndarray, incidence: np.ndarray, *, pulse_length: float | np.ndarray,
+                    transmit_width: float | np.ndarray, receive_width: float | np.ndarray,
+                    sound_speed: float | np.ndarray,
                     stretch: float | np.ndarray = 0.0, away: float | np.ndarray = 0.0) -> np.ndarray:
     """Give the area of bed that sounds at once, on average over a stretch of time.
 
@@ -39,11 +40,11 @@ def ensonified_area(slant_range: np.ndarray, incidence: np.ndarray, *, pulse_len
     slant_range : float (B,) [m]
     incidence : float (B,) [rad]
         On the bed, across the track; either sign.
-    pulse_length : float [s]
+    pulse_length : float or (B,) [s]
         ∫|χ|² dt of the compressed pulse.
     transmit_width, receive_width : float or (B,) [rad]
         ∫ of the power patterns over the angle, along and across the track.
-    sound_speed : float [m/s]
+    sound_speed : float or (B,) [m/s]
         At the bed.
     stretch : float or array [s]
         Length of the stretch; 0 is an instant.

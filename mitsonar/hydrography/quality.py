@@ -29,7 +29,7 @@ __all__ = ["GAUSSIAN_WIDTH", "angle_deviation", "coherent_phase_deviation", "cor
 GAUSSIAN_WIDTH = 2 * np.sqrt(2 * np.log(2))       # -3 dB width over standard deviation
 
 
-def pulse_deviation(pulse_length: float) -> float:
+def pulse_deviation(pulse_length: float | np.ndarray) -> float | np.ndarray:
     """Give the rms duration [s] of |χ|², a Gaussian with the integral ``pulse_length`` [s]."""
     return pulse_length / np.sqrt(2 * np.pi)
 

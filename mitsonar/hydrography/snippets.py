@@ -32,8 +32,8 @@ class Snippets:
 
 def snippets(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, detected: np.ndarray, begin: np.ndarray,
              end: np.ndarray, samples: int, incidence: np.ndarray, slant_range: np.ndarray, loss_db: np.ndarray,
-             pulse_length: float, transmit_width: float | np.ndarray, receive_width: float | np.ndarray,
-             sound_speed: float, source_level_db: float | np.ndarray, absorption_db: float,
+             pulse_length: float | np.ndarray, transmit_width: float | np.ndarray, receive_width: float | np.ndarray,
+             sound_speed: float | np.ndarray, source_level_db: float | np.ndarray, absorption_db: float,
              transmit_pattern_db: float | np.ndarray = 0.0, receive_pattern_db: float | np.ndarray = 0.0) -> Snippets:
     """Cut the snippets of a ping.
 
@@ -78,9 +78,9 @@ def snippets(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, detecte
     distance = np.asarray(slant_range)[:, None] * nearer
     loss = np.asarray(loss_db)[:, None] + 40 * np.log10(nearer) + 2 * absorption_db * (
         distance - np.asarray(slant_range)[:, None])
-    area = ensonified_area(distance, np.asarray(incidence)[:, None], pulse_length=pulse_length,
+    area = ensonified_area(distance, np.asarray(incidence)[:, None], pulse_length=_column(pulse_length),
                            transmit_width=_column(transmit_width), receive_width=_column(receive_width),
-                           sound_speed=sound_speed, away=time[place] - at[:, None])
+                           sound_speed=_column(sound_speed), away=time[place] - at[:, None])
     strength = strength_db(np.abs(whole) ** 2, source_level_db=_column(source_level_db), loss_db=loss, area=area,
                            transmit_pattern_db=_column(transmit_pattern_db),
                            receive_pattern_db=_column(receive_pattern_db))
