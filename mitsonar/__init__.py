@@ -23,17 +23,16 @@ from mitsonar.device import llvm
 
 if TYPE_CHECKING:
     # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
-    from mitsonar import (dataset, doctor, imaging, io, labelling, plots, plugins, propagation, scattering, seabed,
-                          signal, sonar, sweep, units, water)
+    from mitsonar import (dataset, doctor, hydrography, imaging, io, labelling, plots, plugins, propagation,
+                          scattering, seabed, signal, sonar, sweep, units, water)
     from mitsonar.device.llvm import BackendError
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs import element_signals, frames, impulse_response, render
+    from mitsonar.verbs import element_signals, frames, impulse_response, render, soundings
 
 __all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "hydrography", "imaging",
-           "impulse_response", "io",
-           "labelling", "load_file", "plots", "plugins", "propagation", "read", "render", "scattering", "seabed",
-           "signal", "sonar", "soundings", "sweep", "units", "water", "write"]
+           "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "read", "render",
+           "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
