@@ -5,7 +5,7 @@ head's sound speed.
 """
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import xarray as xr
@@ -57,10 +57,13 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     motion, measured = Motion.of(soundings), measured_of(soundings)
     rows = {one.name: np.full(soundings["valid"].shape, np.nan) for one in fields(Located)}
     for number, pings in _heads(soundings):
-        places = located(measured[pings], motion, installation_of(soundings, number), profile,
-                         head_speed=head[pings, None], node=node, under_way=under_way)
-        for name, values in rows.items():
-            values[pings] = getattr(places, name)
+        for part, some in _parts(soundings, pings):
+            installed = installation_of(soundings, number)
+            one = replace(measured[pings], travel_time=np.where(some, measured.travel_time[pings], np.nan))
+            places = located(one, motion, replace(installed, transmit_offset=installed.transmit_offset + part), profile,
+                             head_speed=head[pings, None], node=node, under_way=under_way)
+            for name, values in rows.items():
+                values[pings] = np.where(some, getattr(places, name), values[pings])
     places = Located(**rows)
     left_out = [name for name in soundings.variables if name in STALE or "node" in soundings[name].dims]
     changed = {**placed(places), "head_sound_speed": head, "cast_depth": profile.depth,
@@ -100,6 +103,17 @@ def _heads(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
         return [(None, np.arange(soundings.sizes["ping"]))]
     heads = soundings["head"].values
     return [(int(number), np.flatnonzero(heads == number)) for number in np.unique(heads)]
+
+
+def _parts(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Where parts of the transmit array lie from its offset (3,), and the soundings (ping, beam) of their sectors."""
+    valid = soundings["valid"].values[pings]
+    if "sector_offset" not in soundings:
+        return [(np.zeros(3), np.ones_like(valid))]
+    sector = np.clip(soundings["sector"].values[pings], 0, soundings.sizes["sector"] - 1)
+    own = np.take_along_axis(np.nan_to_num(soundings["sector_offset"].values[pings]), sector[..., None], axis=1)
+    parts, which = np.unique(own.reshape(-1, 3), axis=0, return_inverse=True)
+    return [(part, which.reshape(valid.shape) == number) for number, part in enumerate(parts)]
 
 
 def profile_of(soundings: xr.Dataset) -> SoundSpeedProfile:

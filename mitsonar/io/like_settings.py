@@ -63,7 +63,7 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     depth = float(np.mean(one["ping_depth"].values + arm[:, 2]))
     beams = round(np.median(one["valid"].values.sum(1)) * len(each))
     vertical = one["angle"].values - (one["ping_roll"].values + each[number, 0])[:, None]
-    swath = min(2 * float(deg_from_radians(np.nanmedian(np.nanmax(np.abs(vertical), axis=1)))), WIDEST)
+    swath = min(2 * deg_from_radians(float(np.nanmedian(np.nanmax(np.abs(vertical), axis=1)))), WIDEST)
     rows: list[tuple[str, str, str]] = [
         ("integer", "beams", str(max(beams, 2))), ("float", "swath_deg", f"{swath:.4g}"),
         ("string", "beam_spacing", _spacing(np.sort(vertical, axis=1))),
@@ -76,7 +76,7 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     if swaths == 2:
         heard = soundings.isel(ping=soundings["valid"].values.any(1))
         along = np.nanmedian(heard["transmit_angle"].values, axis=1) + heard["ping_pitch"].values
-        rows.append(("float", "swath_step_deg", f"{2 * float(deg_from_radians(np.std(along))):.4g}"))
+        rows.append(("float", "swath_step_deg", f"{2 * deg_from_radians(float(np.std(along))):.4g}"))
     rate = (sent.size - 1) / max(sent[-1] - sent[0], 1e-3) if sent.size > 1 else 1.0
     return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth)
 

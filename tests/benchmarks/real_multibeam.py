@@ -135,19 +135,15 @@ def node_at_the_array(one):
 
 
 def anew(one):
-    """Give places (sounding, 3) of `resounded` less the file's, sector by sector: each has an array of its own."""
+    """Give places (sounding, 3) of `resounded` less the file's."""
     from mitsonar.hydrography.resounding import resounded
 
     shift = off_the_stream(one)
     one = one.assign({f"motion_{name}": one[f"motion_{name}"] + by for name, by in zip(("x", "y", "depth"), shift)})
-    found = np.full((one.sizes["beam"], 3), np.nan)
-    for sector in np.unique(one["sector"].values[one["valid"].values]):
-        some = one["valid"].values & (one["sector"].values == sector)
-        part = one["sector_offset"].values[0][sector] if "sector_offset" in one else 0.0
-        new = resounded(one.assign(valid=(("ping", "beam"), some), transmit_offset=one["transmit_offset"] + part))
-        for column, name in enumerate(("depth", "across_track", "along_track")):
-            found[some[0], column] = (new[name].values - one[name].values)[0][some[0]]
-    return found[one["valid"].values[0]]
+    new = resounded(one)
+    valid = one["valid"].values[0]
+    return np.stack([(new[name].values - one[name].values)[0][valid] for name in (
+        "depth", "across_track", "along_track")], -1)
 
 
 def rms(values):

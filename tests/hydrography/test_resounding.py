@@ -70,3 +70,20 @@ def test_pings_of_several_receiving_heads_have_their_own_arms(soundings):
         np.testing.assert_allclose(again[name][0::2], soundings[name][0::2], rtol=0, atol=1e-8)
         np.testing.assert_allclose(again[name][1::2], other[name][1::2], rtol=0, atol=1e-8)
     assert np.abs(again["depth"] - soundings["depth"])[1::2].max() > 0.5
+
+
+def test_a_sector_is_sent_from_its_own_part_of_the_array(soundings):
+    """Moving all parts by a vector is moving the array; moving one moves its soundings alone."""
+    by = np.array([0.3, -0.2, 0.1])
+    shape = (soundings.sizes["ping"], soundings.sizes["sector"], 3)
+    every = soundings.assign(sector_offset=variable("sector_offset", np.broadcast_to(by, shape)))
+    moved = resounded(soundings.assign(transmit_offset=soundings["transmit_offset"] + by))
+    again = resounded(every)
+    for name in ("x", "y", "depth"):
+        np.testing.assert_allclose(again[name], moved[name], rtol=0, atol=1e-9)
+    offsets = np.zeros(shape)
+    offsets[:, 0] = by
+    first = resounded(soundings.assign(sector_offset=variable("sector_offset", offsets)))
+    of_first, still = soundings["sector"].values == 0, resounded(soundings)
+    assert np.array_equal(first["depth"].values[~of_first], still["depth"].values[~of_first])
+    np.testing.assert_allclose(first["depth"].values[of_first], moved["depth"].values[of_first], rtol=0, atol=1e-9)

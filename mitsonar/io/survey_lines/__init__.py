@@ -98,6 +98,8 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     from .. import netcdf
 
     with netcdf.opened(path) as record:
+        if not isinstance(record, xr.Dataset):
+            raise ValueError(f"cannot read {path}: it holds signals; give soundings.")
         check(record, f"{path}:")
         if not column:
             record = record.drop_vars([name for name in record.variables if str(name).startswith("column_")])

@@ -141,7 +141,7 @@ def datagrams(stream: BinaryIO, kinds: str) -> Iterator[Datagram]:
     stream.seek(0)
     head = stream.read(HEAD)
     orders: tuple[Order, ...] = "<", ">"
-    order = next((one for one in orders if _plausible(head, one)), None)
+    order: Order | None = next((one for one in orders if _plausible(head, one)), None)
     if order is None:
         raise ValueError("it is no .all or .wcd file: it does not begin with a datagram.")
     while offset < size:
