@@ -9,8 +9,7 @@ from .words import announce, warn
 
 __all__ = ["add"]
 
-PINGS = 50                         # of a netCDF file that memory holds together
-LINES = (".all", ".gsf", ".kmall", ".nc")        # that are read in place of a scene
+LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # that are read in place of a scene
 
 
 def add(commands: Commands) -> None:
@@ -78,25 +77,10 @@ def _recorded(arguments):
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
     from ..hydrography.resounding import resounded
-    from ..io import casts
+    from ..io import casts, survey_lines
 
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
-    for block in _blocks(arguments.scene, arguments.column):
+    for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
         anew = profile is not None or arguments.head_speed is not None
         yield resounded(block, profile, arguments.head_speed) if anew else block
 
-
-def _blocks(path, column):
-    """The pings of a line's file, some at a time."""
-    from ..hydrography.record import check
-    from ..io import netcdf
-    from ..io.survey_lines import reading
-
-    if os.path.splitext(path)[1].lower() != ".nc":
-        yield from reading.blocks(path, water_column=column)
-        return
-    with netcdf.opened(path) as line:
-        check(line, path)
-        kept = [name for name in line.data_vars if column or not str(name).startswith("column_")]
-        for first in range(0, line.sizes["ping"], PINGS):
-            yield line[kept].isel(ping=slice(first, first + PINGS)).load()

@@ -1,6 +1,6 @@
 """A line of soundings as one `xarray.Dataset`: the same whether it was simulated or read from an instrument's file.
 
-Dimensions: ``ping``, ``beam`` (soundings of a ping, padded where a ping has fewer), ``sector`` (transmissions of a
+Dimensions: ``ping``, ``beam`` (soundings of a ping, padded where a ping has fewer), ``transmission`` (sectors of a
 ping), ``motion`` (samples of the motion sensors), ``node`` (of the cast), ``axis`` (forward, starboard, down) and,
 where they are kept, ``true_node`` (of the water as it really is), ``column_beam`` and ``column_sample`` of the water
 column and ``snippet_sample``.
@@ -61,7 +61,7 @@ def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, s
             for name, dtype, unit, meaning in rows]
 
 
-_PING, _BEAM, _SECTOR = ("ping",), ("ping", "beam"), ("ping", "sector")
+_PING, _BEAM, _SECTOR = ("ping",), ("ping", "beam"), ("ping", "transmission")
 
 VARIABLES: dict[str, Variable] = {one.name: one for one in [
     *_some("line", ("node",), True,
@@ -101,7 +101,7 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("sector_bandwidth", "f8", "Hz", "of the pulse"),
            ("sector_source_level_db", "f8", "dB re 1 µPa @ 1 m", "on the axis"),
            ("sector_absorption_db", "f8", "dB/m", "that backscatter was corrected with")),
-    *_some("sector", ("ping", "sector", "axis"), False,
+    *_some("sector", ("ping", "transmission", "axis"), False,
            ("sector_offset", "f8", "m", "of a sector's own part of the transmit array from transmit_offset")),
     *_some("sounding", _BEAM, True,
            ("valid", "bool", "1", "whether there is a sounding"),

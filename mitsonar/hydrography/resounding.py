@@ -79,7 +79,7 @@ def placed(places: Located) -> dict[str, np.ndarray]:
 def measured_of(soundings: xr.Dataset) -> Measured:
     """Take what the sonar measured out of a record: (ping, beam), NaN where a sounding is not valid."""
     valid = soundings["valid"].values
-    sector = np.clip(soundings["sector"].values, 0, soundings.sizes["sector"] - 1)
+    sector = np.clip(soundings["sector"].values, 0, soundings.sizes["transmission"] - 1)
     sent = soundings["ping_time"].values[:, None]
     delay = np.take_along_axis(soundings["sector_delay"].values, sector, axis=1)
     return Measured(ping_time=sent, transmit_time=sent + delay,
@@ -110,7 +110,7 @@ def _parts(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray, n
     valid = soundings["valid"].values[pings]
     if "sector_offset" not in soundings:
         return [(np.zeros(3), np.ones_like(valid))]
-    sector = np.clip(soundings["sector"].values[pings], 0, soundings.sizes["sector"] - 1)
+    sector = np.clip(soundings["sector"].values[pings], 0, soundings.sizes["transmission"] - 1)
     own = np.take_along_axis(np.nan_to_num(soundings["sector_offset"].values[pings]), sector[..., None], axis=1)
     parts, which = np.unique(own.reshape(-1, 3), axis=0, return_inverse=True)
     return [(part, which.reshape(valid.shape) == number) for number, part in enumerate(parts)]

@@ -75,7 +75,7 @@ def test_pings_of_several_receiving_heads_have_their_own_arms(soundings):
 def test_a_sector_is_sent_from_its_own_part_of_the_array(soundings):
     """Moving all parts by a vector is moving the array; moving one moves its soundings alone."""
     by = np.array([0.3, -0.2, 0.1])
-    shape = (soundings.sizes["ping"], soundings.sizes["sector"], 3)
+    shape = (soundings.sizes["ping"], soundings.sizes["transmission"], 3)
     every = soundings.assign(sector_offset=variable("sector_offset", np.broadcast_to(by, shape)))
     moved = resounded(soundings.assign(transmit_offset=soundings["transmit_offset"] + by))
     again = resounded(every)

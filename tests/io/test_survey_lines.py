@@ -188,7 +188,7 @@ def gaps():
     line["angle"].values[4, 8] = line["x"].values[4, 8] = np.nan
     line["valid"].values[4, 8] = False
     for name in line.data_vars:
-        if line[name].dims == ("ping", "sector"):
+        if line[name].dims == ("ping", "transmission"):
             line[name].values[3, 2] = np.nan
         if line[name].dims[:2] == ("ping", "column_beam") and line[name].dtype.kind == "f":
             line[name].values[3] = np.nan

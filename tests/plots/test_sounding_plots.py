@@ -71,7 +71,7 @@ LINES = {                                              # views that are asked fo
     "silent column": (unknown(FULL, "column_level_db"), ("column", "curtain"), ("column", "curtain")),
     "no pings": (FULL.isel(ping=[]), plots.LINE_VIEWS, plots.LINE_VIEWS),
     "no motion": (FULL.isel(motion=[]), ("rays", "motion"), ("motion",)),
-    "no sectors": (FULL.isel(sector=[]), ("column", "curtain"), ()),
+    "no sectors": (FULL.isel(transmission=[]), ("column", "curtain"), ()),
     "one place": (FULL.assign(x=xr.zeros_like(FULL["x"]), y=xr.zeros_like(FULL["y"])), ("swath", "error"), ()),
     "upside down": (FULL.assign(ping_roll=FULL["ping_roll"] + np.pi), ("rays", "smile"), ()),
     "under the bed": (FULL.assign(ping_depth=FULL["ping_depth"] + 100), ("column", "curtain", "rays", "smile"), ()),

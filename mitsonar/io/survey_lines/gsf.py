@@ -78,7 +78,7 @@ def _add(file, record, number):
 
 def _words(line, empty):
     out = lost(line, SOUNDINGS)
-    sectors = line.first.sizes["sector"]
+    sectors = line.first.sizes["transmission"]
     return tuple(text for text in (
         line.placed, left_out(empty),
         f"GSF has no room for {', '.join(out)}: write a .nc to keep them" if out else "",

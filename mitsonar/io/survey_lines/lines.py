@@ -136,7 +136,7 @@ def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
     """
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
-    of_sectors = {name for name in arrays if block[name].dims[1:2] == ("sector",)}
+    of_sectors = {name for name in arrays if block[name].dims[1:2] == ("transmission",)}
     here = np.stack([arrays["ping_x"], arrays["ping_y"]], -1)
     latitude, longitude, convergence = line.frame.on_globe(here)
     valid = arrays["valid"]

@@ -141,9 +141,12 @@ class SoundingLine:
         beams = [run.sines.shape[1] for run in runs]
         level = np.concatenate([levels(halves.whole) for halves, _ in made.halves])
         time = made.halves[0][1]
+        # echoes change over the length of a pulse: two samples of it are kept
+        rate = runs[0].survey.sampling_rate
+        step = max(1, int(rate * min(made.pulse_length) / 2))
         return {"column_angle": angle, "column_sector": np.repeat(np.arange(len(runs)), beams),
                 "column_start": np.full(len(angle), time[0]),
-                "column_rate": np.full(len(angle), runs[0].survey.sampling_rate), "column_level_db": level}
+                "column_rate": np.full(len(angle), rate / step), "column_level_db": level[:, ::step]}
 
     def _of_the_line(self, profile: str, seed: int) -> xr.Dataset:
         """What all pings share."""
