@@ -108,7 +108,7 @@ def test_sectors_are_told_with_frequency_tilt_delay_and_pulse(path):
         about = ping.sensor_data.gsfKMallSpecific
         assert about.soundSpeedAtTxDepth_mPerSec == pytest.approx(1500.0)
         for index in range(about.numTxSectors):
-            sector, own = about.sector[index], LINE.isel(ping=number, sector=index)
+            sector, own = about.sector[index], LINE.isel(ping=number, transmission=index)
             for field, name, factor, step in [
                     ("centreFreq_Hz", "sector_frequency", 1, 1e-3), ("signalBandWidth_Hz", "sector_bandwidth", 1, 1e-3),
                     ("tiltAngleReTx_deg", "sector_angle", np.degrees(1), 1e-6),
