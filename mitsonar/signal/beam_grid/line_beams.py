@@ -187,7 +187,8 @@ class LineBeams:
         """Amplitudes of noise on rows, (R,), and of that on (f, ν), (F, U), for each aperture; see `noise`."""
         if self._drawn[0] != noise:
             band = self._rate * self.length
-            rows, waves = None, [None] * len(self.lines)
+            rows: Float | None = None
+            waves: list[Float | None] = [None] * len(self.lines)
             if noise.ambient:
                 # rows at the very ends count half
                 inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)

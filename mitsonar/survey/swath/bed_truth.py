@@ -71,7 +71,7 @@ def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, ar
     si, pi = geometry.scene.ray_intersect(ray), geometry.scene.ray_intersect_preliminary(ray)
     valid = si.is_valid()
     towards = mi.Vector3f(*(upload(mi.Float, np.nan_to_num(part).astype(np.float32)) for part in arrival.T))
-    hits = Hits.on_surface(valid=valid, point=arrays_of(mi.Float).Array3f64(si.p), normal=si.n,
+    hits = Hits.on_surface(valid=valid, point=arrays_of(mi.Float).Array3f64(si.p), normal=mi.Vector3f(si.n),
                            arrival_direction=towards, sound_speed=dr.opaque(mi.Float64, sound_speed), shape=si.shape,
                            primitive=si.prim_index, uv=si.uv)
     strength, _ = scattering_strength(hits, valid, frequency)

@@ -34,7 +34,7 @@ def said_motion(survey: SwathSurvey, seed: int) -> Motion:
     errors = survey.motion_errors
     true = true_motion(survey, earlier=errors.latency)
     added = errors.added(true.time, sonar_seed(seed, "motion sensors"))
-    return disturbed(true, **added)
+    return disturbed(true, latency=0.0, **added)
 
 
 def _reference(trajectory: Trajectory) -> Trajectory:

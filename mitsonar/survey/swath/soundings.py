@@ -93,7 +93,8 @@ class SoundingLine:
         """Give the angles that an array at rest would have measured."""
         rough = true.located(measured)
         heard = np.nan_to_num(measured.transmit_time + measured.travel_time)
-        place, later = (self._true.at(heard + step).carried(self._installation.receive_offset)
+        arm = np.asarray(self._installation.receive_offset)
+        place, later = (self._true.at(heard + step).carried(arm)
                         for step in (-STEP, STEP))
         towards = np.stack([rough.x, rough.y, rough.depth], -1) - 0.5 * (place + later)
         towards = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
