@@ -14,6 +14,7 @@ __all__ = ["SPACINGS", "Sector", "beam_angles", "elements_for_beam_width", "half
            "pattern_integral"]
 
 SPACINGS = ("angle", "distance")
+STEEPEST = np.deg2rad(85.0)        # of beams at even distances
 TRIED = 256                        # elements of the line on which a window's beam is measured
 
 
@@ -50,8 +51,8 @@ class Sector:
         return 0.5 * (self.first + self.last)
 
 
-def beam_angles(beams: int, swath: float, spacing: str) -> np.ndarray:
-    """Give the angles (B,) [rad] of beams over a swath [rad]: evenly, or even distances on a level bed.
+def beam_angles(beams: int, swath: float, spacing: str, middle: float = 0.0) -> np.ndarray:
+    """Give the angles (B,) [rad] of beams over a swath [rad] about its middle, even in angle or on a level bed.
 
     Raises
     ------
@@ -60,12 +61,13 @@ def beam_angles(beams: int, swath: float, spacing: str) -> np.ndarray:
     """
     if spacing not in SPACINGS:
         raise ValueError(f'beam spacing is "{spacing}"; give one of {", ".join(SPACINGS)}.')
+    first, last = middle - 0.5 * swath, middle + 0.5 * swath
     if spacing == "angle":
-        return np.linspace(-0.5 * swath, 0.5 * swath, beams)
-    if swath > np.deg2rad(170):
-        raise ValueError(f"a swath of {np.rad2deg(swath):g} degrees has no even distances on a level bed; take at most "
-                         "170 degrees, or even angles.")
-    return np.arctan(np.linspace(-1, 1, beams) * np.tan(0.5 * swath))
+        return np.linspace(first, last, beams)
+    if max(-first, last) > STEEPEST:
+        raise ValueError(f"a swath from {np.rad2deg(first):g} to {np.rad2deg(last):g} degrees has no even distances "
+                         f"on a level bed; end it within {np.rad2deg(STEEPEST):g} degrees, or take even angles.")
+    return np.arctan(np.linspace(np.tan(first), np.tan(last), beams))
 
 
 def elements_for_beam_width(beam_width: float, spacing: float, window: str | None) -> int:

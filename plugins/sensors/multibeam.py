@@ -48,6 +48,7 @@ PRESETS = presets("multibeam")
 PRESET = FromTable(table=PRESETS, by="preset")
 OVERLAP = 1.5                      # times its sector, that a transmitting face sends over at -3 dB
 MOST_SECTORS = 16
+STEEPEST_DEG = 89.0
 LISTS = ("source_level_db", "pulse_ms", "bandwidth_khz", "sector_tilt_deg", "sector_delay_ms")
 
 MOTION_ERRORS = Group(title="What the motion sensors say", module="sensors.multibeam", attributes=(
@@ -75,6 +76,8 @@ ATTRIBUTES = (
     Numbers("bandwidth_khz", default=PRESET, unit="kHz", text="of sweeps"),
     Integer("beams", default=PRESET, minimum=2, maximum=100_000, text="of a swath"),
     Angle("swath_deg", default=PRESET, above=0, maximum=178, text="from the first to the last beam"),
+    Angle("swath_middle_deg", default=0.0, minimum=-80, maximum=80,
+          text="of its middle from the vertical, to starboard: of a head that looks aside"),
     Choice("beam_spacing", default=PRESET, choices=SPACINGS, text="what grows by equal steps from beam to beam: the "
                                                                   "angle, or the distance on a level bed"),
     Numbers("sector_edges_deg", default=PRESET, unit="degrees", text="between sectors, from port to starboard"),
@@ -101,7 +104,8 @@ ATTRIBUTES = (
             text='"forward, starboard, down" of the transmitting line from the sonar'),
     Numbers("receive_place", default=(0.0, 0.0, 0.0), count=3, unit="m", text="likewise, of the receiving line"),
     Numbers("mounting_deg", default=(0.0, 0.0, 0.0), count=3, unit="degrees",
-            text='"roll, pitch, heading" of the head in the body; a roll above 0 looks to port'),
+            text='"roll, pitch, heading" of the head in the body; a roll above 0 looks to port, where '
+                 "`swath_middle_deg` then is, too"),
     Boolean("roll_stabilised", default=True, text="beams keep their angles from the vertical"),
     Boolean("pitch_stabilised", default=True, text="transmissions keep their angles from the vertical plane"),
     Boolean("yaw_stabilised", default=False, text="and that plane stays across the course, by sectors"),
@@ -163,17 +167,22 @@ def _sectors(attributes: Attributes) -> tuple[Sector, ...]:
     if not 1 <= count <= MOST_SECTORS or not (frequency > 0).all():
         raise attributes.error(f"frequency_khz has {count} numbers; give 1 to {MOST_SECTORS} above 0, one a sector.")
     columns = {name: _column(attributes, name, count) for name in LISTS}
-    half = 0.5 * np.rad2deg(attributes.swath_deg)
-    edges = np.concatenate([[-half], attributes.sector_edges_deg, [half]])
+    middle, half = np.rad2deg(attributes.swath_middle_deg), 0.5 * np.rad2deg(attributes.swath_deg)
+    if abs(middle) + half > STEEPEST_DEG:
+        raise attributes.error(f"swath_deg and swath_middle_deg make a swath from {middle - half:g} to "
+                               f"{middle + half:g} degrees; it must end within {STEEPEST_DEG:g}.")
+    edges = np.concatenate([[middle - half], attributes.sector_edges_deg, [middle + half]])
     if len(edges) != count + 1 or not (np.diff(edges) > 0).all():
         raise attributes.error(f"sector_edges_deg is {attributes.sector_edges_deg.tolist()}; {count} sectors need "
-                               f"{count - 1} numbers, rising, within the swath of {2 * half:g} degrees.")
+                               f"{count - 1} numbers, rising, within the swath of {middle - half:g} to "
+                               f"{middle + half:g} degrees.")
     for name, low, high in (("source_level_db", LOWEST_DB, HIGHEST_DB), ("pulse_ms", 1e-4, 1e4),
                             ("sector_delay_ms", 0, 1e4), ("sector_tilt_deg", -45, 45)):
         if not ((columns[name] >= low) & (columns[name] <= high)).all():
             raise attributes.error(f"{name} is {columns[name].tolist()}; expected numbers from {low:g} to {high:g}.")
     try:
-        angles = beam_angles(attributes.beams, attributes.swath_deg, attributes.beam_spacing)
+        angles = beam_angles(attributes.beams, attributes.swath_deg, attributes.beam_spacing,
+                             attributes.swath_middle_deg)
     except ValueError as error:
         raise attributes.error(error) from None
     which = np.clip(np.searchsorted(np.deg2rad(edges), angles, side="right") - 1, 0, count - 1)

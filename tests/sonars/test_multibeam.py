@@ -197,11 +197,13 @@ def test_two_swaths_a_ping_lie_a_step_apart():
 
 def test_a_head_that_looks_to_port_sounds_there():
     """Turned by 35 degrees, its beams about its own middle."""
-    line = sounded(sensor={**THREE, "mounting_deg": "35, 0, 0", "roll_stabilised": False, "swath_deg": 60.0,
-                           "sector_edges_deg": "-10, 10"})
-    valid = line["valid"].values
+    line = sounded(sensor={**THREE, "mounting_deg": "35, 0, 0", "swath_middle_deg": -35.0, "swath_deg": 60.0,
+                           "sector_edges_deg": "-50, -20"})
+    valid, across = line["valid"].values, line["across_track"].values
     assert valid.mean() > 0.95 and abs(np.median(line["error_detection"].values[valid])) < 0.01
-    assert line["across_track"].values[valid].max() < 35 < -line["across_track"].values[valid].min() + 20
+    ends = H * np.tan(np.deg2rad([-65, -5]))
+    np.testing.assert_allclose([across[valid].min(), across[valid].max()], ends, atol=1.0)
+    assert np.abs(np.rad2deg(line["angle"].values)).max() < 36                 # about the head's own middle
 
 
 # ---- the record
@@ -283,10 +285,10 @@ def test_soundings_are_asked_of_multibeams_alone():
 # ---- the elements' own signals as the truth
 
 def test_beams_are_those_that_the_elements_signals_make():
-    """Of points, on the move, transmissions steered against pitch, both lines off the body's origin.
+    """Of points, on the move, steered against pitch, both lines off the body's origin.
 
-    Delay and sum focuses at every range and the beam domain at none: phases differ by k x² (s_j² - s_b²) / 2R, 2 degrees
-    for lines of 0.24 m at 10 m.
+    Delay and sum focuses at every range and the beam domain at none: phases differ by k x² (s_j² - s_b²) / 2R, 2
+    degrees for lines of 0.24 m at 10 m.
     """
     from mitsonar.imaging import fan
     from mitsonar.survey.swath.beams import SectorBeams
