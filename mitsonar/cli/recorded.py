@@ -22,6 +22,8 @@ def _like(arguments):
 
     if arguments.cell is not None and not 0 < arguments.cell < 1e4:
         raise ValueError(f"--cell is {arguments.cell:g} m; give a number above 0, up to 10 000.")
+    if arguments.pings is not None and arguments.pings < 2:
+        raise ValueError(f"--pings is {arguments.pings}; a track takes two or more.")
     for path in like(arguments.line, arguments.output, cell=arguments.cell,
                      pings=None if arguments.pings is None else slice(0, arguments.pings)):
         announce(path)

@@ -44,11 +44,23 @@ def _soundings(arguments):
                          f"{', '.join(survey_lines.SUFFIXES)}.")
     place = None if arguments.place is None else tuple(arguments.place)
     with Progress() as progress:
-        recorded = os.path.splitext(arguments.scene)[1].lower() in LINES
-        blocks = _recorded(arguments) if recorded else _simulated(arguments, progress)
+        blocks = _recorded(arguments) if _is_recorded(arguments.scene) else _simulated(arguments, progress)
         written = survey_lines.write(blocks, arguments.output, place=place, start=arguments.start)
     announce(arguments.output)
     warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words)))
+
+
+def _is_recorded(path):
+    """Whether a line stands in a scene's place: by its name, or by how it begins."""
+    if os.path.splitext(path)[1].lower() in LINES:
+        return True
+    if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # whoever reads a scene says so
+        return False
+    from ..io.survey_lines import reading
+
+    with open(path, "rb") as stream:
+        head = stream.read(8)
+    return not head.lstrip().startswith(b"<") and reading.recognised(head) is not None
 
 
 def _simulated(arguments, progress):
@@ -73,12 +85,18 @@ def _simulated(arguments, progress):
 def _recorded(arguments):
     """A line of a file, reduced anew where that is asked for."""
     given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
-                                          ("--sensor", arguments.sensor), ("--snippets", arguments.snippets)) if there]
+                                          ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
+                                          ("--threads", arguments.threads is not None)) if there]
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
     from ..hydrography.resounding import resounded
     from ..io import casts, survey_lines
 
+    if os.path.exists(arguments.output):
+        for source in survey_lines.sources(arguments.scene):
+            if os.path.samefile(source, arguments.output):
+                raise ValueError(f"{arguments.output} is the line itself, and what is written may hold less than it; "
+                                 "give another name.")
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
     for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
         anew = profile is not None or arguments.head_speed is not None

@@ -8,7 +8,7 @@ import contextlib
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 FilePath = str | os.PathLike[str]        # what names a file or a folder
@@ -151,6 +151,19 @@ def replacing(path: FilePath) -> Iterator[Path]:
     finally:
         temporary.unlink(missing_ok=True)
     _flush(target.parent)
+
+
+@contextlib.contextmanager
+def replacing_all(paths: Iterable[FilePath]) -> Iterator[list[Path]]:
+    """Give a temporary path for each of some files that belong together, as `replacing`: none is left if one fails.
+
+    Yields
+    ------
+    list of pathlib.Path
+        In the order of ``paths``; the first becomes its file last.
+    """
+    with contextlib.ExitStack() as stack:
+        yield [stack.enter_context(replacing(path)) for path in paths]
 
 
 def _flush(path):

@@ -20,7 +20,7 @@ from ..hydrography.gridding import gridded
 from ..sonar.presets import presets
 from ..units import deg_from_radians
 from . import geotiff
-from .files import FilePath, check_writable, replacing
+from .files import FilePath, check_writable, replacing_all
 from .like_settings import Settings, settings_of
 from .survey_lines import reading
 from .survey_lines.places import across_and_along, levelled
@@ -75,14 +75,17 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,
     names = {"track": f"{stem}_track.csv", "cast": f"{stem}_cast.csv", "bed": f"{stem}_bed.tif"}
     if strengths is not None:
         names["backscatter"] = f"{stem}_backscatter.csv"
-    _write_text(names["track"], _track(soundings))
-    _write_text(names["cast"], _table("depth,sound speed", soundings["cast_depth"].values,
-                                      soundings["cast_sound_speed"].values))
-    geotiff.write(_bed(soundings, cell), names["bed"])
-    if strengths is not None:
-        _write_text(names["backscatter"], _table("grazing angle,strength", *strengths))
     inside = {name: os.path.basename(path) for name, path in names.items()}
-    _write_text(scene, _scene(soundings, settings, inside, os.path.basename(os.fspath(line))))
+    texts = {"track": _track(soundings), "cast": _table("depth,sound speed", soundings["cast_depth"].values,
+                                                        soundings["cast_sound_speed"].values)}
+    if strengths is not None:
+        texts["backscatter"] = _table("grazing angle,strength", *strengths)
+    with replacing_all((scene, *names.values())) as (whole, *rest):
+        parts = dict(zip(names, rest))
+        for name, text in texts.items():
+            parts[name].write_text(text, encoding="utf-8")
+        geotiff.write(_bed(soundings, cell), parts["bed"])
+        whole.write_text(_scene(soundings, settings, inside, os.path.basename(os.fspath(line))), encoding="utf-8")
     return (os.fspath(scene), *names.values())
 
 
@@ -94,11 +97,6 @@ def _check(soundings, line):
     if not np.isfinite(soundings["travel_time"].values[valid]).any() or not np.isfinite(
             soundings["angle"].values[valid]).any():
         raise ValueError(f"{line} has no travel times and angles, so that nothing is known of its beams.")
-
-
-def _write_text(path, text):
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _table(head, *columns):

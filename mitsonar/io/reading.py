@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from . import exr, netcdf
-from .files import FilePath
+from .files import FilePath, check_readable
 from .records import SonarImage, SonarSignals
 
 __all__ = ["is_netcdf", "read", "write"]
@@ -44,6 +44,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
 
     if os.path.isdir(path):
         return _zarr(path)
+    check_readable(path, wanted="a file that mitsonar wrote, or a survey line")
     with open(path, "rb") as stream:
         head = stream.read(HEAD)
     if head.startswith(b"\x76\x2f\x31\x01"):

@@ -50,5 +50,5 @@ def test_the_command_says_what_it_wrote_and_refuses_in_a_sentence(tmp_path, caps
     assert main(["like", str(tmp_path / "line.gsf"), "-o", str(tmp_path / "scene.txt")]) == 2
     assert "a scene's name ends in .xml" in capsys.readouterr().err
     assert main(["like", str(tmp_path / "line.gsf"), "-o", str(tmp_path / "one.xml"), "--pings", "1"]) == 2
-    assert "has 1 ping; a track takes two or more" in capsys.readouterr().err
+    assert "--pings is 1; a track takes two or more" in capsys.readouterr().err
     assert not (tmp_path / "one.xml").exists()

@@ -3,12 +3,15 @@ import os
 
 import pytest
 
-from mitsonar.io import arrays, bathymetry, casts, exr, files, meshes, pictures, scenes, signals, tables, tracks
+from mitsonar.io import (arrays, bathymetry, casts, exr, files, meshes, pictures, reading, scenes, signals, tables,
+                         tracks)
+from mitsonar.io.survey_lines import reading as survey_lines
 
 READERS = {"array": arrays.read, "bathymetry": bathymetry.read, "cast": casts.read, "exr": exr.read,
            "attributes": exr.attributes, "mesh": lambda path: meshes.check(path, "ply"), "target": meshes.check_target,
            "picture": pictures.check, "volume": pictures.check_volume, "scene": scenes.root, "signals": signals.read,
-           "table": lambda path: tables.records(path, "table"), "track": tracks.read}
+           "table": lambda path: tables.records(path, "table"), "track": tracks.read,
+           "line": survey_lines.read}
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
@@ -19,6 +22,13 @@ def test_readers_refuse_what_is_no_ordinary_file(tmp_path, read, kind):
     {"pipe": os.mkfifo, "device": lambda path: path.symlink_to("/dev/zero"), "folder": os.mkdir}[kind](path)
     with pytest.raises(ValueError, match=r"it\.ply.*(folder|device|pipe|not a file)"):
         read(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_whatever_is_read_by_its_content_is_no_pipe(tmp_path):
+    os.mkfifo(tmp_path / "it")
+    with pytest.raises(ValueError, match="it is a device or a pipe"):
+        reading.read(tmp_path / "it")
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read every file")

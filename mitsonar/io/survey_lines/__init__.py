@@ -17,10 +17,10 @@ from collections.abc import Iterator
 import xarray as xr
 
 from ...hydrography.record import check
-from ..files import FilePath, check_writable
+from ..files import FilePath, check_readable, check_writable
 from .lines import Blocks, Place, Written
 
-__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "read_blocks", "write"]
+__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "read_blocks", "sources", "write"]
 
 BLOCK = 64                         # pings
 _WRITERS = {".gsf": "gsf", ".kmall": "kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
@@ -105,3 +105,19 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
             record = record.drop_vars([name for name in record.variables if str(name).startswith("column_")])
         for start in range(0, record.sizes["ping"], size):
             yield record.isel(ping=slice(start, start + size)).load()
+
+
+def sources(path: FilePath) -> tuple[str, ...]:
+    """Name the files that `read_blocks` would open: the soundings', and the water column's beside them.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, ValueError
+        As `read_blocks`, of a file that cannot be opened.
+    """
+    if os.path.splitext(path)[1].lower() == ".nc":
+        check_readable(path, "the record", "a netCDF file")
+        return (os.fspath(path),)
+    from . import reading
+
+    return reading.sources(path)

@@ -108,6 +108,10 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
         If there is no ping, a block is no line of soundings or not of the same beams as the first, ``start`` is no
         date, or ``place`` is nowhere on Earth or beside a coordinate system.
     """
+    if place is not None:
+        _checked(place)
+    if start is not None:              # before a ping is made
+        _seconds(start)
     some = iter([blocks] if isinstance(blocks, xr.Dataset) else blocks)
     for first in some:
         check(first)
@@ -123,7 +127,7 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
     else:
         east, north = first.attrs.get("origin", (0.0, 0.0))
         frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
-    line = Line(first=first, start=_seconds(start or first.attrs.get("start")), frame=frame, placed=placed)
+    line = Line(first=first, start=_seconds(first.attrs.get("start") if start is None else start), frame=frame, placed=placed)
     return line, _alike(first, some)
 
 

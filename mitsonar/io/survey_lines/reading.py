@@ -19,7 +19,7 @@ from .read_all import AllFile
 from .read_gsf import GsfFile
 from .read_kmall import KmallFile
 
-__all__ = ["blocks", "of_head", "read", "recognised"]
+__all__ = ["blocks", "of_head", "read", "recognised", "sources"]
 
 BLOCK = 64                         # pings
 COLUMNS = {"all": ".wcd", "kmall": ".kmwcd"}
@@ -119,6 +119,17 @@ def of_head(soundings: xr.Dataset, head: int) -> xr.Dataset:
     mine = {name: one[f"head_{name}"][head].drop_vars(one.coords, errors="ignore") for name in (
         "receive_offset", "receive_mounting")}
     return one.assign(mine).drop_vars(["head", "head_receive_offset", "head_receive_mounting"])
+
+
+def sources(path: FilePath) -> tuple[str, ...]:
+    """Name the files that `read` would open: that of soundings, and that of the water column beside it.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, ValueError
+        As `read`, of a file that cannot be opened.
+    """
+    return tuple(one for one in _pair(path) if one)
 
 
 def _pair(path):

@@ -1,0 +1,53 @@
+"""The command soundings on recorded lines, and like: what they refuse, they refuse in a sentence and leave nothing."""
+import os
+
+import pytest
+
+from mitsonar.cli.main import main
+from mitsonar.io.survey_lines import reading, write
+from tests.inputs.soundings_line import soundings_line
+
+
+@pytest.fixture
+def line(folder):
+    """A line of soundings in the current folder."""
+    write(soundings_line(pings=3, beams=40, column=False, snippets=False), "line.kmall")
+    return "line.kmall"
+
+
+OPTIONS = {
+    "month": (["--start", "2026-13-01"], "the start is '2026-13-01'; give a date"),
+    "century": (["--start", "1900-01-01"], "give one between 1970 and 2106"),
+    "no date": (["--start", ""], "the start is ''; give a date"),
+    "nowhere": (["--place", "91", "200"], "place is 91, 200; give latitude and longitude"),
+    "threads": (["--threads", "4"], "--threads is of scenes"),
+    "seed": (["--seed", "4"], "--seed is of scenes"),
+    "speed": (["--head-speed", "nan"], "is nan"),
+}
+
+
+@pytest.mark.parametrize("arguments, words", OPTIONS.values(), ids=OPTIONS)
+def test_options_that_do_not_fit_a_recorded_line(line, refusal, arguments, words):
+    assert words in refusal("soundings", line, "-o", "out.csv", *arguments)
+
+
+def test_a_line_is_not_replaced_by_what_is_made_of_it(line, refusal):
+    os.link(line, "same.gsf")
+    for output in (line, "./" + line, "same.gsf"):
+        assert "is the line itself" in refusal("soundings", line, "-o", output)
+
+
+def test_a_line_is_known_by_its_content_where_its_name_says_nothing(line, capsys):
+    os.rename(line, "line")
+    assert main(["soundings", "line", "-o", "out.kmall"]) == 0
+    assert reading.read("out.kmall").sizes["ping"] == 3
+
+
+def test_a_scene_like_a_line_is_there_with_all_its_files_or_not_at_all(line, refusal):
+    os.mkdir("s_bed.tif")
+    assert "s_bed.tif: it is a folder" in refusal("like", line, "-o", "s.xml")
+
+
+@pytest.mark.parametrize("pings", ["0", "1", "-1"])
+def test_a_scene_like_a_line_takes_two_pings(line, refusal, pings):
+    assert f"--pings is {pings}; a track takes two or more" in refusal("like", line, "-o", "s.xml", "--pings", pings)
