@@ -21,7 +21,7 @@ from .noise import gaussians
 from .pulse_response import RowTransfers
 from .transforms import divided, tiles
 
-__all__ = ["Noise", "Sizes", "along_rows", "by_beam", "by_frequency", "through_the_line"]
+__all__ = ["Noise", "Reading", "Sizes", "Waves", "along_rows", "by_beam", "by_frequency", "through_the_line"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,6 +70,40 @@ class Noise:
     taps: tuple[float, float] = (1.0, 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """What an aperture lets through.
+
+    Attributes
+    ----------
+    taken, used : UInt32 (U,)
+        Numbers of the waves, over the rows of echoes and over those of beams.
+    line : Float (F, U)
+        Its pattern, complex.
+    """
+
+    taken: UInt32
+    used: UInt32
+    line: Float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading:
+    """How beams are read from rows.
+
+    Attributes
+    ----------
+    rows : UInt32 (B, 4)
+    taps : Float (B, 4)
+    turns : list of Float (B,), complex, or None
+        What beams of each aperture are turned by.
+    """
+
+    rows: UInt32
+    taps: Float
+    turns: list[Float | None]
+
+
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
     """Multiply spectra (rows, length) by the rows' transfer functions: (F, period), rows that are none 0."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
@@ -84,32 +118,34 @@ def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: N
     return into
 
 
-def through_the_line(spectra: Float, sizes: Sizes, waves: UInt32, line: Float, noise: Float | None,
-                     key: int) -> Float:
-    """Multiply spectra (F, period) over waves by the line's pattern (F, U) at those used, all others 0.
+def through_the_line(spectra: Float, sizes: Sizes, period: int, waves: Waves, noise: Float | None, key: int) -> Float:
+    """Multiply spectra (F, sizes.period) over waves by the line's pattern at those used: (F, period), all others 0.
 
     `noise` (F, U) is the root of the power of what is drawn under `key` and added.
     """
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    lane = dr.arange(U, sizes.frequencies * dr.width(waves))
-    number, wave = divided(lib, lane, dr.width(waves))
-    place = number * dr.opaque(U, sizes.period) + dr.gather(U, waves, wave)
-    z = _complex(lib, spectra, place) * _complex(lib, line, lane)
+    lane = dr.arange(U, sizes.frequencies * dr.width(waves.used))
+    number, wave = divided(lib, lane, dr.width(waves.used))
+    place = number * dr.opaque(U, sizes.period) + dr.gather(U, waves.taken, wave)
+    z = _complex(lib, spectra, place) * _complex(lib, waves.line, lane)
     if noise is not None:
         z += lib.Complex2f(*gaussians(lib, lane, dr.opaque(U, key))) * noise
-    into = dr.zeros(lib.Float, 2 * sizes.frequencies * sizes.period)
-    dr.scatter(into, lib.Array2f(z.real, z.imag), place)
+    into = dr.zeros(lib.Float, 2 * sizes.frequencies * period)
+    dr.scatter(into, lib.Array2f(z.real, z.imag), number * dr.opaque(U, period) + dr.gather(U, waves.used, wave))
     return into
 
 
-def by_beam(spectra: Float, sizes: Sizes, rows: UInt32, taps: Float) -> Float:
-    """Read beams (B, length) from spectra (F, period): four rows (B, 4) of each, and their weights."""
+def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: Float | None) -> Float:
+    """Read beams (B, length) from spectra (F, period), and turn them."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    beams = dr.width(taps) // 4
+    beams = dr.width(reading.taps) // 4
     number, beam = tiles(lib, sizes.frequencies, beams)
-    begin, total = number * dr.opaque(U, sizes.period), lib.Array2f(0)
-    for row, tap in zip(dr.gather(lib.Array4u, rows, beam), dr.gather(lib.Array4f, taps, beam)):
+    begin, total = number * dr.opaque(U, period), lib.Array2f(0)
+    for row, tap in zip(dr.gather(lib.Array4u, reading.rows, beam), dr.gather(lib.Array4f, reading.taps, beam)):
         total = dr.fma(dr.gather(lib.Array2f, spectra, begin + row), tap, total)
+    if turn is not None:
+        turned = lib.Complex2f(total[0], total[1]) * _complex(lib, turn, beam)
+        total = lib.Array2f(turned.real, turned.imag)
     into = dr.zeros(lib.Float, 2 * beams * sizes.length)
     dr.scatter(into, total, beam * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
     return into

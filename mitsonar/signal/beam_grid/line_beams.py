@@ -21,19 +21,20 @@ from scipy import fft
 
 from ...device.arrays import arrays_of, upload
 from ...device.chance import Salt, salted
-from ...device.types import DrJitArray, Float, UInt32
+from ...device.types import DrJitArray, Float
 from ...sonar.pulse import Pulse, Window
 from ..bells import Bell
 from ..impulses import BandLimited
 from .grids import MARGIN, BeamGrid, GridShape
-from .kernels import Noise, Sizes, by_beam, by_frequency, through_the_line
-from .line_response import FADE, FINER, OVERSAMPLING, LineResponse
+from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, through_the_line
+from .line_response import FADE, FINER, OVERSAMPLING, LineResponse, Rows, stride_of
 from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
 
 __all__ = ["LineBeams"]
 
+NOISE_ROOM = 0.7                   # of sines, beyond what beams see of it: less, and no noise is as it should be
 COARSEST = 1 / 16                  # step of the sine
 CLASH = 256                        # rows: columns of so many fall into the same lines of a cache
 EDGE = 3                           # rows beyond ±1 on either side, for taps
@@ -83,10 +84,16 @@ class LineBeams:
         self.pulse = PulseResponse(pulse, window, sampling_rate, samples, padding=2 * MARGIN)
         self.length = self.pulse.length
         wavenumber = (pulse.frequency + self.pulse.offset) / sound_speed
-        steps, self.period = _rows(position, wavenumber, 1 + float(np.abs(self.sines).max()))
+        weights = np.atleast_2d(weight)
+        self._stride = stride_of(position, weights)
+        self._within = float(self.sines.min()), float(self.sines.max())
+        steps, self.period = _rows(position, wavenumber, _farthest(*self._within), self._stride)
         _check_size(len(position), steps, self.period, len(wavenumber))
         step = 2 / steps
-        self.lines = [LineResponse(position, one, wavenumber, step, self.period) for one in np.atleast_2d(weight)]
+        # the middle of where beams are is the middle of how far they lie from echoes
+        before = self.period // 2 - int(round(0.25 * sum(self._within) * steps))
+        rows = Rows(step=step, period=self.period, before=before)
+        self.lines = [LineResponse(position, one, wavenumber, rows, self._stride) for one in weights]
         self.line = self.lines[0]
         terms = None if absorption_db is None else self.pulse.weaken(absorption_db, sound_speed, start, MARGIN)
         self.shape = GridShape(rows=steps + 1 + 2 * EDGE, samples=samples, length=self.length,
@@ -127,7 +134,7 @@ class LineBeams:
         key : int
             Of a ping, as of `device.chance.ping_key`: equal ones give equal noise.
         sines : (N,) or None [-]
-            Of this ping's beams, where they are others: no farther from 0 than those the line was made for.
+            Of this ping's beams, where they are others: between those that the line was made for.
 
         Returns
         -------
@@ -153,9 +160,10 @@ class LineBeams:
         spectra = by_frequency(spectra, sizes, self.pulse.transfers(row_factors), on_rows)
         spectra = transformed(spectra, sizes.period)
         formed = []
-        for number, (table, own) in enumerate(zip(self._tables, waves)):
-            through = through_the_line(spectra, sizes, *table, own, salted(key, Salt.BEAM_NOISE) + number)
-            through = by_beam(transformed(through, sizes.period, inverse=True), sizes, *read)
+        for number, (table, own, turn) in enumerate(zip(self._tables, waves, read.turns)):
+            period = self.lines[number].rows.period
+            through = through_the_line(spectra, sizes, period, table, own, salted(key, Salt.BEAM_NOISE) + number)
+            through = by_beam(transformed(through, period, inverse=True), sizes, period, read, turn)
             beams = transformed(through, self.length, inverse=True)
             whole = beams.numpy().view(np.complex64).reshape(-1, self.length)
             formed.append(whole[:, MARGIN + self.lead:MARGIN + self.samples])
@@ -167,21 +175,26 @@ class LineBeams:
         lib, U = self.lib, self.lib.UInt32
         self._sizes = Sizes(rows=self.shape.rows, length=self.length, period=self.period,
                             used=upload(U, self.pulse.used.astype(np.uint32)))
-        self._tables = [(upload(U, line.used.astype(np.uint32)), upload(lib.Float, line.values.view(np.float32)))
-                        for line in self.lines]
+        self._tables = [Waves(*(upload(U, numbers.astype(np.uint32)) for numbers in (line.taken, line.used)),
+                              upload(lib.Float, line.values.view(np.float32))) for line in self.lines]
         self._reading = self._read_at(self.sines)
         self._replica = upload(lib.Float, np.abs(self.pulse.replica).astype(np.float32))
 
-    def _read_at(self, sines: np.ndarray) -> tuple[UInt32, Float]:
-        """Rows and weights (B, 4) that beams at these sines are read from."""
-        if not (np.abs(sines) <= np.abs(self.sines).max() + 1e-12).all():
-            raise ValueError(f"beams of a line made for sines within {np.abs(self.sines).max():.4g} are asked for at "
-                             f"{np.abs(sines).max():.4g}; make it for those.")
+    def _read_at(self, sines: np.ndarray) -> Reading:
+        """How beams at these sines are read."""
+        lib, (low, high) = self.lib, self._within
+        if not ((sines >= low - 1e-12) & (sines <= high + 1e-12)).all():
+            raise ValueError(f"beams of a line made for sines from {low:.4g} to {high:.4g} are asked for from "
+                             f"{np.min(sines):.4g} to {np.max(sines):.4g}; make it for those.")
         place = (np.asarray(sines, float) - self.shape.first) / self.shape.step
+        turns = [np.exp(2j * np.pi * line.middle / self.period * place) if line.middle else None for line in self.lines]
+        place = place / self._stride
         rows = np.floor(place).astype(np.int64)[:, None] + np.arange(-1, 3)
         taps = self.line.bell.impulse(place[:, None] - rows)
-        return (upload(self.lib.UInt32, rows.astype(np.uint32)),
-                upload(self.lib.Float, taps.astype(np.float32)))
+        return Reading(rows=upload(lib.UInt32, rows.astype(np.uint32)),
+                       taps=upload(lib.Float, taps.astype(np.float32)),
+                       turns=[None if one is None else upload(lib.Float, one.astype(np.complex64).view(np.float32))
+                              for one in turns])
 
     def _noise_tables(self, noise: NoiseDensity) -> tuple[Float | None, list[Float | None]]:
         """Amplitudes of noise on rows, (R,), and of that on (f, ν), (F, U), for each aperture; see `noise`."""
@@ -196,7 +209,7 @@ class LineBeams:
                 rows = upload(self.lib.Float, np.sqrt(noise.ambient * band * power).astype(np.float32))
             if noise.own:
                 for number, line in enumerate(self.lines):
-                    power = noise.own * band * self.period * line.own_noise(float(np.ptp(self.sines)))
+                    power = noise.own * band * line.rows.period * line.own_noise(float(np.ptp(self.sines)))
                     size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
                     waves[number] = upload(self.lib.Float, size.astype(np.float32))
             self._drawn = noise, rows, waves
@@ -224,13 +237,23 @@ def _check_size(elements: int, steps: int, period: int, frequencies: int) -> Non
                          "shorter range or pulse, or picture elements")
 
 
-def _rows(position: np.ndarray, wavenumber: np.ndarray, farthest: float) -> tuple[int, int]:
-    """Choose how many steps make the sines -1 to 1, and the rows of a period that holds sines `farthest` apart."""
+def _rows(position: np.ndarray, wavenumber: np.ndarray, farthest: float, multiple: int) -> tuple[int, int]:
+    """Choose how many steps make the sines -1 to 1, and the rows of a period of sines twice `farthest` long."""
     finest = 0.5 / (OVERSAMPLING * max(float(np.abs(position).max() * wavenumber.max()), 1e-9))
     steps = int(np.ceil(2 / min(finest, COARSEST)))
     if steps > MOST:                                         # no transform is as long
         return steps, steps
-    period = fft.next_fast_len(int(np.ceil(farthest * steps)) + FADE)
-    while period % CLASH == 0:
-        period = fft.next_fast_len(period + 1)
+    period = _fast(int(np.ceil(farthest * steps)) + FADE, multiple)
+    while period % CLASH == 0 or period // multiple % CLASH == 0:
+        period = _fast(period + 1, multiple)
     return steps, period
+
+
+def _farthest(low: float, high: float) -> float:
+    """Give how far sines of echoes and of beams between two lie apart, half of it to either side."""
+    return min(1 + max(-low, high), max(1 + 0.5 * (high - low), high - low + NOISE_ROOM))
+
+
+def _fast(length: int, multiple: int) -> int:
+    """Give the next length that transforms are fast of, a multiple."""
+    return multiple * fft.next_fast_len(-(-length // multiple))

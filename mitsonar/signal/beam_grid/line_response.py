@@ -6,8 +6,13 @@ x_n -> ``position`` on the axis, w_n -> ``weight``, ds the step of the rows' sin
 is one function of (1 + f/f0) y/λ, whatever the frequency: a table of it serves all, for elements anywhere on the line.
 Beyond the array's own band, |ν| <= max |x_n| (1 + f/f0) ds/λ, Ŵ rolls off; it is divided by the bell's spectrum once
 for what was spread over rows, once for what is read from them.
+
+An aperture of a part of the line has a narrower band, about its own middle ν_c. Turned back by e^{2πi ν_c u} its beams
+need fewer rows, every ``stride``-th (`Rows`); the turn is made good where they are read.
 """
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
@@ -15,7 +20,7 @@ from scipy.interpolate import CubicSpline
 
 from ..bells import Bell
 
-__all__ = ["FADE", "FINER", "LineResponse", "OVERSAMPLING"]
+__all__ = ["FADE", "FINER", "LineResponse", "OVERSAMPLING", "Rows", "stride_of"]
 
 FINER = 12                         # places of the table over those that resolve the line: a spline errs by 1e-5
 TURNS = 8                          # in which a spectrum of noise is found
@@ -24,6 +29,35 @@ OVERSAMPLING = 1.9                 # rows over those that a line resolves
 FADE = 64                          # rows, at both ends together
 ROLL_OFF = 0.03, 0.15              # [cycles a row], of the band: width of the roll-off
 WIDE = 0.2, 0.7                    # the same for lines so short that a fading pattern is wider than they
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Rows of beams, over which transforms run.
+
+    Attributes
+    ----------
+    step : float [-]
+        ds.
+    period : int
+        Of them.
+    before : int
+        Beams lie at most so many rows before an echo, and less than ``period - before`` rows after it; W goes to 0
+        over the last of either, FADE together.
+    """
+
+    step: float
+    period: int
+    before: int
+
+    def every(self, stride: int) -> Rows:
+        """Give every `stride`-th of them."""
+        return Rows(step=self.step * stride, period=self.period // stride, before=self.before // stride)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Of rows from an echo to a beam, int (period,), in order of an FFT."""
+        return (np.arange(self.period) + self.before) % self.period - self.before
 
 
 class LineResponse:
@@ -35,36 +69,46 @@ class LineResponse:
     weight : complex (E,) [-]
     wavenumber : (F,) [1/m]
         (1 + f/f0) / λ.
-    step : float [-]
-        ds.
-    rows : int
-        Of a period; over the last FADE of them W goes to 0.
+    rows : Rows
+        That echoes are spread over.
+    stride : int
+        Beams are read from every so many of them; their period is a multiple of it.
 
     Attributes
     ----------
-    used : (U,) int
-        Numbers of the ν that are not left out, in order of an FFT.
+    middle : int
+        Number of ν_c.
+    taken, used : (U,) int
+        Numbers of the ν that are not left out, in order of an FFT: of the rows, and of those that beams are read from.
+    rows : Rows
+        That beams are read from.
     values : complex64 (F, U)
-        Ŵ over the bell's spectrum squared.
+        Ŵ over the bell's spectra.
     bell : Bell
         Over rows.
     spectrum : (U,) [-]
-        Of the bell, at the ν that are used.
+        Of the bell, at the ν that are used: for spreading times for reading.
     """
 
-    def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, step: float, rows: int):
-        nu = fft.fftfreq(rows)
-        band = float(np.abs(position).max() * wavenumber.max() * step)
-        skirt = max(ROLL_OFF[0], ROLL_OFF[1] * band, WIDE[0] - WIDE[1] * band)
+    def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, rows: Rows, stride: int = 1):
+        farthest = float(np.abs(position).max())
+        lowest, highest = _extent(position, weight) if stride > 1 else (-farthest, farthest)
+        self.middle = -int(round(0.5 * (lowest + highest) * wavenumber.max() * rows.step * rows.period))
+        self.rows = own = rows.every(stride)
+        number = fft.fftfreq(own.period, 1 / own.period)
+        nu = fft.fftfreq(own.period)
+        band = float(0.5 * (highest - lowest) * wavenumber.max() * own.step)
+        skirt = stride * max(ROLL_OFF[0], ROLL_OFF[1] * band, WIDE[0] - WIDE[1] * band)
         self.used = np.flatnonzero(np.abs(nu) <= band + skirt)
+        self.taken = (number[self.used].astype(np.int64) + self.middle) % rows.period
         self.bell = Bell(0.5 / OVERSAMPLING)            # the same for all lines, whose kernels are one then
-        self.spectrum = self.bell.spectrum(nu[self.used])
+        self.spectrum = self.bell.spectrum(nu[self.used]) * self.bell.spectrum(fft.fftfreq(rows.period)[self.taken])
         roll = np.cos(0.5 * np.pi * np.clip((np.abs(nu[self.used]) - band) / skirt, 0, 1)) ** 2
-        self._line = position, step, rows
-        self._scale, self._weight, self._wavenumber = np.abs(weight).sum(), weight, wavenumber
-        values = fft.fft(_pattern(position, weight / self._scale, wavenumber, step, rows) * _taper(rows), axis=1,
+        self._turn, self._fade = -self.middle * stride / rows.period, FADE // stride
+        self._scale, self._weight, self._line = np.abs(weight).sum(), weight, (position, wavenumber)
+        values = fft.fft(self._pattern(weight / self._scale, own) * _taper(own, self._fade), axis=1,
                          overwrite_x=True)
-        self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum ** 2).astype(np.float32))
+        self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum).astype(np.float32))
 
     def own_noise(self, farthest: float) -> np.ndarray:
         """Give the power of white noise of variance 1 at every element, read from rows at the ν used: (F, U) [-].
@@ -73,36 +117,49 @@ class LineResponse:
         positive: found by meeting the one and the other by turns. Right to 0.01 of the level for 32 elements and more,
         to 0.1 for a few of them, at beams far from each other.
         """
-        position, step, rows = self._line
-        wanted = _pattern(position, np.abs(self._weight / self._scale) ** 2, self._wavenumber, step, rows)
-        near = np.abs(np.fft.ifftshift(np.arange(rows) - rows // 2)) * step <= farthest
-        power = np.real(fft.fft(wanted * _taper(rows), axis=1))
+        rows = replace(self.rows, before=self.rows.period // 2)
+        wanted = self._pattern(np.abs(self._weight / self._scale) ** 2, rows)
+        near = np.abs(rows.numbers) * rows.step <= farthest
+        power = np.real(fft.fft(wanted * _taper(rows, self._fade), axis=1))
         for _ in range(TURNS):
             found = fft.ifft(np.maximum(power, 0), axis=1)
             found[:, near] = wanted[:, near]
             power = np.real(fft.fft(found, axis=1, overwrite_x=True))
         power = np.maximum(power, 0)
         power *= np.real(wanted[:, :1]) / power.mean(axis=1, keepdims=True)
-        return power[:, self.used] / (self.spectrum ** 2).astype(np.float32)
+        return power[:, self.used] / self.spectrum.astype(np.float32)
+
+    def _pattern(self, weight: np.ndarray, rows: Rows) -> np.ndarray:
+        """Give W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
+        (position, wavenumber), number = self._line, rows.numbers
+        farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
+        spacing = 1 / (2 * FINER * max(float(np.abs(position).max()), 1e-9))
+        at = np.linspace(-farthest, farthest, 2 * int(np.ceil(farthest / spacing)) + 9)
+        parts = np.array_split(at, -(-at.size * position.size // BLOCK))
+        pattern = CubicSpline(at, np.concatenate([np.exp(-2j * np.pi * np.multiply.outer(some, position)) @ weight
+                                                  for some in parts]))
+        values = np.empty((len(wavenumber), rows.period), np.complex64)
+        for part in np.array_split(np.arange(len(wavenumber)), -(-values.size // BLOCK)):
+            values[part] = pattern(np.multiply.outer(wavenumber[part] * rows.step, number))
+        return values * np.exp(2j * np.pi * self._turn * number).astype(np.complex64) if self.middle else values
 
 
-def _pattern(position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, step: float, rows: int) -> np.ndarray:
-    """Give W_f(m ds) of weights (E,) as they are, m in order of an FFT: complex64 (F, rows)."""
-    farthest = np.abs(wavenumber).max() * step * (rows // 2)
-    spacing = 1 / (2 * FINER * max(float(np.abs(position).max()), 1e-9))
-    at = np.linspace(-farthest, farthest, 2 * int(np.ceil(farthest / spacing)) + 9)
-    parts = np.array_split(at, -(-at.size * position.size // BLOCK))
-    pattern = CubicSpline(at, np.concatenate([np.exp(-2j * np.pi * np.multiply.outer(some, position)) @ weight
-                                              for some in parts]))
-    row = np.fft.ifftshift(np.arange(rows) - rows // 2)
-    values = np.empty((len(wavenumber), rows), np.complex64)
-    for part in np.array_split(np.arange(len(wavenumber)), -(-values.size // BLOCK)):
-        values[part] = pattern(np.multiply.outer(wavenumber[part] * step, row))
-    return values
+def stride_of(position: np.ndarray, weights: np.ndarray) -> int:
+    """Give how many rows apart the beams of apertures (K, E) can be: 2 where none is longer than half the line."""
+    whole = 2 * np.abs(position).max(initial=0)
+    longest = max(np.subtract(*_extent(position, one)[::-1]) for one in weights)
+    return 2 if len(weights) > 1 and 2 * longest <= whole * (1 + 1e-9) else 1
 
 
-def _taper(rows: int) -> np.ndarray:
-    """What lets a pattern fade at half a period, float32 (rows,), in order of an FFT."""
-    row = np.abs(np.fft.ifftshift(np.arange(rows) - rows // 2))
-    fading = np.clip(2 * (row - 0.5 * (rows - FADE)) / FADE, 0, 1)
+def _extent(position: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    """Give from where to where an aperture reaches [m]."""
+    there = position[weight != 0]
+    return float(there.min()), float(there.max())
+
+
+def _taper(rows: Rows, fade: int) -> np.ndarray:
+    """What lets a pattern fade at both ends of a period, float32 (period,), in order of an FFT."""
+    place = rows.numbers + rows.before + 0.5 * (rows.period % 2)
+    left = np.minimum(place, rows.period - place)
+    fading = np.clip(1 - 2 * left / fade, 0, 1)
     return np.cos(0.5 * np.pi * fading).astype(np.float32) ** 2

@@ -78,11 +78,11 @@ class SectorBeams:
         #: between the phase centres of the halves [wavelengths]
         self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
         self._width = half_power_width(line.place, line.weight) * survey.wavelength
-        widest = float(np.abs(run.sines).max())
         self._beams = LineBeams(
             mi.Float, position=line.place, weight=flawed, pulse=survey.pulse, samples=survey.samples,
             sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start,
-            sines=np.array([-widest, widest]), sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
+            sines=np.array([run.sines.min(), run.sines.max()]), sound_speed=survey.sound_speed(0),
+            absorption_db=survey.absorption_db)
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
         self._truth: tuple[np.ndarray, FrameTruth] | None = None
 
