@@ -95,7 +95,8 @@ def plan_elements(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings,
 
 def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage: Passage, *, lead: float,
               sound_speed: float, transmit: Array, receive: Array, pulse: Pulse, source_level_db: float,
-              bins_are_samples: bool, self_noise_db: float | None, whole_bins: bool = False) -> ArraySurvey:
+              bins_are_samples: bool, self_noise_db: float | None, whole_bins: bool = False,
+              usual_rate: float | None = None) -> ArraySurvey:
     """Make the survey of arrays whose route is laid.
 
     Parameters
@@ -110,13 +111,15 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
         Of each receiver.
     whole_bins : bool
         As many samples, all about its middle, fall into each of the film's bins.
+    usual_rate : float or None [Hz]
+        Sampling rate at rest where the film says none; None: `Pulse.suggested_sampling_rate`.
     """
     water = sensor.water
     materials.check(geometry, water.profile, pulse.frequency)
     # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat
     doppler = 2 * float(np.linalg.norm(passage.voyage.velocity, axis=1).max()) * pulse.frequency / sound_speed
-    start, rate, samples = sensor.film().sampling(sound_speed, pulse.suggested_sampling_rate + 3 * doppler,
-                                                  written=bins_are_samples)
+    start, rate, samples = sensor.film().sampling(
+        sound_speed, (usual_rate or pulse.suggested_sampling_rate) + 3 * doppler, written=bins_are_samples)
     if whole_bins:
         window, bins = sensor.film().window(sound_speed)
         samples = bins * max(int(np.ceil(rate * (window[1] - window[0]) / bins - 1e-9)), 1)

@@ -11,6 +11,7 @@ from ...hydrography.motion_errors import MotionErrors
 from ...scene import materials
 from ...scene.geometry import Geometry
 from ...sonar.array import Array
+from ...sonar.pulse import Pulse
 from ...sonar.sectors import Sector
 from ...sonar.trajectory import Voyage
 from ..array import survey_of
@@ -22,6 +23,8 @@ from .steering import Stabilised, Swath
 from .survey import SectorRun, SwathSurvey
 
 __all__ = ["MultibeamSensor", "plan"]
+
+SAMPLES = 3.0                      # to one over a pulse's bandwidth: 0.8 of them are flat, a cw's main lobe 2.26
 
 
 class MultibeamSensor(Sensor, Protocol):
@@ -102,7 +105,13 @@ def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSetti
         later = replace(passage, voyage=Voyage.of(passage.voyage.trajectory, track.time + sector.delay))
     return survey_of(geometry, sensor, settings, later, lead=lead, sound_speed=speed,
                      transmit=sensor.transmit[number], receive=sensor.receive, pulse=sector.pulse,
-                     source_level_db=sector.source_level_db, bins_are_samples=True, self_noise_db=sensor.self_noise_db)
+                     source_level_db=sector.source_level_db, bins_are_samples=True, self_noise_db=sensor.self_noise_db,
+                     usual_rate=_rate(sector.pulse))
+
+
+def _rate(pulse: Pulse) -> float:
+    """Sampling rate [Hz] of an instrument: its receiver passes the main lobe of a pulse's spectrum, not the skirts."""
+    return min(SAMPLES * pulse.bandwidth, pulse.suggested_sampling_rate)
 
 
 def _alike(runs: list[ArraySurvey], longest: float) -> list[ArraySurvey]:
