@@ -134,6 +134,7 @@ def memory(arguments):
     from mitsonar.io import survey_lines
     from mitsonar.verbs import sounded_pings
 
+    arguments.parameters = ["speed_knots=0.2", *arguments.parameters]       # the bed is 120 m long
     scene = scene_of(arguments, arguments.preset[0], arguments.pings)
     rows, marks = [], sorted({arguments.pings * tenth // 10 for tenth in range(1, 11)} - {0})
 
