@@ -175,7 +175,7 @@ class LineBeams:
         lib, U = self.lib, self.lib.UInt32
         self._sizes = Sizes(rows=self.shape.rows, length=self.length, period=self.period,
                             used=upload(U, self.pulse.used.astype(np.uint32)))
-        self._tables = [Waves(*(upload(U, numbers.astype(np.uint32)) for numbers in (line.taken, line.used)),
+        self._tables = [Waves(upload(U, line.taken.astype(np.uint32)), upload(U, line.used.astype(np.uint32)),
                               upload(lib.Float, line.values.view(np.float32))) for line in self.lines]
         self._reading = self._read_at(self.sines)
         self._replica = upload(lib.Float, np.abs(self.pulse.replica).astype(np.float32))

@@ -147,7 +147,7 @@ class LineResponse:
 def stride_of(position: np.ndarray, weights: np.ndarray) -> int:
     """Give how many rows apart the beams of apertures (K, E) can be: 2 where none is longer than half the line."""
     whole = 2 * np.abs(position).max(initial=0)
-    longest = max(np.subtract(*_extent(position, one)[::-1]) for one in weights)
+    longest = max(high - low for low, high in (_extent(position, one) for one in weights))
     return 2 if len(weights) > 1 and 2 * longest <= whole * (1 + 1e-9) else 1
 
 
