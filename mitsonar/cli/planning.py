@@ -190,6 +190,8 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
         return None if arguments.other_cast is None else casts.read(arguments.other_cast).profile
     if arguments.other_cast is not None:
         raise ValueError("--cast-error and --other-cast are both given; leave one out.")
+    if abs(arguments.cast_error) > 1e4:
+        raise ValueError(f"--cast-error is {arguments.cast_error:g} m/s; give what the cast is off.")
     layer = LAYER if arguments.layer is None else arguments.layer
     if not 0 < layer < 1e5:
         raise ValueError(f"--layer is {layer:g} m; give a depth above 0.")
@@ -219,6 +221,8 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[Bed, Frame]":
     frame = Frame(crs=corners.utm() if arguments.crs is None else named_system(rasters.name_of(rasters.crs_of(
         arguments.crs))))
     west, south, east, north = Corners(rings=tuple(corners.placed(frame)), crs="").bounds
+    if not (west < east and south < north):
+        raise ValueError("the area has no extent: its corners lie on a line; draw a polygon.")
     middle = round(0.5 * (west + east)), round(0.5 * (south + north))
     bed = flat_bed(arguments.depth, west - middle[0], south - middle[1], east - middle[0], north - middle[1])
     return bed, Frame(crs=frame.crs, origin=(float(middle[0]), float(middle[1])))

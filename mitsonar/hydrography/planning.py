@@ -303,7 +303,7 @@ def _lattice(bed: Bed, inside: np.ndarray, shoal: np.ndarray, area: Area | None,
     else:
         corners = np.concatenate([np.stack(frame.along_across(*ring.T)) for ring in area.rings], axis=1)
     low, high = corners.min(1), corners.max(1)
-    refuse_many((high[1] - low[1]) / spacing, spacing)
+    refuse_many((high[1] - low[1]) / max(spacing, 1e-9), spacing)
     step = max(min(bed.step), float(np.max(high - low)) / MOST_STATIONS)
     steps = max(step, FINEST * width), max(min(step, width / 8), float(high[1] - low[1]) / MOST_OFFSETS)
     number = [max(int(np.ceil(span / one)) + 1, 3) for span, one in zip(high - low, steps)]

@@ -71,6 +71,9 @@ def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float |
     elif resolution > native:
         view["resampling"] = Resampling.average
     width, height = (max(round(extent / resolution), 1) for extent in (east - west, north - south))
+    if max(width, height) > MOST_NODES:                # beyond what the library counts
+        raise ValueError(f"cells of {resolution:g} m would be {height:.3g} rows of {width:.3g}; give a larger "
+                         "resolution.")
     with WarpedVRT(raster, transform=from_origin(west, north, resolution, resolution), width=width, height=height,
                    **view) as grid:
         yield grid

@@ -127,7 +127,8 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
     else:
         east, north = first.attrs.get("origin", (0.0, 0.0))
         frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
-    line = Line(first=first, start=_seconds(first.attrs.get("start") if start is None else start), frame=frame, placed=placed)
+    since = _seconds(first.attrs.get("start") if start is None else start)
+    line = Line(first=first, start=since, frame=frame, placed=placed)
     return line, _alike(first, some)
 
 
