@@ -82,6 +82,18 @@ def test_what_is_no_line_is_said(tmp_path, name, content, sentence):
         reading.read(tmp_path / name)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_soundings_whose_time_is_no_number_are_not_valid(tmp_path, value):
+    good = all_file(1)
+    (tmp_path / "a.all").write_bytes(good)
+    line = reading.read(tmp_path / "a.all")
+    time = np.float32(line["travel_time"].values[0, 2])
+    (tmp_path / "a.all").write_bytes(good.replace(time.tobytes(), np.float32(value).tobytes(), 1))
+    spoilt = reading.read(tmp_path / "a.all")
+    assert line["valid"].values[0, 2] and spoilt["valid"].values.sum() == line["valid"].values.sum() - 1
+    assert np.isfinite(spoilt["travel_time"].values[spoilt["valid"].values]).all()
+
+
 def test_a_huge_hole_is_refused_at_once(tmp_path):
     for name, head in (("a.all", all_file(1)), ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0")):
         with open(tmp_path / name, "wb") as stream:

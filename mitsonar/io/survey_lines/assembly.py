@@ -174,7 +174,14 @@ def dataset(line: Line, pings: Sequence[Ping]) -> xr.Dataset:
 def _sane(soundings):
     """Say which soundings are valid and somewhere."""
     somewhere = (np.abs(soundings["depth"]) < DEEPEST) & np.isfinite(soundings["x"]) & np.isfinite(soundings["y"])
-    return soundings["valid"] & somewhere & (np.hypot(soundings["across_track"], soundings["along_track"]) < FARTHEST)
+    near = np.hypot(soundings["across_track"], soundings["along_track"]) < FARTHEST
+    return soundings["valid"] & somewhere & near & _known(soundings["travel_time"]) & _known(soundings["angle"])
+
+
+def _known(values):
+    """Say which numbers are there, unless a ping has none: formats may leave them out."""
+    finite = np.isfinite(values)
+    return finite if finite.any() else ~np.isinf(values)
 
 
 def _padded(rows, shape, filling):

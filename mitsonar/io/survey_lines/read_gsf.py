@@ -104,8 +104,12 @@ class GsfFile:
         file = gsf(self._path)
         try:
             with closing(file.iter_records(kind)) as records:
-                for _, _, record in records:
-                    yield record
+                while True:
+                    with np.errstate(all="ignore"):            # of scale factors 0; `dataset` sorts them out
+                        found = next(records, None)
+                    if found is None:
+                        return
+                    yield found[2]
         except (*DAMAGE, GSFError) as error:
             raise ValueError(f"a record of type {kind} is damaged ({error}).") from None
         finally:

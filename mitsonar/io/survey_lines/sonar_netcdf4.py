@@ -60,7 +60,7 @@ def _environment(file, line, passage):
     group = file.create_group("Environment")
     sectors, lost = line.array("sector_frequency")[0], line.array("sector_absorption_db")[0]
     frequency = np.unique(sectors)
-    absorption = [float(lost[sectors == one].mean()) for one in frequency]
+    absorption = [float(lost[(sectors == one) | (np.isnan(sectors) & np.isnan(one))].mean()) for one in frequency]
     group.dimensions["frequency"] = frequency.size
     _put(group, "frequency", ("frequency",), frequency, "Hz", "acoustic frequency")
     _put(group, "absorption_indicative", ("frequency",), np.array(absorption), "dB/m", "indicative acoustic absorption")
