@@ -90,7 +90,9 @@ def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarra
     beams = np.arange(len(values))
     spacing = float(np.median(np.diff(angle))) if len(angle) > 1 else 1.0
     found = [np.full(len(values), np.nan)]
-    nearest, farthest = (max(count, span / spacing) for count, span in zip(NEIGHBOURS, SPANS, strict=True))
+    beyond = float(len(values))        # no pair of beams is as far apart
+    nearest, farthest = (min(max(count, span / max(spacing, 1e-12)), beyond)
+                         for count, span in zip(NEIGHBOURS, SPANS, strict=True))
     for away in np.unique(np.linspace(nearest, farthest, 7).astype(int)):
         low, high = np.maximum(beams - away, 0), np.minimum(beams + away, len(beams) - 1)
         both = (high - low == 2 * away) & good[low] & good[high]
@@ -156,7 +158,9 @@ def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, cent
     spread = windows.summed(weight * away ** 2) / total
     own = np.sqrt(np.maximum(spread - pulse_deviation(pulse_length) ** 2, 0))
     samples = max(pulse_length / step, 1.0)
-    noisy = samples * windows.summed((away / total[windows.beam]) ** 2 * noise * (2 * np.maximum(weight, 0) + noise))
+    with np.errstate(over="ignore"):   # where there is no energy, times are off by anything
+        noisy = samples * windows.summed((away / total[windows.beam]) ** 2 * noise
+                                         * (2 * np.maximum(weight, 0) + noise))
     usual = among_neighbours(total, total > 1e-150, 4)
     duration = np.sqrt((own ** 2 + footprint ** 2) / 2)
     speckle = gravity_deviation(duration, pulse_length)

@@ -263,7 +263,7 @@ def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sin
     """Give x(t) (W,)."""
     leaning = np.arcsin(sines) - incidence
     nearest = (found * np.cos(incidence))[beam] / np.maximum(instants, 1e-12)
-    away = np.sign(incidence)[beam] * np.arccos(np.minimum(nearest, 1.0))
+    away = np.sign(incidence)[beam] * np.arccos(np.clip(nearest, -1.0, 1.0))
     return np.sin(away + leaning[beam]) - sines[beam]
 
 

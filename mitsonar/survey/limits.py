@@ -7,12 +7,13 @@ from ..imaging.sidescan import speckle_gates
 from .array_survey import ArraySurvey
 from .sidescan_survey import SidescanSurvey
 
-__all__ = ["check_beams", "check_sidescan"]
+__all__ = ["check_beams", "check_sidescan", "check_soundings"]
 
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
 BYTES_PER_LABEL = 13               # and of each shape's share,
 BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made
 BYTES_PER_PATH = 12                # and of each path where there is more than one
+BYTES_PER_SAMPLE = 60              # of a beam, while a ping is sounded
 BINS_PER_PULSE = 10_000
 MOST_GATES = 1 << 19               # of speckle, up to the end of the range: far below where float32 ends to count
 
@@ -59,9 +60,28 @@ def check_beams(survey: ArraySurvey, beams: int, *, pings: int) -> None:
                          "(mitsonar.frames; render --each-ping)")
 
 
+def check_soundings(survey: ArraySurvey, beams: int) -> None:
+    """Refuse soundings of so many beams if those of one ping do not fit into memory.
+
+    Raises
+    ------
+    ValueError
+    """
+    needed, there = BYTES_PER_SAMPLE * beams * survey.samples, _memory()
+    if needed > there:
+        raise ValueError(f"a ping of {beams} beams with {survey.samples} samples takes {needed / 1e9:.0f} GB to sound, "
+                         f"more than the {there / 1e9:.0f} GB of this machine; take fewer beams or a shorter range")
+
+
 def _memory() -> float:
-    """Physical memory [bytes]; infinite where the system does not say."""
+    """Physical memory [bytes], or what a process may have of it; infinite where the system does not say."""
     try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        physical = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
         return np.inf
+    try:
+        import resource
+    except ImportError:                                # not on Windows
+        return physical
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return physical if allowed == resource.RLIM_INFINITY else min(physical, allowed)

@@ -49,6 +49,7 @@ PRESET = FromTable(table=PRESETS, by="preset")
 OVERLAP = 1.5                      # times its sector, that a transmitting face sends over at -3 dB
 MOST_SECTORS = 16
 STEEPEST_DEG = 89.0
+FARTHEST = 1000.0                  # [m] of a line from the sonar: longer than any ship
 LISTS = ("source_level_db", "pulse_ms", "bandwidth_khz", "sector_tilt_deg", "sector_delay_ms")
 
 MOTION_ERRORS = Group(title="What the motion sensors say", module="sensors.multibeam", attributes=(
@@ -131,6 +132,11 @@ class Multibeam(SonarSensor):
         self.head_speed_error = attributes.head_speed_error
         self.depth_gate = _gate(attributes)
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
+        for name, most, unit in (("transmit_place", FARTHEST, "m"), ("receive_place", FARTHEST, "m"),
+                                 ("mounting_deg", 360.0, "degrees")):
+            if np.abs(getattr(attributes, name)).max() > most:
+                raise attributes.error(f"{name} is {getattr(attributes, name).tolist()}; give at most {most:g} {unit} "
+                                       "either way.")
         self.mounting = np.deg2rad(attributes.mounting_deg)
         self.sectors = _sectors(attributes)
         self.pulse = self.sectors[0].pulse
@@ -165,7 +171,8 @@ def _sectors(attributes: Attributes) -> tuple[Sector, ...]:
     frequency = hertz_from_khz(attributes.frequency_khz)
     count = len(frequency)
     if not 1 <= count <= MOST_SECTORS or not (frequency > 0).all():
-        raise attributes.error(f"frequency_khz has {count} numbers; give 1 to {MOST_SECTORS} above 0, one a sector.")
+        raise attributes.error(f"frequency_khz is {attributes.frequency_khz.tolist()}; give 1 to {MOST_SECTORS} "
+                               "numbers above 0, one a sector.")
     columns = {name: _column(attributes, name, count) for name in LISTS}
     middle, half = np.rad2deg(attributes.swath_middle_deg), 0.5 * np.rad2deg(attributes.swath_deg)
     if abs(middle) + half > STEEPEST_DEG:

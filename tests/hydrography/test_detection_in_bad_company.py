@@ -1,6 +1,7 @@
 """What must not capture beams, and what no detector can use: fish, side lobes, steps, silence, gaps in the record."""
 import numpy as np
 import pytest
+from mitsonar.hydrography.amplitude_detection import slopes
 from mitsonar.hydrography.detection import detect
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
 
@@ -154,3 +155,8 @@ def test_ripples_wider_than_the_beam_are_followed():
     oblique = np.abs(sounder.sines) > np.sin(np.radians(30))
     left = np.array(errors)[:, oblique]
     assert abs(left.mean()) < 0.003 and left.std() < 0.035 / 3, (left.mean(), left.std())
+
+
+def test_slopes_over_beams_that_all_look_the_same_way_are_no_error():
+    for width in (0.0, 1e-32, 1e-9):
+        assert slopes(np.ones(16), np.linspace(-width, width, 16), np.ones(16, bool)).shape == (16,)

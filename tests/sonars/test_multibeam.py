@@ -5,6 +5,7 @@ c t cos θ / 2 = H. Detection by phase is unbiased; its spread grows towards the
 sounder moves as a launch does, so arrays, times and attitudes of both legs differ from each other.
 """
 import functools
+import warnings
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import mitsonar
 from mitsonar.hydrography.resounding import resounded
 from mitsonar.hydrography.smile import smile_of_head, smile_of_profile
 from mitsonar.validation.scenes import bed, multibeam, sediment
+from mitsonar.verbs import sounded_pings
 from mitsonar.water import SoundSpeedProfile
 
 H, SONAR = 30.0, 2.0
@@ -272,6 +274,30 @@ def test_what_does_not_make_a_swath_is_refused_in_a_sentence(attributes, words):
     with pytest.raises(Exception) as caught:
         multibeam({"seabed": bed(30.0)}, sensor=attributes)
     assert words in str(as_exception(caught.value))
+
+
+@pytest.mark.parametrize("sensor, film, words", [
+    ({"mounting_deg": "180, 0, 0"}, {}, "aside or behind the array"),
+    ({"swath_deg": 1e-30, "motion": "hull"}, {}, "they look the same way"),
+    ({"mounting_deg": "-60, 0, 0"}, {}, "cannot be told apart"),
+    ({"depth_gate": "100, 200"}, {}, "depth_gate begins at 100 m, and the record ends at 85 m"),
+    ({"beams": 100_000, "ping_rate_hz": 0.1, "swath_deg": 60.0}, {"range": 5000.0}, "take fewer beams or a shorter"),
+    ({"ping_rate_hz": 100.0}, {"range": 0.1}, "give the film a longer range"),
+])
+def test_what_no_ping_could_be_detected_in_is_refused_before_the_first(sensor, film, words):
+    more = {**WIDE, "motion": "none", "speed_knots": 0.0, **sensor}
+    scene = multibeam({"seabed": bed(SONAR + H, sediment("medium sand"))}, depth=SONAR, water=None,
+                      sensor={**LAUNCH, **more}, film={"range": 85.0, **film})
+    with pytest.raises(ValueError, match=words):
+        sounded_pings(scene)
+
+
+def test_a_pulse_longer_than_the_record_finds_no_bed_and_warns_of_nothing():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        line = sounded(sensor={**WIDE, "beams": 8, "pings": 1, "pulse_ms": "400", "ping_rate_hz": 0.1},
+                       film={"range": 40.0})
+    assert not line["valid"].values.any()
 
 
 def test_soundings_are_asked_of_multibeams_alone():

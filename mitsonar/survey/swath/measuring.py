@@ -7,10 +7,13 @@ import numpy as np
 
 from ...hydrography.detection import Detections, Head, detect
 from ...signal.matched_filter import compression
+from ..limits import check_soundings
 from .beams import Halves, SectorBeams, sector_beams
 from .survey import SwathSurvey
 
 __all__ = ["Measurement", "SwathBeams"]
+
+FEWEST_SAMPLES = 16                # of a ping, that the bed can be found in
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +74,8 @@ class SwathBeams:
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
+        check_soundings(survey.sectors[0].survey, survey.beams)
+        _check_beams(survey)
         self.sectors = sector_beams(survey)
         self._lengths = [_pulse_length(sector) for sector in self.sectors]
 
@@ -111,6 +116,26 @@ class SwathBeams:
                 **{name: np.where(there, getattr(found, name), np.nan) for name in
                    ("quality", "deviation", "angle_deviation", "intensity", "incidence")},
                 "begin": found.begin, "end": found.end}
+
+
+def _check_beams(survey: SwathSurvey) -> None:
+    """Refuse a line of which a ping could not be detected, before the first is made."""
+    first = survey.sectors[0].survey
+    samples = first.samples - first.lead
+    if samples < FEWEST_SAMPLES:
+        raise ValueError(f"a ping has {samples} samples, and detection of the bed needs {FEWEST_SAMPLES}; give the "
+                         "film a longer range")
+    gate, end = survey.depth_gate, 0.5 * float(first.time[-1]) * first.sound_speed(0)
+    if gate is not None and gate[0] >= end:
+        raise ValueError(f"depth_gate begins at {gate[0]:g} m, and the record ends at {end:.4g} m; give the film a "
+                         "longer range, or look less deep")
+    for run in survey.sectors:
+        falling = np.argwhere(np.diff(run.sines, axis=1) <= 0)
+        if len(falling):
+            ping, beam = falling[0]
+            raise ValueError(f"at ping {ping} beam {run.first + beam} and the next cannot be told apart: they look the "
+                             "same way, or aside or behind the array; narrow swath_deg, take fewer beams, or turn the "
+                             "head less (mounting_deg, roll)")
 
 
 def _pulse_length(sector: SectorBeams) -> float:
