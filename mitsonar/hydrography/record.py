@@ -169,7 +169,7 @@ def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
     Raises
     ------
     ValueError
-        If a variable that is needed is missing, or one has other dimensions.
+        If a variable that is needed is missing, or one has other dimensions, or holds no numbers.
     """
     missing = [one.name for one in VARIABLES.values() if one.needed and one.name not in soundings]
     if missing:
@@ -179,6 +179,10 @@ def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
         about = VARIABLES.get(str(name))
         if about is not None and soundings[name].dims != about.dims:
             raise ValueError(f"{what}: {name} has the dimensions {soundings[name].dims}, it must have {about.dims}.")
+        kind = soundings[name].dtype.kind
+        if about is not None and kind not in ("b" if name == "valid" else "biuf"):
+            raise ValueError(f"{what}: {name} is of the type {soundings[name].dtype}, it must hold "
+                             f"{'true or false' if name == 'valid' else 'numbers'}.")
 
 
 def joined(blocks: Iterable[xr.Dataset]) -> xr.Dataset:

@@ -76,7 +76,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
     try:
         with xr.open_dataset(path, engine=ENGINE) as dataset:
             dataset.load()
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}).") from None
     return decoded(_own(dataset))
 
@@ -100,13 +100,13 @@ def opened(path: FilePath) -> Iterator[SonarImage | SonarSignals]:
     refused = f"{path} is no netCDF-4 file that can be read"
     try:
         dataset = xr.open_dataset(path, engine=ENGINE)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ValueError(f"{refused} ({error}).") from None
     with dataset:
         try:
             yield decoded(_own(dataset))
-        except OSError as error:
-            if error.errno is not None:                    # it is of another file: HDF5 gives words alone
+        except (OSError, RuntimeError) as error:
+            if getattr(error, "errno", None) is not None:  # it is of another file: HDF5 gives words alone
                 raise
             raise ValueError(f"{refused} ({error}).") from None
 

@@ -235,3 +235,18 @@ def test_a_ship_at_rest_with_one_sample_of_motion_is_written(tmp_path):
     line = LINE.isel(motion=slice(0, 1))
     for suffix in (".gsf", ".kmall", ".las"):
         assert survey_lines.write(line, tmp_path / f"line{suffix}").pings == 5
+
+
+@pytest.mark.parametrize("spoilt, words", [
+    (lambda line: line.assign(depth=line["depth"].astype(str)), "depth is of the type .*, it must hold numbers"),
+    (lambda line: line.assign(valid=line["valid"] * 0.5), "valid is of the type .*, it must hold true or false"),
+    (lambda line: line.isel({line["motion_time"].dims[0]: slice(0, 0)}), "the line has no motion"),
+    (lambda line: line.assign_attrs(crs="EPSG:32631", origin=[1.0]), "the line's origin is .*; give easting and"),
+    (lambda line: line.assign_attrs(crs="EPSG:0", origin=(0.0, 0.0)), "coordinate system .* none that PROJ knows"),
+])
+def test_records_that_are_spoilt_are_refused_by_every_writer(tmp_path, spoilt, words):
+    line = spoilt(soundings_line(pings=2, beams=8, column=False, snippets=False))
+    for suffix in survey_lines.SUFFIXES:
+        with pytest.raises(ValueError, match=words):
+            survey_lines.write(line, tmp_path / f"a{suffix}")
+    assert not any(tmp_path.iterdir())

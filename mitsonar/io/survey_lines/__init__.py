@@ -100,7 +100,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     with netcdf.opened(path) as record:
         if not isinstance(record, xr.Dataset):
             raise ValueError(f"cannot read {path}: it holds signals; give soundings.")
-        check(record, f"{path}:")
+        check(record, os.fspath(path))
         if not column:
             record = record.drop_vars([name for name in record.variables if str(name).startswith("column_")])
         for start in range(0, record.sizes["ping"], size):

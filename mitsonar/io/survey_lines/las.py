@@ -80,7 +80,10 @@ def _header(line, extra, crs):
     if crs is not None:
         import pyproj
 
-        header.add_crs(pyproj.CRS.from_user_input(crs))
+        try:
+            header.add_crs(pyproj.CRS.from_user_input(crs))
+        except pyproj.exceptions.CRSError:
+            raise ValueError(f"the line's coordinate system {crs[:80]!r} is none that PROJ knows.") from None
     return header
 
 

@@ -119,13 +119,18 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
             break
     else:
         raise ValueError("there are no soundings: no ping was given.")
+    if not first.sizes[first["motion_time"].dims[0]]:
+        raise ValueError("the line has no motion: motion_time is empty; give that of the platform.")
     crs = first.attrs.get("crs") or None
     if crs is None:
         frame, placed = Frame.about(*_checked(place or NOWHERE)), _placed(place)
     elif place is not None:
         raise ValueError(f"the line lies in {crs}, so its place is known; leave place out.")
     else:
-        east, north = first.attrs.get("origin", (0.0, 0.0))
+        try:
+            east, north = np.asarray(first.attrs.get("origin", (0.0, 0.0)), float).tolist()
+        except (TypeError, ValueError):
+            raise ValueError(f"the line's origin is {first.attrs['origin']!r}; give easting and northing.") from None
         frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
     since = _seconds(first.attrs.get("start") if start is None else start)
     line = Line(first=first, start=since, frame=frame, placed=placed)
