@@ -21,6 +21,7 @@ from ..device.arrays import arrays_of, compressed, upload
 from ..scene.materials import scattering_strength
 from ..tracing.aimed_launch import DrawnRays
 from ..tracing.connection import Connector
+from ..tracing.launch import Strata
 from ..tracing.tracer import Sources, Tracer
 from ..tracing.water import DeviceWater
 from .element_beams import ElementBeams
@@ -175,15 +176,18 @@ class Ensonification:
         way = self.connector.connect(sources, start, mi.UInt32(0), cells.point, cells.normal, coarse=True)
         yield from self.ghosts.of_cells(sources, start, way, cells, cells.area)
 
-    def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float,
-                      key: int) -> Iterator[Echoes]:
-        """Echoes of more bounces and of the water, which are drawn by chance: other ones from every source."""
+    def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
+                      in_water: Callable[[], tuple[mi.Vector3f, mi.Float, Strata]] | None = None) -> Iterator[Echoes]:
+        """Echoes of more bounces and of the water, which are drawn by chance: other ones from every source.
+
+        `in_water` draws the directions of the points of the water; None: those of the elements' beams are taken.
+        """
         sources, start = self._source(origin)
         if self.ghosts.bounces is not None:
             rays = self.drawn_rays.draw(start, rotation, depth_below, key)
             yield from self.ghosts.of_rays(sources, start, *rays, key)
         if self.ghosts.water is not None:
-            rays = self.drawn_rays.draw(start, rotation, None, key)
+            rays = self.drawn_rays.draw(start, rotation, None, key) if in_water is None else in_water()
             yield from self.ghosts.of_water(sources, start, *rays, key)
 
     def _source(self, origin):

@@ -10,6 +10,7 @@ The first three are one kernel, for all scatterers of a ping.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cached_property, partial
 
 import drjit as dr
 import mitsuba as mi
@@ -25,12 +26,14 @@ from ...signal.beam_grid.residual_doppler import residual_doppler
 from ..array_survey import ArraySurvey
 from ..ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
+from .lobe_rays import LobeRays
 from .patterns import Patterns
 from .reception import Arrival, Reception
 from .record import GridEchoes, TargetEchoes
 
 __all__ = ["PingEchoes"]
 
+WATER = 0.4                        # points of the water for every scatterer that a cell of the ground has
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is not looked at
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
 SINK = 0.15                        # sine below the horizon that the rows' factors are made for
@@ -151,8 +154,22 @@ class PingEchoes:
         """Yield the echoes of more bounces and of the water."""
         reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
         origin, below = self.survey.track.position[ping], float(self.survey.depth_below[ping])
-        for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, ping_key(seed, ping)):
+        key, lobe, drawn = ping_key(seed, ping), self._lobe(reception), None
+        if lobe is not None:
+            drawn = partial(self._lobe_rays.draw, reception.rotation, lobe.sine, key)
+        for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, key, drawn):
             yield self._of_echoes(echoes, reception, rows, origin)
+
+    @cached_property
+    def _lobe_rays(self) -> LobeRays:
+        """Directions of points of the water: some in every resolution cell."""
+        survey, transmit, axis = self.survey, self.survey.transmit, self.patterns.transmit_axis
+        density = self._density(0)
+        cells = (self.ground.farthest - self.ground.nearest) / (density.range_cell * density.sine_cell)
+        place = (transmit.position - self.patterns.transmit_centre) @ axis / survey.wavelength
+        pattern = self.ground.ensonification.pattern or (lambda towards, rotation: np.ones(towards.shape[:-1]))
+        return LobeRays(axis, transmit.faces()[0].normal, place=place, weight=transmit.weight, pattern=pattern,
+                        around=WATER * self.per_cell * cells)
 
     def _of_echoes(self, echoes: Echoes, reception: Reception, rows: _RowDoppler, origin: np.ndarray) -> GridEchoes:
         """Put echoes along exact legs on the grid."""

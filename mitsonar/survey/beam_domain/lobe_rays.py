@@ -1,0 +1,124 @@
+"""Directions of points of the water where a transmitting line sends, each with its solid angle.
+
+Few of the rays that follow the beams of single elements lie in the narrow lobe of a long line: the water would be made
+of a few strong points. About the line's axis b, with u the sine along it and φ the angle around it, dΩ = du dφ, and
+
+    density(u) = (1 - w) |F(u - u_0)|² / ∫ + w / 2          density(φ) ~ √B(u_0, φ)
+
+F -> `array_sums`, u_0 what the line is steered to, B two-way intensity of the elements' beams. A direction stands for
+the reciprocal of the density that it is drawn with: no choice of density can bias a level.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import gcd
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ...device.arrays import arrays_of, opaque_vector, upload
+from ...device.chance import pair, stratified, uniform
+from ...echoes.volume import GOLDEN
+from ...tracing.launch import CELLS, Strata, draw, quantiles
+
+__all__ = ["LobeRays"]
+
+WIDE_SHARE = 0.1                   # w
+FAINTEST = 1e-3                    # of B's largest, that directions count with at least
+ALONG = 80                         # strata of u, whole tiles: they follow each other, and 80 times the golden share is
+                                   # far from simple fractions, so that distances come in no clumps (`echoes.volume`)
+AROUND = 720                       # cells of φ that B is looked up in
+FINER = 8                          # cells of u in a main lobe
+MOST = 1 << 21                     # directions of a ping
+
+
+class LobeRays:
+    """Draw directions in the lobe of a line.
+
+    Parameters
+    ----------
+    axis, normal : (3,)
+        Unit vectors, body frame: b, and what the elements look at.
+    place : (E,) [wavelengths]
+        Of the elements along the axis.
+    weight : (E,) [-]
+    pattern : callable
+        As of `Ensonification.pattern`.
+    around : float [1/rad]
+        How many directions are wanted for every radian of φ that is looked at.
+
+    Attributes
+    ----------
+    axis : (3,)
+    """
+
+    def __init__(self, axis: np.ndarray, normal: np.ndarray, *, place: np.ndarray, weight: np.ndarray,
+                 pattern: Callable, around: float):
+        across = normal - (normal @ axis) * axis
+        self.axis, self._ahead = axis, across / np.linalg.norm(across)
+        self._pattern, self._per_radian = pattern, float(around)
+        cell = 1 / (FINER * max(float(np.ptp(place)), 1.0))
+        self._gap = np.linspace(-2, 2, 2 * int(np.ceil(2 / cell)) + 1)
+        parts = np.array_split(self._gap, -(-len(self._gap) // 1024))
+        self._lobe = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(some, place)) @ weight) ** 2
+                                     for some in parts])
+        self._edges = np.linspace(-1, 1, int(np.ceil(2 / cell)) + 1)
+
+    def draw(self, rotation: np.ndarray, sine: float, key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
+        """Draw the directions of a ping.
+
+        Parameters
+        ----------
+        rotation : (3, 3)
+            Body to scene.
+        sine : float [-]
+            u_0.
+        key : int
+            Of the random numbers.
+
+        Returns
+        -------
+        direction : Vector3f (R,)
+            Scene coordinates.
+        solid_angle : Float (R,) [sr]
+        strata : Strata
+        """
+        axis, ahead = rotation @ self.axis, rotation @ self._ahead
+        aside = np.cross(axis, ahead)
+        turns = np.linspace(-np.pi, np.pi, AROUND + 1)
+        middle = 0.5 * (turns[1:] + turns[:-1])[:, None]
+        sight = sine * axis + np.sqrt(max(1 - sine ** 2, 0)) * (np.cos(middle) * ahead + np.sin(middle) * aside)
+        beam = self._pattern(sight, rotation)
+        beam = np.sqrt(np.maximum(beam / max(beam.max(), 1e-30), FAINTEST))
+        second = quantiles(turns, beam[None])[0]
+        u = 0.5 * (self._edges[1:] + self._edges[:-1])
+        lobe = np.interp(u - sine, self._gap, self._lobe)
+        lobe /= max(float(np.sum(lobe * np.diff(self._edges))), 1e-30)
+        first = quantiles(self._edges, ((1 - WIDE_SHARE) * lobe + WIDE_SHARE / 2)[None])[0]
+        wanted = min(self._per_radian * float(np.sum(beam)) * 2 * np.pi / AROUND / (1 - WIDE_SHARE), MOST)
+        lib = arrays_of(mi.Float)
+        strata = Strata(lib, 1, ALONG, _rows(wanted), tall=True)
+        index = dr.arange(mi.UInt32, strata.rays)
+        _, _, i, j = strata.split(index)
+        x, y = pair(index, dr.opaque(mi.UInt32, key))
+        tables = (upload(mi.Float, table.astype(np.float32)) for table in (first, second))
+        (along, width, _), (angle, span, _) = (
+            draw(table, mi.UInt32(0), stratified(lib, stratum, uniform(lib, share), strata.shape[number]), CELLS)
+            for number, (table, stratum, share) in enumerate(zip(tables, (i, j), (x, y))))
+        level = dr.sqrt(dr.maximum(1 - along * along, 0))
+        sine_of, cosine_of = dr.sincos(angle)
+        b, n, e = (opaque_vector(mi.Vector3f, vector) for vector in (axis, ahead, aside))
+        direction = along * b + level * (cosine_of * n + sine_of * e)
+        return direction, width * span / dr.opaque(mi.Float, strata.rays), strata
+
+
+def _rows(wanted: float) -> int:
+    """Give strata of φ for so many directions, whose distances `echoes.volume` spreads by the golden share exactly.
+
+    A share made coprime by a step leaves the golden one, and distances come in clumps.
+    """
+    rows = max(4, round(wanted / ALONG))
+    while gcd(round(GOLDEN * ALONG * rows), ALONG * rows) > 1:
+        rows += 1
+    return rows
