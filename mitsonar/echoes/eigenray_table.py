@@ -28,6 +28,7 @@ RANGES, DEPTHS = 192, 64           # nodes
 BEYOND = 0.01                      # [m] that the table reaches past the scene
 NOTHING, FAINTEST = -60.0, -50.0   # γ of a node that no ray leads to; γ below which such a node is beside a point
 NEAREST = 1e-3                     # [m]: no division by zero
+STEEP = 0.05                       # sine from the vertical, and to the level, within which waves are taken for round
 CLOSEST = 0.05                     # [m] from the source, where spreading ends
 
 
@@ -123,6 +124,27 @@ class EigenrayTable:
         """Give sin θ_0, positive up, of the rays to points `height` [m] above the source."""
         _, launch, _, _ = self.values(horizontal_range, dr.opaque(mi.Float, self.depth) - height)
         return height * dr.rsqrt(height * height + dr.square(dr.maximum(horizontal_range, NEAREST))) + launch
+
+    def curvatures(self, horizontal_range: mi.Float, height: mi.Float) -> tuple[mi.Float, mi.Float]:
+        """Give curvatures at the source of the waves of points `height` [m] above it, Float (R,) [1/m].
+
+        Across the ray's plane and in it; with k = cos θ_0, and x the horizontal range, they are k / x and
+        -(d sin θ_0 / dx) / (k sin θ_0). In water of one speed both are 1 / R.
+        """
+        x, step = dr.maximum(horizontal_range, NEAREST), 0.5 / self._per_x
+        R = dr.sqrt(dr.fma(x, x, height * height))
+        depth = dr.opaque(mi.Float, self.depth) - height
+        before, after = dr.maximum(x - step, 0), x + step
+        bent = (self.values(after, depth)[1] - self.values(before, depth)[1]) / (after - before)
+        rise = height / R + self.values(x, depth)[1]
+        level = dr.sqrt(dr.maximum(1 - rise * rise, 0))
+        across = level / x
+        within = (height * x / (R * R * R) - bent) / (rise * level)
+        # straight below both are one
+        steep = x < STEEP * R
+        across, within = dr.select(steep, 1 / R, across), dr.select(steep | (abs(rise) < STEEP), 1 / R, within)
+        good = (within * R > 0.2) & (within * R < 5)
+        return across, dr.select(good, within, across)
 
     def legs(self, offset: dr.ArrayBase) -> TableLegs:
         """Give the legs to points.

@@ -150,6 +150,10 @@ class Ground:
                 yield Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
                             shape=some.shape, primitive=some.primitive, uv=some.uv, smooth=some.smooth)
 
+    def table(self, ping: int) -> EigenrayTable:
+        """Give the eigenrays of a ping."""
+        return self._table_of(-float(self._survey.track.position[ping, 2]))
+
     def _table_of(self, depth: float) -> EigenrayTable:
         """The table of a depth; the last one is kept."""
         if self._table is None or self._table.depth != depth:

@@ -89,9 +89,10 @@ class PingEchoes:
         if lit is None:
             return None
         legs = lit.legs
+        bent = self._bent(ping, lit.scatterers.offset)
         arrival = reception.receive(sent=legs.launch_direction, out_distance=legs.distance, out_time=legs.travel_time,
                                     towards=legs.launch_direction, back_distance=legs.distance,
-                                    back_time=legs.travel_time)
+                                    back_time=legs.travel_time, out_bent=bent, back_bent=bent)
         factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
         return self._on_grid(arrival, _RowDoppler(self.doppler(ping)), lit.energy, lit.scatterers.amplitude, factor,
                              state=lit.state, label=lit.scatterers.label, launch=legs.launch_direction,
@@ -131,6 +132,13 @@ class PingEchoes:
             return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation) > NEGLIGIBLE
 
         return useful
+
+    def _bent(self, ping: int, offset: dr.ArrayBase) -> tuple[mi.Float, mi.Float] | None:
+        """Curvatures of the waves from points, where beams look from an array off the body's origin."""
+        if self._from_origin or not self.reception(ping).off_the_origin:
+            return None
+        level = mi.Float(dr.sqrt(dr.fma(offset.x, offset.x, offset.y * offset.y)))
+        return self.ground.table(ping).curvatures(level, mi.Float(offset.z))
 
     # ---- what the element chain makes: targets, smooth surfaces, ghosts, water
 
@@ -177,7 +185,9 @@ class PingEchoes:
         arrival = reception.receive(
             sent=mi.Vector3f(out.sent_towards), out_distance=mi.Float(dr.norm(out.offset)),
             out_time=echoes.arrival, towards=mi.Vector3f(back.sent_towards),
-            back_distance=mi.Float(dr.norm(back.offset)), back_time=back.travel_time)
+            back_distance=mi.Float(dr.norm(back.offset)), back_time=back.travel_time,
+            out_bent=None if out.folded else self._bent(reception.ping, out.offset),
+            back_bent=None if back.folded else self._bent(reception.ping, back.offset))
         factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
         root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
         nothing = dr.zeros(mi.UInt32, echoes.count)
@@ -201,6 +211,8 @@ class PingEchoes:
         cycles = delay * frequency
         sine, cosine = dr.sincos((mi.Float(cycles - dr.round(cycles)) - turned) * float(2 * np.pi))
         real, imaginary = factor
+        if arrival.spread is not None:
+            energy = energy / arrival.spread
         gain = dr.square(real) if imaginary is None else dr.square(real) + dr.square(imaginary)
         root = dr.select(state == FREE, dr.sqrt(energy), 0)
         a, b = amplitude
