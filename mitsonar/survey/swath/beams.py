@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mitsuba as mi
 import numpy as np
 
-from ...device.chance import ping_key, sonar_seed
+from ...device.chance import Salt, ping_key, sonar_seed
 from ...imaging.energy_record import EnergyRecord
 from ...signal.beam_grid import LineBeams, NoiseDensity
 from ...sonar.sectors import half_power_width
@@ -19,8 +19,6 @@ from ..beam_domain.truth import FrameTruth
 from .survey import SectorRun, SwathSurvey
 
 __all__ = ["Halves", "SectorBeams", "sector_beams"]
-
-FLAWS = 0x464C4157                 # of the generator that tells elements' flaws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,7 +139,7 @@ def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
     """Weights (2, E) of elements that are off; each half is calibrated, so that it is right on its axis."""
     if not flaws:
         return halves
-    draw = np.random.default_rng([halves.shape[1], FLAWS]).standard_normal((2, halves.shape[1]))
+    draw = np.random.default_rng([halves.shape[1], Salt.RECEIVER_FLAWS]).standard_normal((2, halves.shape[1]))
     off = halves * (1 + flaws * draw[0]) * np.exp(1j * flaws * draw[1])
     size = np.abs(halves).sum(1, keepdims=True)
     return off * (size / off.sum(1, keepdims=True))

@@ -72,12 +72,15 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
     """
     geometry = Geometry(scene)
     last = max(sector.delay for sector in sensor.sectors)
-    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + last)
+    middle = 0.5 * (sensor.transmit[0].position.mean(0) + sensor.receive.position.mean(0))
+    # legs start midway between the arrays: what they differ by on the way to either is smallest
+    route = replace(sensor.route, offset=sensor.route.offset + middle)
+    passage = route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + last)
     depth = -passage.voyage.track.position[:, 2]
     speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
     for sector in sensor.sectors:
         materials.check(geometry, sensor.water.profile, sector.pulse.frequency)
-    runs = _alike([_of_a_sector(geometry, sensor, settings, passage, speed, k, lead)
+    runs = _alike([_of_a_sector(geometry, sensor, settings, passage, speed, k, lead, middle)
                    for k in range(len(sensor.sectors))], lead)
     swath = Swath(trajectory=passage.voyage.trajectory, mounting=sensor.mounting,
                   stabilised=Stabilised(roll=sensor.stabilised[0], pitch=sensor.stabilised[1],
@@ -96,17 +99,17 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
 
 
 def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSettings, passage: Passage, speed: float,
-                 number: int, lead: float) -> ArraySurvey:
-    """The run of a sector's arrays, before it is steered."""
+                 number: int, lead: float, middle: np.ndarray) -> ArraySurvey:
+    """The run of a sector's arrays, before it is steered; `middle` (3,) [m] is where its track leads, body frame."""
     sector = sensor.sectors[number]
     track = passage.voyage.track
     later = passage
     if sector.delay:
         later = replace(passage, voyage=Voyage.of(passage.voyage.trajectory, track.time + sector.delay))
     return survey_of(geometry, sensor, settings, later, lead=lead, sound_speed=speed,
-                     transmit=sensor.transmit[number], receive=sensor.receive, pulse=sector.pulse,
-                     source_level_db=sector.source_level_db, bins_are_samples=True, self_noise_db=sensor.self_noise_db,
-                     usual_rate=_rate(sector.pulse))
+                     transmit=sensor.transmit[number].moved(-middle), receive=sensor.receive.moved(-middle),
+                     pulse=sector.pulse, source_level_db=sector.source_level_db, bins_are_samples=True,
+                     self_noise_db=sensor.self_noise_db, usual_rate=_rate(sector.pulse))
 
 
 def _rate(pulse: Pulse) -> float:
