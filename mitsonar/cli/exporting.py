@@ -54,7 +54,7 @@ def _convert(arguments):
     suffix = os.path.splitext(arguments.output)[1].lower()
     if suffix not in (".xtf", *RECORDS):
         raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in .xtf, .nc or "
-                         ".exr.")
+                         ".exr. Lines of soundings are converted by `mitsonar soundings`.")
     check_writable(arguments.output)
     if suffix == ".xtf":
         _write_xtf(arguments)

@@ -14,7 +14,7 @@ __all__ = ["is_netcdf", "read", "write"]
 HEAD = 8                           # bytes that tell kinds of files
 HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
-KINDS = ".exr (images), .nc (images, signals)"
+KINDS = ".exr (images), .nc (images, signals, soundings), .gsf, .kmall, .csv, .las (soundings)"
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
@@ -70,22 +70,25 @@ def is_netcdf(path: FilePath) -> bool:
 
 
 def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
-    """Write an image or signals, whole or not at all.
+    """Write an image, signals or a line of soundings, whole or not at all.
 
     Parameters
     ----------
     record : xarray.Dataset or xarray.DataArray
         As the verbs of mitsonar give them, or what xarray made of these.
     path : str or path
-        Ending in .exr (images) or .nc (images and signals).
+        Ending in .exr (images), .nc (images, signals and soundings), or .gsf, .kmall, .csv, .las (soundings;
+        `io.survey_lines.write` also says what such a file has no room for).
 
     Raises
     ------
     ValueError
-        If the name ends in neither, or the record does not go into such a file.
+        If the name ends in none of them, or the record does not go into such a file.
     OSError
         If the file cannot be written there.
     """
+    from . import survey_lines
+
     suffix = os.path.splitext(path)[1].lower()
     if suffix == ".nc":
         netcdf.write(record, path)
@@ -93,6 +96,10 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         exr.write(record, path)
     elif suffix == ".exr":
         raise ValueError(f"cannot write {path}: signals are no image; give a name that ends in .nc.")
+    elif suffix in survey_lines.SUFFIXES and isinstance(record, xr.Dataset) and "travel_time" in record:
+        survey_lines.write(record, path)
+    elif suffix in survey_lines.SUFFIXES:
+        raise ValueError(f"cannot write {path}: {suffix} takes lines of soundings; give a name that ends in .nc.")
     else:
         raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in one of {KINDS}.")
 

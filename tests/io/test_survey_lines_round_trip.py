@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+import mitsonar
 from mitsonar.hydrography.record import VARIABLES
 from mitsonar.io.survey_lines import read_blocks, reading, write
 from tests.inputs.soundings_line import soundings_line
@@ -47,3 +48,12 @@ def test_a_line_is_read_block_by_block_with_its_water_column_or_without(tmp_path
     assert [one.sizes["ping"] for one in blocks] == [2, 2, 1]
     assert all("column_level_db" in one for one in blocks)
     assert not any("column_level_db" in one for one in read_blocks(tmp_path / f"line.{suffix}", column=False))
+
+
+def test_a_line_is_written_by_the_verb_as_by_the_writer(tmp_path):
+    line = soundings_line()
+    mitsonar.write(line, tmp_path / "verb.gsf")
+    write(line, tmp_path / "writer.gsf")
+    assert (tmp_path / "verb.gsf").read_bytes() == (tmp_path / "writer.gsf").read_bytes()
+    with pytest.raises(ValueError, match="takes lines of soundings"):
+        mitsonar.write(line[["depth"]], tmp_path / "depths.gsf")
