@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 from .. import __version__
 from ..io.errors import sentence
-from . import describing, exporting, labels, machine, planning, raster, recorded, rendering, results, sounding, sweep
+from . import (describing, exporting, gridding, labels, machine, planning, raster, recorded, rendering, results,
+               sounding, sweep)
 from .arguments import Parser
 from .completion import SHELLS, Completion
 from .words import Signals, mute, warn
@@ -19,7 +20,8 @@ from .words import Signals, mute, warn
 __all__ = ["main"]
 
 # in the order of the help
-GROUPS = (rendering, sounding, recorded, describing, sweep, results, raster, exporting, planning, labels, machine)
+GROUPS = (rendering, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning, labels,
+          machine)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

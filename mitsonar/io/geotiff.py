@@ -14,7 +14,7 @@ from .files import FilePath, replacing
 
 __all__ = ["write"]
 
-TAGS = ("cell", "place", "blend", "gain", "fill", "nadir_deg")     # of a mosaic, and their units
+TAGS = ("cell", "place", "blend", "gain", "fill", "nadir_deg", "rule")      # of a mosaic, or a grid
 UNITS = {"cell": " m", "fill": " m", "nadir_deg": " degrees"}
 TILE = 256
 

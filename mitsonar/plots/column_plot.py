@@ -32,7 +32,7 @@ def draw_column(axes: Axes, line: xr.Dataset, ping: int, *, bend: bool = True, t
     axes.set(xlim=fan.extent[:2], ylim=fan.extent[2:])
     curve_axes(axes, "port   ←   across track [m]   →   starboard", "depth [m]")
     axes.grid(False)
-    bar_beside(axes, drawn, f"level{fan.gain}  [dB re 1 µPa]", extend="both")
+    bar_beside(axes, drawn, f"level{fan.gain}  [dB]", extend="both")
     key_above(axes, markers=3)
     return (fan.extent[1] - fan.extent[0]) / (fan.extent[2] - fan.extent[3])
 
@@ -95,7 +95,7 @@ def draw_curtain(panels: Sequence[Axes], line: xr.Dataset, *, tvg: Tvg = "record
         axes.set_title(words, loc="left", fontsize=LABEL_SIZE)
         curve_axes(axes, "", "slant range [m]")
         axes.grid(False)
-        bar_beside(axes, drawn, f"level{pings.gain}\n[dB re 1 µPa]", extend="both")
+        bar_beside(axes, drawn, f"level{pings.gain}\n[dB]", extend="both")
     if len(panels) > 1:
         panels[0].legend(fontsize=9.5, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.2)
     panels[-1].set_xlabel("time [s]" if pings.timed else "ping", fontsize=LABEL_SIZE)

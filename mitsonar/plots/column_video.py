@@ -90,7 +90,7 @@ class _Frame:
         self.axes.set_ylabel("depth [m]", color=canvas.INK)
         self.axes.tick_params(colors=canvas.INK)
         self.words = canvas.headings(self.figure, BEFORE, line_title(line), "")
-        canvas.colour_bar(self.image, self.axes, f"level{sample[0].gain}  [dB re 1 µPa]", "both")
+        canvas.colour_bar(self.image, self.axes, f"level{sample[0].gain}  [dB]", "both")
 
     def pixels(self, fan: ColumnFan, some: xr.Dataset, ping: int, number: int) -> np.ndarray:
         """Give the sheet with a fan as colours (rows, columns, 3) uint8."""

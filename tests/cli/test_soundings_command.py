@@ -1,6 +1,7 @@
 """The command soundings on recorded lines, and like: what they refuse, they refuse in a sentence and leave nothing."""
 import os
 
+import numpy as np
 import pytest
 
 from mitsonar.cli.main import main
@@ -51,3 +52,29 @@ def test_a_scene_like_a_line_is_there_with_all_its_files_or_not_at_all(line, ref
 @pytest.mark.parametrize("pings", ["0", "1", "-1"])
 def test_a_scene_like_a_line_takes_two_pings(line, refusal, pings):
     assert f"--pings is {pings}; a track takes two or more" in refusal("like", line, "-o", "s.xml", "--pings", pings)
+
+
+def test_lines_are_laid_on_a_map(folder, capfd):
+    """The shared line's slope in cells of 5 m: no depth is beyond those of the soundings."""
+    import rasterio
+
+    made = soundings_line()
+    write(made, "a.nc")
+    assert main(["grid", "a.nc", "-o", "depth.tif", "--cell", "5"]) == 0
+    assert capfd.readouterr().out == "depth.tif\n"
+    with rasterio.open("depth.tif") as raster:
+        depth, tags = raster.read(1), raster.tags()
+        assert raster.crs == made.attrs["crs"] and raster.res == (5.0, 5.0) and tags["rule"] == "mean"
+    sounded = made["depth"].values[made["valid"].values]
+    assert np.nanmin(depth) >= sounded.min() - 1e-3 and np.nanmax(depth) <= sounded.max() + 1e-3
+    assert np.isfinite(depth).sum() > 10
+
+
+@pytest.mark.parametrize("options, words", [
+    (["-o", "b.png"], "must end in .tif"), (["-o", "b.tif", "--cell", "1e-9"], "give a larger cell"),
+    (["-o", "b.tif", "--layer", "uncertainty"], "give --rule weighted"), (["-o", "b.tif", "--cell", "nan"], "cell"),
+])
+def test_a_map_that_cannot_be_is_refused_in_a_sentence(line, folder, capfd, options, words):
+    assert main(["grid", line, *options]) == 2
+    told = capfd.readouterr().err
+    assert words in told and told.count("\n") == 1 and not os.path.exists("b.tif")

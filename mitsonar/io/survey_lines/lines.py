@@ -218,7 +218,7 @@ def _checked(place: Place) -> Place:
 def _placed(place):
     if place is not None:
         return ""
-    return "the scene names no coordinate system, so x = y = 0 is put at latitude 0, longitude 0; a place can be said"
+    return "the scene names no coordinate system, so x = y = 0 is put at latitude 0, longitude 0 (--place says another)"
 
 
 def _seconds(text: str | None) -> float:
