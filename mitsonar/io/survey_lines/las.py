@@ -78,11 +78,12 @@ def _header(line, extra, crs):
     header.creation_date = datetime.datetime.fromtimestamp(line.start, datetime.timezone.utc).date()
     header.generating_software, header.system_identifier = f"mitsonar {__version__}", "simulation"
     if crs is not None:
-        import pyproj
+        from pyproj import CRS
+        from pyproj.exceptions import CRSError
 
         try:
-            header.add_crs(pyproj.CRS.from_user_input(crs))
-        except pyproj.exceptions.CRSError:
+            header.add_crs(CRS.from_user_input(crs))
+        except CRSError:
             raise ValueError(f"the line's coordinate system {crs[:80]!r} is none that PROJ knows.") from None
     return header
 

@@ -104,8 +104,8 @@ class LobeRays:
         x, y = pair(index, dr.opaque(mi.UInt32, key))
         tables = (upload(mi.Float, table.astype(np.float32)) for table in (first, second))
         (along, width, _), (angle, span, _) = (
-            draw(table, mi.UInt32(0), stratified(lib, stratum, uniform(lib, share), strata.shape[number]), CELLS)
-            for number, (table, stratum, share) in enumerate(zip(tables, (i, j), (x, y))))
+            draw(table, mi.UInt32(0), stratified(lib, stratum, uniform(lib, share), dr.opaque(mi.UInt32, count)), CELLS)
+            for table, stratum, share, count in zip(tables, (i, j), (x, y), strata.shape))
         level = dr.sqrt(dr.maximum(1 - along * along, 0))
         sine_of, cosine_of = dr.sincos(angle)
         b, n, e = (opaque_vector(mi.Vector3f, vector) for vector in (axis, ahead, aside))

@@ -172,6 +172,8 @@ class PingEchoes:
     def _lobe_rays(self) -> LobeRays:
         """Directions of points of the water: some in every resolution cell."""
         survey, transmit, axis = self.survey, self.survey.transmit, self.patterns.transmit_axis
+        if axis is None:
+            raise ValueError("the lobe of a transmitting line was asked for, and it is no line")
         density = self._density(0)
         cells = (self.ground.farthest - self.ground.nearest) / (density.range_cell * density.sine_cell)
         place = (transmit.position - self.patterns.transmit_centre) @ axis / survey.wavelength
