@@ -1,6 +1,10 @@
 """What all tests share: libLLVM chosen before Dr.Jit is imported, the variants, one random generator."""
 import multiprocessing
 import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -18,6 +22,34 @@ def pytest_configure():
     # and interrupts.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+TYPE_CHECKER = pytest.StashKey()   # of the whole suite: it runs beside the other tests, which leave half a core idle
+WHOLE_SUITE = 1000                 # tests
+
+
+def pytest_collection_finish(session):
+    """Start pyright, which takes most of a minute of one core, where many other tests run before it is asked for."""
+    asked = any(item.name == "test_pyright_finds_nothing" for item in session.items)
+    if asked and len(session.items) > WHOLE_SUITE and not session.config.option.collectonly:
+        output = tempfile.TemporaryFile("w+", encoding="utf-8")
+        program = Path(__file__).with_name("inputs") / "typed_sources.py"
+        child = subprocess.Popen([sys.executable, str(program)], stdin=subprocess.DEVNULL, stdout=output,
+                                 stderr=subprocess.STDOUT)
+        session.config.stash[TYPE_CHECKER] = child, output
+
+
+def pytest_unconfigure(config):
+    child, _ = config.stash.get(TYPE_CHECKER, (None, None))
+    if child is not None and child.poll() is None:
+        child.terminate()
+        child.wait()
+
+
+@pytest.fixture
+def type_checker(request):
+    """The child that runs beside the tests since the suite began, and the file it writes to; None, None without."""
+    return request.config.stash.get(TYPE_CHECKER, (None, None))
 
 
 def pytest_generate_tests(metafunc):
