@@ -17,7 +17,7 @@ from .reduction import Located
 __all__ = ["mean_absorption", "transmission_loss_db"]
 
 
-def mean_absorption(column: AbsorptionColumn, top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
+def mean_absorption(column: AbsorptionColumn, top: np.ndarray | float, bottom: np.ndarray | float) -> np.ndarray:
     """Give the mean absorption [dB/m] between depths (...) [m]: exactly that of a column linear between nodes."""
     top, bottom = np.broadcast_arrays(np.asarray(top, float), np.asarray(bottom, float))
     whole = np.r_[0.0, np.cumsum(0.5 * (column.absorption_db[1:] + column.absorption_db[:-1]) * np.diff(column.depth))]

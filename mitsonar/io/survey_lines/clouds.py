@@ -6,9 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from ...hydrography.record import VARIABLES
 from .lines import Line, pings
 
-__all__ = ["ONLY_SOUNDINGS", "Cloud", "cloud"]
+__all__ = ["ONLY_SOUNDINGS", "Cloud", "cloud", "of_soundings"]
 
 ONLY_SOUNDINGS = ("cast, motion, arrays, sectors, water column, snippets and beams without a sounding are not in it: "
                   "write a .nc to keep them")
@@ -39,3 +40,9 @@ def cloud(line: Line, block: xr.Dataset, at: int) -> Iterator[Cloud]:
                 "since": np.full(count, float(ping["since"])), "easting": one["x"] + line.frame.origin[0],
                 "northing": one["y"] + line.frame.origin[1]}
         yield one
+
+
+def of_soundings(line: Line) -> list[str]:
+    """Name the variables that a line has of its soundings, snippets left out, in the record's order."""
+    return [name for name, one in VARIABLES.items() if one.dims == ("ping", "beam") and one.group != "snippet"
+            and name in line.first.variables]

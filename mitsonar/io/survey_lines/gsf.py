@@ -16,26 +16,9 @@ __all__ = ["write"]
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as GSF; whole or not at all.
+    """Write a line of soundings as GSF; arguments, result and errors as `mitsonar.io.survey_lines.write`.
 
-    Parameters
-    ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says, some pings each; memory holds one at a time.
-    path : str or path
-    place, start
-        As `mitsonar.io.survey_lines.write`.
-
-    Returns
-    -------
-    Written
-
-    Raises
-    ------
-    ValueError
-        As `mitsonar.io.survey_lines.write`, or if a ping does not fit into a record.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written there.
+    A ping may also not fit into a record.
     """
     line, some = line_of(blocks, place=place, start=start)
     passage = passage_of(line)

@@ -21,26 +21,9 @@ HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | {"head_receive_offset", "head
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as KMALL; whole or not at all.
+    """Write a line of soundings as KMALL; arguments, result and errors as `mitsonar.io.survey_lines.write`.
 
-    Parameters
-    ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says, some pings each; memory holds one at a time.
-    path : str or path
-    place, start
-        As `mitsonar.io.survey_lines.write`.
-
-    Returns
-    -------
-    Written
-
-    Raises
-    ------
-    ValueError
-        As `mitsonar.io.survey_lines.write`, or if a ping does not fit into a datagram.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written there.
+    A ping may also not fit into a datagram.
     """
     line, some = line_of(blocks, place=place, start=start)
     passage, sounder, offset = passage_of(line), model(line), None

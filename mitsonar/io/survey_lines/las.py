@@ -13,7 +13,7 @@ import numpy as np
 
 from ...hydrography.record import VARIABLES
 from ..files import FilePath, replacing
-from .clouds import ONLY_SOUNDINGS, cloud
+from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
 
 __all__ = ["write"]
@@ -28,29 +28,12 @@ OWN = {"x", "y", "depth", "valid"}         # have fields of their own
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
     """Write a line of soundings as LAS; whole or not at all.
 
-    Parameters
-    ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says, some pings each; memory holds one at a time.
-    path : str or path
-    place, start
-        As `mitsonar.io.survey_lines.write`; with a place the cloud lies in a transverse Mercator projection about it.
-
-    Returns
-    -------
-    Written
-
-    Raises
-    ------
-    ValueError
-        As `mitsonar.io.survey_lines.write`.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written there.
+    Arguments, result and errors as `mitsonar.io.survey_lines.write`; with a place the cloud lies in a transverse
+    Mercator projection about it.
     """
     line, some = line_of(blocks, place=place, start=start)
     crs = line.frame.crs if line.first.attrs.get("crs") or place is not None else None
-    extra = [name for name, one in VARIABLES.items() if one.dims == ("ping", "beam") and name in line.first.variables
-             and one.group != "snippet" and name not in OWN]
+    extra = [name for name in of_soundings(line) if name not in OWN]
     header = _header(line, extra, crs)
     number = found = 0
     with replacing(path) as temporary, open(temporary, "wb") as stream, \

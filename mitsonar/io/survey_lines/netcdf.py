@@ -26,28 +26,9 @@ _SHADOWED = "_nc4_non_coord_"             # before the name of a variable that a
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as netCDF-4; whole or not at all.
+    """Write a line of soundings as netCDF-4; arguments, result and errors as `mitsonar.io.survey_lines.write`.
 
-    Parameters
-    ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says, some pings each; memory holds one at a time.
-    path : str or path
-    place, start
-        As `mitsonar.io.survey_lines.write`.
-
-    Returns
-    -------
-    Written
-
-    Raises
-    ------
-    ValueError
-        As `mitsonar.io.survey_lines.write`.
-    TypeError
-        If an attribute is of a kind that files cannot hold.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written there.
+    An attribute of a kind that files cannot hold is a TypeError.
     """
     line, some = line_of(blocks, place=place, start=start)
     first = next(some)

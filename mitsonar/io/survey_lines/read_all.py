@@ -8,8 +8,7 @@ to port, of an array whose cable leaves aft or not; travel times are from the se
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
@@ -19,6 +18,7 @@ from ...hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
 from .all_datagrams import (ATTITUDE, CAST_NODE, COLUMN_BEAM, COLUMN_SECTOR, RANGE_BEAM, RANGE_SECTOR, XYZ_BEAM,
                             Datagram, at, datagrams, seconds)
 from .assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping
+from .kongsberg_file import KongsbergFile
 from .kongsberg_install import Installation, of_all, part_of
 from .motion import motion_of
 from .places import across_and_along, levelled
@@ -54,7 +54,7 @@ class _Found:
     old: bool = False
 
 
-class AllFile:
+class AllFile(KongsbergFile):
     """Read an .all file, with the .wcd file beside it for the water column.
 
     Parameters
@@ -71,8 +71,7 @@ class AllFile:
     """
 
     def __init__(self, path: str, column_path: str | None, *, water_column: bool) -> None:
-        self._paths = [path] + ([column_path] if column_path else [])
-        self._water_column = water_column
+        super().__init__(path, column_path, water_column=water_column)
         found = self._found = self._walked()
         if not found.soundings:
             raise ValueError("it has depths of an older kind (before 2007), which are not read." if found.old else
@@ -82,9 +81,6 @@ class AllFile:
         self._keys = sorted(found.soundings, key=lambda key: (*key[2:], key[1], self._serials.index(key[0])))
         self._start = seconds(*self._keys[0][2:])
         self._motion = self._moved()
-
-    def __len__(self) -> int:
-        return len(self._keys)
 
     @property
     def line(self) -> Line:
@@ -98,13 +94,6 @@ class AllFile:
                     receive_mounting=installed.receive_mounting[:len(self._serials)], motion=motion.streams,
                     backscatter=_BACKSCATTER, profile="the cast of the file", beams=found.beams, sectors=found.sectors,
                     column_beams=found.column_beams, column_samples=found.column_samples)
-
-    def pings(self, start: int, stop: int) -> Iterator[Ping]:
-        """Read pings, in the order of time."""
-        with ExitStack() as stack:
-            streams = [stack.enter_context(open(path, "rb")) for path in self._paths]
-            for key in self._keys[start:stop]:
-                yield self._ping(streams, key)
 
     def _walked(self):
         """Go through both files once."""

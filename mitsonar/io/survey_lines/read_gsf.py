@@ -129,7 +129,7 @@ class GsfFile:
 
     def _array(self, prefix, what):
         """Give a lever arm or a mounting of the processing parameters; a receiver's is the transmitter's by default."""
-        def value(of, name):
+        def value(of: str, name: str) -> np.ndarray:
             return _three(self._parameters.get(f"APPLIED_{of}TRANSDUCER_{name}"))
 
         of = prefix if f"APPLIED_{prefix}TRANSDUCER_OFFSET" in self._parameters else ""

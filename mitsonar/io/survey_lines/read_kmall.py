@@ -8,8 +8,7 @@ is taken out here. Extra detections, in the water column, are left out.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from .assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping
 from .kmall_datagrams import Datagram, at, beams_of, column_of, datagrams, decoded, position_of
+from .kongsberg_file import KongsbergFile
 from .kongsberg_install import of_kmall
 from .motion import motion_of
 from .places import across_and_along
@@ -51,7 +51,7 @@ class _Found:
     column_samples: int = 0
 
 
-class KmallFile:
+class KmallFile(KongsbergFile):
     """Read a .kmall file, with the .kmwcd file beside it for the water column.
 
     Parameters
@@ -68,8 +68,7 @@ class KmallFile:
     """
 
     def __init__(self, path: str, column_path: str | None, *, water_column: bool) -> None:
-        self._paths = [path] + ([column_path] if column_path else [])
-        self._water_column = water_column
+        super().__init__(path, column_path, water_column=water_column)
         found = self._found = self._walked()
         if not found.soundings:
             raise ValueError("it has no soundings (#MRZ).")
@@ -80,9 +79,6 @@ class KmallFile:
         self._motion = motion_of(attitude[np.argsort(attitude[:, 0], kind="stable")],
                                  np.array(sorted(found.positions)).reshape(-1, 3), self._start,
                                  mounting=self._installation.motion_mounting, waterline=self._installation.waterline)
-
-    def __len__(self) -> int:
-        return len(self._keys)
 
     @property
     def line(self) -> Line:
@@ -95,13 +91,6 @@ class KmallFile:
                     receive_offset=installed.receive_offset, receive_mounting=installed.receive_mounting,
                     motion=motion.streams, backscatter=_BACKSCATTER, profile="the cast of the file", beams=found.beams,
                     sectors=found.sectors, column_beams=found.column_beams, column_samples=found.column_samples)
-
-    def pings(self, start: int, stop: int) -> Iterator[Ping]:
-        """Read pings, in the order of time."""
-        with ExitStack() as stack:
-            streams = [stack.enter_context(open(path, "rb")) for path in self._paths]
-            for key in self._keys[start:stop]:
-                yield self._ping(streams, key)
 
     def _walked(self):
         """Go through both files once."""

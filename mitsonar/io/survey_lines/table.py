@@ -9,7 +9,7 @@ import numpy as np
 
 from ...hydrography.record import VARIABLES
 from ..files import FilePath, replacing
-from .clouds import ONLY_SOUNDINGS, cloud
+from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
 
 __all__ = ["write"]
@@ -20,33 +20,12 @@ EARTH = {"easting": ("m", 4), "northing": ("m", 4), "latitude": ("deg", 9), "lon
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as CSV; whole or not at all.
-
-    Parameters
-    ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says, some pings each; memory holds one at a time.
-    path : str or path
-    place, start
-        As `mitsonar.io.survey_lines.write`.
-
-    Returns
-    -------
-    Written
-
-    Raises
-    ------
-    ValueError
-        As `mitsonar.io.survey_lines.write`.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written there.
-    """
+    """Write a line of soundings as CSV; arguments, result and errors as `mitsonar.io.survey_lines.write`."""
     import pandas as pd
 
     line, some = line_of(blocks, place=place, start=start)
     known = bool(line.first.attrs.get("crs"))
-    names = [name for name, one in VARIABLES.items() if one.dims == ("ping", "beam") and name in line.first.variables
-             and one.group != "snippet"]
+    names = of_soundings(line)
     earth = [name for name in EARTH if known or (place is not None and name in ("latitude", "longitude"))]
     number = found = 0
     with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:

@@ -5,9 +5,12 @@
 """
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from ...hydrography.bottom_backscatter import ensonified_area, strength_db
+from ...hydrography.losses import mean_absorption, transmission_loss_db
 from ...hydrography.reduction import Located
 from ...hydrography.snippets import snippets
 from ...sonar.array import Array
@@ -23,7 +26,6 @@ __all__ = ["WORDS", "Strengths"]
 WORDS = ("mean intensity over the footprint, less noise; corrected for source level, spreading and absorption along "
          "the bent path, patterns of transmitting and receiving faces, and the area that pulse and beams let sound at "
          "once on a bed that slopes across the track as the neighbouring beams find it")
-LAYERS = 65                        # over which absorption is averaged
 FAINTEST = 1e-3                    # pressure of a face's pattern that is corrected for at most
 
 
@@ -44,8 +46,9 @@ class Strengths:
     def __init__(self, survey: SwathSurvey, sectors: list[SectorBeams]):
         self._survey, self._sectors = survey, sectors
         top = -float(survey.track.position[:, 2].mean())
-        column = np.linspace(top, max(survey.geometry.depth_range[1], top + 1), LAYERS)
-        self.absorption_db = np.array([float(np.mean(run.survey.absorption.at(column))) for run in survey.sectors])
+        bottom = max(survey.geometry.depth_range[1], top + 1)
+        self.absorption_db = np.array([float(mean_absorption(run.survey.absorption, top, bottom))
+                                       for run in survey.sectors])
 
     def of(self, ping: int, made: Measurement, final: Located, samples: int) -> dict[str, np.ndarray]:
         """Give strengths, and snippets of so many samples, 0 for none, by the record's names."""
@@ -60,8 +63,8 @@ class Strengths:
         distance, incidence = final.path_length[mine], made.incidence[mine]
         bed = self._survey.profile.at(final.depth[mine])
         alpha = float(self.absorption_db[number])
-        loss = 2 * (db_from_power(final.spreading_area[mine]) + alpha * distance
-                    - db_from_power(bed / survey.sound_speed(ping)))
+        place = Located(**{one.name: getattr(final, one.name)[mine] for one in fields(final)})
+        loss = 2 * (transmission_loss_db(place, survey.absorption) - db_from_power(bed / survey.sound_speed(ping)))
         sent, heard = self._patterns(sector, ping, sines)
         widths = {"pulse_length": made.pulse_length[number], "sound_speed": float(np.nanmean(bed)) if np.isfinite(
                       bed).any() else survey.sound_speed(ping),
