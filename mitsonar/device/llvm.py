@@ -174,12 +174,12 @@ def _folders() -> Iterator[str]:
 
 def _installed() -> list[str]:
     """Return the real paths of all libraries that could be libLLVM, each once."""
-    found = {}
+    found, wanted = {}, _machine(os.path.realpath(sys.executable))
     for folder in filter(os.path.isdir, _folders()):
         for name in os.listdir(folder):
             if name.startswith(("libLLVM-", "libLLVM.")) and (".so" in name or name.endswith(".dylib")):
                 path = os.path.realpath(os.path.join(folder, name))
-                if os.path.isfile(path) and _machine(path) == _machine(os.path.realpath(sys.executable)):
+                if os.path.isfile(path) and wanted in (b"", _machine(path)):
                     found[path] = None
     return list(found)
 
@@ -201,8 +201,11 @@ def _usable(path: str) -> bool:
 
 def _machine(path: str) -> bytes:
     """Return the word size and processor an ELF file is for; b"" for other formats."""
-    with open(path, "rb") as file:
-        head = file.read(20)
+    try:
+        with open(path, "rb") as file:
+            head = file.read(20)
+    except OSError:                # of another user
+        return b""
     return head[4:5] + head[18:20] if head.startswith(b"\x7fELF") else b""
 
 
