@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     from mitsonar.scene.loading import load_file
     from mitsonar.verbs import element_signals, frames, impulse_response, render, soundings
 
+if TYPE_CHECKING:                                        # for annotations alone
+    from collections.abc import Sequence
+    from importlib.machinery import ModuleSpec
+    from types import ModuleType
+
 __all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "hydrography", "imaging",
            "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "read", "render",
            "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "units", "water", "write"]
@@ -101,7 +106,8 @@ class _FirstImport:
     """
 
     @classmethod
-    def find_spec(cls, name, path=None, target=None):
+    def find_spec(cls, name: str, path: "Sequence[str] | None" = None, target: "ModuleType | None" = None
+                  ) -> "ModuleSpec | None":
         if name not in ("drjit", "mitsuba"):
             return None
         others = (finder for finder in sys.meta_path if finder is not cls)
@@ -110,13 +116,13 @@ class _FirstImport:
             return spec
         execute = spec.loader.exec_module
 
-        def execute_between(module):
+        def execute_between(module: "ModuleType") -> None:
             llvm.check()
             execute(module)
             if name == "mitsuba" and cls in sys.meta_path:
                 if sys.modules[name] is not module:
                     # Mitsuba put another module in its place; a thread that waited meanwhile has got this one.
-                    module.__getattr__ = functools.partial(getattr, sys.modules[name])
+                    vars(module)["__getattr__"] = functools.partial(getattr, sys.modules[name])
                 sys.meta_path.remove(cls)
                 importlib.import_module("mitsonar.plugins").install()
 

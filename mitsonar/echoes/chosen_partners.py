@@ -17,6 +17,8 @@ and strengths are asked for no lower than `LOWEST` above the surfaces.
 """
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -86,7 +88,7 @@ class ChosenPartners:
         _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         wanted = None if unlike is None else dr.opaque(mi.Bool, unlike)
 
-        def look(k, total, partner, worth):
+        def look(k: mi.UInt32, total: mi.Float, partner: mi.UInt32, worth: mi.Float) -> tuple[Any, ...]:
             its_key = salted(key, Salt.CANDIDATE, k)
             candidate, chance = partners(strata, its_key)
             brings = self._brings(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)

@@ -193,19 +193,18 @@ class GroundSpeckle:
         begin = dr.floor((print_.x + first) / cells.length)
         end = dr.minimum(dr.floor((print_.x + last) / cells.length), begin + COLUMNS)
 
-        def one(column, line, real, imaginary, weight):
+        def one(column: Float, line: Float, real: Float, imaginary: Float, weight: Float) -> tuple[Float, ...]:
             b_real, b_imaginary, a_real, a_imaginary = self._scatterer(print_, cells, beam, column, line)
             return (real + (b_real * a_real - b_imaginary * a_imaginary),
                     imaginary + (b_real * a_imaginary + b_imaginary * a_real),
                     weight + dr.square(b_real) + dr.square(b_imaginary))
 
-        def column_of(column, end, *sums):
+        def column_of(column: Float, end: Float, *sums: Float) -> tuple[Float, ...]:
             low, high = print_.lines(column * cells.length - print_.x, cells.length)
             line, stop = (dr.floor((print_.y + some) / cells.width) for some in (low, high))
-            _, _, *sums = looped((line, stop, *sums), lambda line, stop, *_: line <= stop,
-                                 lambda line, stop, *sums: (line + 1, stop, *one(column, line, *sums)),
-                                 "cells of a column")
-            return column + 1, end, *sums
+            added = looped((line, stop, *sums), lambda line, stop, *_: line <= stop,
+                           lambda line, stop, *sums: (line + 1, stop, *one(column, line, *sums)), "cells of a column")
+            return column + 1, end, *added[2:]
 
         return looped((begin, end, *(mi.Float(0) for _ in range(3))), lambda column, end, *_: column <= end, column_of,
                       "columns of a footprint")[2:]

@@ -182,7 +182,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
     dims = ("ping", "side", "range")
 
-    def entry(values, units, long_name, dims=dims, **more):
+    def entry(values: np.ndarray, units: str, long_name: str, dims: tuple[str, ...] = dims, **more: str) -> tuple:
         return dims, values, {"units": units, "long_name": long_name, **more}
 
     along = ("ping",)

@@ -103,10 +103,10 @@ def _mode(soundings, ping):
 
 def _spacing(vertical):
     """Say what grows more evenly from beam to beam: the angle, or the distance on a level bed."""
-    def unevenness(values):
+    def unevenness(values: np.ndarray) -> float:
         steps = np.diff(values, axis=1)
         steps = steps[np.isfinite(steps)]
-        return np.std(steps) / np.mean(steps) if steps.size and np.mean(steps) > 0 else np.inf
+        return float(np.std(steps) / np.mean(steps)) if steps.size and np.mean(steps) > 0 else np.inf
 
     return "distance" if unevenness(np.tan(vertical)) < unevenness(vertical) else "angle"
 
@@ -121,7 +121,7 @@ def _sectors(one, vertical, swath):
     edges = np.clip(deg_from_radians(np.array(edges)), -swath / 2, swath / 2)
     tilt = one["sector_angle"].values + (one["ping_pitch"].values + float(one["transmit_mounting"][1]))[:, None]
 
-    def column(values):
+    def column(values: np.ndarray) -> np.ndarray:
         return np.median(values, axis=0)[order]
 
     delay = column(one["sector_delay"].values)

@@ -169,7 +169,7 @@ class Part:
         """Give west, south, east and north in the system ``target`` of a grid about ``middle``."""
         from rasterio.warp import transform_bounds
 
-        def placed(west, south, east, north):
+        def placed(west: float, south: float, east: float, north: float) -> tuple[float, float, float, float]:
             if self.frame == "local":
                 return west + middle[0], south + middle[1], east + middle[0], north + middle[1]
             if source == target or not target:

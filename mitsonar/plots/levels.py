@@ -44,7 +44,7 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray,
     """
     words = display_gain(dataset, tvg)[1]
 
-    def intensity(part):
+    def intensity(part: xr.Dataset) -> np.ndarray:
         level = part["level"].values.astype(float)
         return np.where(level > NOTHING_DB, power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
 

@@ -110,7 +110,7 @@ class Seawater(mi.Medium):
             return None
         depth = np.linspace(top, max(bottom, top + 1), 33)
 
-        def absorption_db(frequency):
+        def absorption_db(frequency: np.ndarray) -> np.ndarray:
             grid = np.linspace(frequency.min(), frequency.max(), 33)
             column = [float(np.mean(self.absorption_column(f).at(depth))) for f in np.maximum(grid, 1.0)]
             return np.interp(frequency, grid, column)
