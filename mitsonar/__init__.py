@@ -24,7 +24,7 @@ from mitsonar.device import llvm
 if TYPE_CHECKING:
     # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
     from mitsonar import (dataset, doctor, hydrography, imaging, io, labelling, plots, plugins, propagation,
-                          scattering, seabed, signal, sonar, sweep, units, water)
+                          scattering, seabed, signal, sonar, sweep, synthetic_aperture, units, water)
     from mitsonar.device.llvm import BackendError
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
@@ -37,7 +37,8 @@ if TYPE_CHECKING:                                        # for annotations alone
 
 __all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "hydrography", "imaging",
            "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "read", "render",
-           "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "units", "water", "write"]
+           "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "synthetic_aperture", "units", "water",
+           "write"]
 
 __version__ = "0.1.0"
 
@@ -66,6 +67,7 @@ _PUBLIC = {
     "signal": "mitsonar.signal",
     "sonar": "mitsonar.sonar",
     "sweep": "mitsonar.sweep",
+    "synthetic_aperture": "mitsonar.synthetic_aperture",
     "units": "mitsonar.units",
     "water": "mitsonar.water",
 }

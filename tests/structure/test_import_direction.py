@@ -18,6 +18,7 @@ FLOORS = """
     sonar
     signal
     hydrography
+    synthetic_aperture
     imaging
     io
     scene
@@ -35,7 +36,7 @@ FLOORS = """
 """
 RANK = {room: rank for rank, room in enumerate(FLOORS.split())}
 PHYSICS = {"units", "water", "seabed", "scattering", "propagation", "sonar", "signal", "imaging",
-           "hydrography"}
+           "hydrography", "synthetic_aperture"}
 WITHOUT_MITSUBA = PHYSICS | {"device", "io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
 STANDARD_LIBRARY_ONLY = {"mitsonar", "mitsonar.__main__", "mitsonar.cli", "mitsonar.cli.bootstrap",

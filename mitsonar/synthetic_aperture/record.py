@@ -1,0 +1,154 @@
+"""A strip of raw echoes as one `xarray.Dataset`, and the image that is focused of it as another.
+
+Raw echoes have the dimensions ``ping``, ``rx`` (receivers), ``sample``, ``tx`` (transmitters), ``axis`` (forward,
+starboard, down), ``motion`` (samples of the true trajectory), ``node`` (of the cast) and ``target``. What a receiver
+hears is complex baseband about the carrier, and its time runs from its ping's transmission on:
+
+    p(t) = Re[s(t) e^(i2πf₀t)],     s(t) ~ Σ a b(t - τ) e^(-i2πf₀τ),     τ: out to where the echo comes from, and back
+
+b -> the pulse's envelope, which begins at τ. Nothing stands still meanwhile: the transmitter is where the trajectory
+has it at ``ping_time``, the receiver where it has it at ``ping_time`` + τ. Frames are the house's: x east, y north of
+the scene's origin, depth positive down from the surface; body x forward, y starboard, z down.
+
+Of a focused image the dimensions are ``bank`` (groups of receivers that were focused apart), ``along_track`` and
+``across_track``: metres in the plane of the grid from its origin, along its heading and to starboard of it. ``image``
+is the complex strength of what lies at a point: a point target of the target strength TS has |image|² = 10^(TS/10) at
+its peak, wherever it is; its phase is that of the target's own echo.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+__all__ = ["IMAGE_VARIABLES", "RAW_VARIABLES", "Variable", "check_image", "check_raw"]
+
+Group = Literal["signal", "ping", "array", "motion", "water", "target", "image", "place", "truth"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """A variable of a record.
+
+    Attributes
+    ----------
+    name : str
+    dims : tuple of str
+    dtype : str
+    unit : str
+    meaning : str
+    group : str
+        What it is of.
+    needed : bool
+        Every record has it.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    unit: str
+    meaning: str
+    group: Group
+    needed: bool = False
+
+
+def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[Variable]:
+    return [Variable(name=name, dims=dims, dtype=dtype, unit=unit, meaning=meaning, group=group, needed=needed)
+            for name, dtype, unit, meaning in rows]
+
+
+RAW_VARIABLES: dict[str, Variable] = {one.name: one for one in [
+    *_some("signal", ("ping", "rx", "sample"), True, ("signal", "c8", "µPa", "what the receivers hear")),
+    *_some("signal", ("sample",), True, ("time", "f8", "s", "of the samples, after the ping's transmission")),
+    *_some("ping", ("ping",), True,
+           ("ping_time", "f8", "s", "of the transmission, after the strip's start"),
+           ("transmitter", "i4", "1", "number of the transmitter that sends, from 0")),
+    *_some("array", ("tx", "axis"), True, ("tx_position", "f8", "m", "of the transmitters, body frame")),
+    *_some("array", ("rx", "axis"), True, ("rx_position", "f8", "m", "of the receivers, body frame")),
+    *_some("array", ("rx",), True, ("rx_bank", "i4", "1", "number of the row a receiver is in, from 0, topmost first")),
+    *_some("motion", ("motion",), True,
+           ("motion_time", "f8", "s", "after the strip's start; even steps"),
+           ("motion_x", "f8", "m", "the body's origin, east"),
+           ("motion_y", "f8", "m", "north"),
+           ("motion_depth", "f8", "m", "below the still surface"),
+           ("motion_roll", "f8", "rad", "starboard down"),
+           ("motion_pitch", "f8", "rad", "bow up"),
+           ("motion_heading", "f8", "rad", "clockwise from north, without jumps of a turn")),
+    *_some("water", ("node",), True,
+           ("cast_depth", "f8", "m", "of the profile's nodes, increasing"),
+           ("cast_sound_speed", "f8", "m/s", "there, linear between")),
+    *_some("target", ("target",), False,
+           ("target_x", "f8", "m", "of point targets, east"),
+           ("target_y", "f8", "m", "north"),
+           ("target_depth", "f8", "m", "below the still surface"),
+           ("target_strength_db", "f8", "dB re 1 m²", "of the point targets"),
+           ("target_name", "str", "1", "id in the scene")),
+]}
+
+# attributes of raw echoes: name, unit, meaning
+RAW_ATTRIBUTES = (
+    ("sonar", "", "\"synthetic_aperture\""),
+    ("frequency", "Hz", "carrier"),
+    ("sampling_rate", "Hz", "of the samples"),
+    ("pulse", "", "numbers of the pulse, as of element signals"),
+    ("source_level_db", "dB re 1 µPa @ 1 m", "on the axis of a transmitter"),
+    ("absorption_db", "dB/m", "mean over the water between sonar and bed, at the carrier"),
+    ("look", "-", "unit vector that the elements look along, body frame"),
+    ("tx_length", "m", "of a transmitter along the track"),
+    ("rx_length", "m", "of a receiver along the track"),
+    ("bed_depth", "m", "mean depth of the bed"),
+)
+
+IMAGE_VARIABLES: dict[str, Variable] = {one.name: one for one in [
+    *_some("image", ("bank", "along_track", "across_track"), True,
+           ("image", "c8", "m", "complex strength"),
+           ("level", "f4", "dB re 1 m²", "20 log10 of its magnitude")),
+    *_some("place", ("along_track",), True, ("along_track", "f8", "m", "from the grid's origin, along its heading")),
+    *_some("place", ("across_track",), True, ("across_track", "f8", "m", "to starboard; of a slant grid the range")),
+    *_some("place", ("along_track", "across_track"), True,
+           ("x", "f8", "m", "of the grid's points, east"),
+           ("y", "f8", "m", "north"),
+           ("depth", "f4", "m", "below the still surface")),
+    *_some("truth", ("along_track", "across_track"), False,
+           ("label", "i4", "1", "number of the shape that sends most back there"),
+           ("shadow", "f4", "1", "share of the bed there that the sonar does not see"),
+           ("seabed_depth", "f4", "m", "of the bed below the point")),
+]}
+
+
+def check_raw(record: xr.Dataset) -> None:
+    """Refuse a dataset that holds no raw echoes.
+
+    Raises
+    ------
+    ValueError
+        If a variable or an attribute is missing, or has other dimensions.
+    """
+    _check(record, RAW_VARIABLES, "raw echoes of a synthetic aperture")
+    for name, *_ in RAW_ATTRIBUTES:
+        if name not in record.attrs:
+            raise ValueError(f"the attribute {name} of raw echoes of a synthetic aperture is missing; take what "
+                             "mitsonar.raw_echoes gives or `mitsonar signals` writes")
+
+
+def check_image(record: xr.Dataset) -> None:
+    """Refuse a dataset that holds no focused image; raises as `check_raw`."""
+    _check(record, IMAGE_VARIABLES, "a focused image")
+
+
+def _check(record: xr.Dataset, table: dict[str, Variable], what: str) -> None:
+    for one in table.values():
+        if one.name not in record.variables:
+            if one.needed:
+                raise ValueError(f"{what} was wanted, and the variable {one.name} is missing; it has "
+                                 f"{', '.join(map(str, record.variables)) or 'none'}")
+            continue
+        found = record[one.name]
+        if found.dims != one.dims:
+            raise ValueError(f"{one.name} of {what} has the dimensions {one.dims}, got {found.dims}")
+        kind = np.dtype(found.dtype).kind
+        if (kind in "OUST") != (one.dtype == "str"):
+            wanted = "text" if one.dtype == "str" else "numbers"
+            raise ValueError(f"{one.name} of {what} is {wanted}, got {found.dtype}")
