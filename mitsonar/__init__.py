@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mitsonar.device.llvm import BackendError
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
+    from mitsonar.strip_verbs import raw_echoes
     from mitsonar.verbs import element_signals, frames, impulse_response, render, soundings
 
 if TYPE_CHECKING:                                        # for annotations alone
@@ -36,9 +37,9 @@ if TYPE_CHECKING:                                        # for annotations alone
     from types import ModuleType
 
 __all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "hydrography", "imaging",
-           "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "read", "render",
-           "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "synthetic_aperture", "units", "water",
-           "write"]
+           "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "raw_echoes", "read",
+           "render", "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "synthetic_aperture", "units",
+           "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -50,6 +51,7 @@ _PUBLIC = {
     "impulse_response": "mitsonar.verbs:impulse_response",
     "element_signals": "mitsonar.verbs:element_signals",
     "soundings": "mitsonar.verbs:soundings",
+    "raw_echoes": "mitsonar.strip_verbs:raw_echoes",
     "hydrography": "mitsonar.hydrography",
     "read": "mitsonar.io.reading:read",
     "write": "mitsonar.io.reading:write",

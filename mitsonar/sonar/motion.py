@@ -1,6 +1,6 @@
-"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw and heave, and the strum of a cable.
+"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw, heave and sway, and the strum of a cable.
 
-Each of the four is a sum of sinusoids
+Each of the five is a sum of sinusoids
 
     a(t) = rms √(2/N) Σ_n cos(2π f_n t + φ_n),    f_n from a normal density about 1/period,  φ_n uniform
 
@@ -31,9 +31,10 @@ _LINES = 32
 _RELATIVE_WIDTH = 0.15             # standard deviation of the frequencies about 1 / period, relative
 _STRUM_WIDTH = 0.02                # of a strum about its frequency
 _FASTEST = 3.0                     # standard deviations above its frequency beyond which a strum has no line
-_NAMES = ("roll", "pitch", "yaw", "heave")
+_NAMES = ("roll", "pitch", "yaw", "heave", "sway")
 _ALONG_WITH = {"surge": "heave"}   # what has the same course, times a factor
-_STRUM = {"heave": 4, "pitch": 5}  # streams of chance; the others have their place in `_NAMES`
+_STREAM = {"roll": 0, "pitch": 1, "yaw": 2, "heave": 3, "sway": 6}                   # of chance
+_STRUM = {"heave": 4, "pitch": 5}  # likewise
 
 
 def strum_frequency(speed: float, diameter: float) -> float:
@@ -49,11 +50,11 @@ class RandomMotion:
     ----------
     roll, pitch, yaw : float [rad]
         Root mean squares.
-    heave, surge : float [m]
-        Root mean squares, up and forward; surge follows the course of heave.
+    heave, surge, sway : float [m]
+        Root mean squares, up, forward and to starboard; surge follows the course of heave.
     period : float [s]
         About which the motion's spectrum lies.
-    roll_period, pitch_period, yaw_period, heave_period : float or None [s]
+    roll_period, pitch_period, yaw_period, heave_period, sway_period : float or None [s]
         The same of each; None: ``period``.
     strum_heave, strum_pitch : float [m], [rad]
         Root mean squares of a cable's strum.
@@ -73,11 +74,13 @@ class RandomMotion:
     yaw: float = 0.0
     heave: float = 0.0
     surge: float = 0.0
+    sway: float = 0.0
     period: float = 8.0
     roll_period: float | None = None
     pitch_period: float | None = None
     yaw_period: float | None = None
     heave_period: float | None = None
+    sway_period: float | None = None
     strum_heave: float = 0.0
     strum_pitch: float = 0.0
     strum_frequency: float = 10.0
@@ -117,7 +120,7 @@ class RandomMotion:
         Returns
         -------
         values, rates : dict of array (...)
-            Of "roll", "pitch", "yaw" [rad, rad/s], "heave" and "surge" [m, m/s].
+            Of "roll", "pitch", "yaw" [rad, rad/s], "heave", "surge" and "sway" [m, m/s].
         """
         times = np.asarray(times, dtype=np.float64)
         values = {name: np.zeros_like(times) for name in (*_NAMES, *_ALONG_WITH)}
@@ -135,7 +138,7 @@ class RandomMotion:
             course = _ALONG_WITH.get(name, name)
             period = getattr(self, f"{course}_period") or self.period
             if rms := getattr(self, name):
-                yield name, _NAMES.index(course), rms, 2 * np.pi / period, _RELATIVE_WIDTH
+                yield name, _STREAM[course], rms, 2 * np.pi / period, _RELATIVE_WIDTH
         for name, stream in _STRUM.items():
             if rms := getattr(self, f"strum_{name}"):
                 yield name, stream, rms, 2 * np.pi * self.strum_frequency, _STRUM_WIDTH

@@ -12,7 +12,8 @@ else:
 __all__ = ["TABLES", "motions", "presets"]
 
 TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
-          "sector_scan": "sector_scan.toml", "multibeam": "multibeam.toml"}      # by kind of sonar
+          "sector_scan": "sector_scan.toml", "multibeam": "multibeam.toml",
+          "synthetic_aperture": "synthetic_aperture.toml"}            # by kind of sonar
 
 
 @cache

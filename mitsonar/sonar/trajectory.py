@@ -29,7 +29,7 @@ from .motion import RandomMotion
 from .track import Track, rotation_matrix
 from .waypoints import Course
 
-__all__ = ["Lead", "PingTravel", "Recorded", "Sailed", "Smooth", "Trajectory", "Voyage"]
+__all__ = ["Circled", "Lead", "PingTravel", "Recorded", "Sailed", "Smooth", "Trajectory", "Voyage"]
 
 POWERS = 6
 NEGLIGIBLE = 1e-9                  # [m], [rad]: powers that stay below are none
@@ -139,6 +139,28 @@ class Sailed(Lead):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Circled(Lead):
+    """A level circle, sailed clockwise at one speed from its northernmost point on, heading along it.
+
+    Parameters
+    ----------
+    middle : array (3,) [m]
+    radius : float [m]
+    speed : float [m/s]
+    """
+
+    middle: np.ndarray
+    radius: float
+    speed: float
+
+    def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        bearing = self.speed * np.asarray(times, float) / self.radius
+        level = np.zeros_like(bearing)
+        outwards = np.stack([np.sin(bearing), np.cos(bearing), level], -1)
+        return self.middle + self.radius * outwards, np.stack([level, level, bearing + 0.5 * np.pi], -1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PingTravel:
     """How a sonar goes on while the echoes of its pings come in.
 
@@ -209,10 +231,11 @@ class Trajectory:
             values = self.motion.at(times)[0]
             attitude = attitude + np.stack([values[name] for name in ("roll", "pitch", "yaw")], -1)
             position = position + np.multiply.outer(values["heave"], [0.0, 0.0, 1.0])
-            if self.motion.surge:
-                ahead = attitude[..., 2]
-                forward = np.stack([np.sin(ahead), np.cos(ahead), np.zeros_like(ahead)], -1)
-                position = position + values["surge"][..., None] * forward
+            ahead = attitude[..., 2]
+            for name, turned in (("surge", 0.0), ("sway", 0.5 * np.pi)):
+                if getattr(self.motion, name):
+                    way = np.stack([np.sin(ahead + turned), np.cos(ahead + turned), np.zeros_like(ahead)], -1)
+                    position = position + values[name][..., None] * way
         if self.offset.any():
             position = position + rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ self.offset
         return position, attitude

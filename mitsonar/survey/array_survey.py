@@ -44,6 +44,8 @@ class ArraySurvey(Survey):
     steering : (P, 3) or None [-]
         What the transmit array is steered by at each ping, besides its own delays: body frame, the part of a unit
         vector that its elements tell apart. None: by nothing.
+    sending : (P,) int or None
+        Number of the transmit element that sends alone at each ping; None: all send together.
     absorption_db : callable or None
         Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
 
@@ -67,6 +69,7 @@ class ArraySurvey(Survey):
     sources: RaySources
     noise: ElementNoise | None = None
     steering: np.ndarray | None = None
+    sending: np.ndarray | None = None
     absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
     @cached_property
@@ -110,6 +113,13 @@ class ArraySurvey(Survey):
             return array.delay
         place = array.position - array.position[array.working].mean(0)
         return array.delay + place @ self.steering[ping] / self.sound_speed(ping)
+
+    def transmit_weight(self, ping: int) -> np.ndarray:
+        """Of the transmit elements at a ping, (E,): magnitudes add to 1."""
+        weight = self.transmit.weight
+        if self.sending is not None:
+            weight = np.where(np.arange(len(weight)) == self.sending[ping], weight, 0)
+        return weight / np.abs(weight).sum()
 
     def travel(self, ping: int, position: np.ndarray) -> PingTravel:
         """Follow a point (3,) [m] of the body while the echoes of a ping come in: a `PingTravel` of one ping."""

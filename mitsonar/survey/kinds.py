@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from . import array, forward_looking, multibeam, sector_scan, sidescan
+from . import array, forward_looking, multibeam, sector_scan, sidescan, synthetic_aperture
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .survey import Survey
@@ -46,7 +46,8 @@ class Kind(Protocol):
 
 
 KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking,
-                          "sector_scan": sector_scan, "multibeam": multibeam}
+                          "sector_scan": sector_scan, "multibeam": multibeam,
+                          "synthetic_aperture": synthetic_aperture}
 
 
 class FrameKind(Kind, Protocol):

@@ -123,8 +123,7 @@ class PressureRecord:
         response : complex64 (rx, sample)
             Of the echoes with about this factor. Factors without echoes are left out.
         """
-        transmit = self.survey.transmit
-        weight = transmit.weight / np.abs(transmit.weight).sum()
+        weight = self.survey.transmit_weight(ping)
         begin, pulse = piece or (0.0, self.survey.pulse)
         still = pulse is self.survey.pulse and np.all(doppler == 1.0)
         glide = glide_of(pulse) if pulse is self.survey.pulse else None

@@ -9,7 +9,7 @@ from ..io.navigation import Frame, Navigation, Waypoints
 from ..scene.geometry import Geometry
 from ..sonar.motion import RandomMotion
 from ..sonar.track import Track
-from ..sonar.trajectory import Recorded, Sailed, Smooth, Trajectory, Voyage
+from ..sonar.trajectory import Circled, Recorded, Sailed, Smooth, Trajectory, Voyage
 from ..sonar.waypoints import Course
 from . import placement
 
@@ -75,6 +75,8 @@ class Route:
     random_motion : RandomMotion
     record : Navigation, Waypoints or None
         A recorded track, a course, or a straight line.
+    circle : float or None [m]
+        Radius of a circle about the start, sailed in place of a straight track.
     frame : Frame or None
         Where a record in degrees lays the origin of a scene that does not say it itself.
     interval : float or None [s]
@@ -97,6 +99,7 @@ class Route:
     record: Navigation | Waypoints | None
     frame: Frame | None
     interval: float | None = None
+    circle: float | None = None
 
     def lay(self, geometry: Geometry, shortest: float) -> Passage:
         """Lay the route over a scene.
@@ -113,7 +116,9 @@ class Route:
             If the track leaves the seabed, the water, or the recorded span, or pings come too fast.
         """
         interval = self._interval(shortest)
-        if self.record is None:
+        if self.circle is not None:
+            voyage, lengths = self._circled(interval), (None, None)
+        elif self.record is None:
             voyage, lengths = self._straight(geometry, interval), (None, None)
         elif isinstance(self.record, Waypoints):
             voyage, lengths = self._sailed(self.record, geometry, interval)
@@ -144,6 +149,15 @@ class Route:
                 track, time=track.time[0] + np.arange(2.0), position=track.position + np.outer(np.arange(2.0), course),
                 **{name: np.repeat(getattr(track, name), 2) for name in ("roll", "pitch", "heading")}))
         return Voyage(track=track, trajectory=Trajectory(lead=lead))
+
+    def _circled(self, interval):
+        turn = 2 * np.pi * self.circle / self.speed
+        pings = self.pings if self.bounded else min(max(int(np.ceil(turn / interval - 1e-9)), 1), MOST_PINGS)
+        middle = np.array(self.start, float)
+        if self.depth is not None:
+            middle[2] = -self.depth
+        trajectory = Trajectory(lead=Circled(middle=middle, radius=self.circle, speed=self.speed))
+        return Voyage.of(trajectory, interval * np.arange(pings))
 
     def _sailed(self, record, geometry, interval):
         frame = self._frame(geometry)

@@ -6,6 +6,7 @@ Where it goes is one of these:
   that is written; a CSV file without times holds way points
 - ``waypoints``: sailed to the end or for ``pings`` if that is written
 - ``start`` and ``heading_deg``: a straight, level track
+- ``start`` and ``circle_radius``: a circle about the start, once round unless ``pings`` is written
 - or none: straight over the middle of the surveyed area, along its longer axis unless ``heading_deg`` is written.
 
 How deep: at the z of the track, the way points or the start. Where these have none, ``depth`` or ``altitude`` says it.
@@ -16,8 +17,8 @@ bathymetry's file has them. Degrees are projected to the bathymetry's coordinate
 metres about ``origin``.
 
 A recorded track has its own motion. Else the motion is random, and ``motion`` says of what kind of platform;
-``roll_deg``, ``pitch_deg``, ``yaw_deg``, ``heave`` and ``surge`` are root mean squares. The cable of a tow may strum,
-also on a recorded track, which knows nothing of it: a narrow band about ``strum_hz``.
+``roll_deg``, ``pitch_deg``, ``yaw_deg``, ``heave``, ``surge`` and ``sway`` are root mean squares. The cable of a tow
+may strum, also on a recorded track, which knows nothing of it: a narrow band about ``strum_hz``.
 """
 from dataclasses import replace
 
@@ -45,7 +46,7 @@ from ..attributes import (
 
 TURN_RADIUS = 10.0                 # [m]
 MOTION = FromTable(table=motions(), by="motion")
-PERIODS = "roll_period", "pitch_period", "yaw_period", "heave_period"
+PERIODS = "roll_period", "pitch_period", "yaw_period", "heave_period", "sway_period"
 
 ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
     Number("ping_rate_hz", default=None, above=0, unit="Hz", otherwise="as the range allows", text="pings a second"),
@@ -54,6 +55,8 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
                                       "the seabed"),
     Angle("heading_deg", default=None, otherwise="0 from `start`, else the longer axis",
           text="of a straight track, clockwise from north"),
+    Number("circle_radius", default=None, above=0, maximum=1e5, unit="m",
+           text="of a circle about `start`, sailed clockwise: starboard looks inwards"),
     Number("altitude", default=0.0, minimum=0, unit="m", otherwise="20, of a recorded track 0",
            text="above the seabed (smoothed over 20 m); 0: keep the recorded z; not with `start`"),
     Number("depth", default=None, minimum=0, unit="m",
@@ -80,6 +83,7 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
     Angle("yaw_deg", default=MOTION, minimum=0, maximum=30, text="yaw, likewise"),
     Number("heave", default=MOTION, minimum=0, unit="m", text="heave, likewise"),
     Number("surge", default=MOTION, minimum=0, unit="m", text="surge, likewise; forward as heave goes up"),
+    Number("sway", default=MOTION, minimum=0, unit="m", text="sway, likewise; to starboard"),
     Number("motion_period", default=None, above=0, unit="s", otherwise="those below",
            text="one period about which all random motion lies"),
     *(Number(name, default=MOTION, above=0, unit="s", text=f"period about which {name.partition('_')[0]} lies"
@@ -130,7 +134,8 @@ def read_route(attributes: Attributes) -> Route:
         speed=speed, start=attributes.start,
         heading=attributes.heading_deg, altitude=attributes.altitude, depth=attributes.depth,
         georeferenced=attributes.georeferenced, turn_radius=attributes.turn_radius, origin=origin,
-        offset=attributes.offset, random_motion=random_motion, record=record, frame=None)
+        offset=attributes.offset, random_motion=random_motion, record=record, frame=None,
+        circle=attributes.circle_radius)
     _check(attributes, route, path, text)
     if record is not None and record.geographic:
         route = replace(route, frame=middle(record) if origin is None else Frame.about(*origin))
@@ -142,7 +147,7 @@ def _rocking(attributes):
     one = {} if attributes.motion_period is None else {
         name: attributes.motion_period for name in PERIODS if not attributes.given(name)}
     return {"roll": attributes.roll_deg, "pitch": attributes.pitch_deg, "yaw": attributes.yaw_deg,
-            "heave": attributes.heave, "surge": attributes.surge,
+            "heave": attributes.heave, "surge": attributes.surge, "sway": attributes.sway,
             **{name: getattr(attributes, name) for name in PERIODS}, **one}
 
 
@@ -173,6 +178,10 @@ def _check(attributes, route, path, text):
     if record is not None and written:
         raise attributes.error(f"{', '.join(written)} and a {'course' if sailed else 'recorded track'} are both "
                                "given; leave one of them out.")
+    if route.circle is not None:
+        if route.start is None or record is not None or route.heading is not None or not route.speed:
+            raise attributes.error("circle_radius is given, and a circle is sailed about `start` at a speed above 0; "
+                                   "give start, and leave heading_deg, track and waypoints out.")
     if route.start is not None and route.altitude > 0:
         raise attributes.error("start and altitude are both given; start says the depth already, leave one out.")
     if route.depth is not None:
@@ -188,8 +197,8 @@ def _check(attributes, route, path, text):
     if sailed and not route.speed:
         raise attributes.error("speed_knots is 0, but there are way points to reach; give a speed above 0.")
     if record is not None and not sailed:
-        motion = attributes.given("roll_deg", "pitch_deg", "yaw_deg", "heave", "surge", "motion_period", *PERIODS,
-                                  *() if route.random_motion.strums else ("motion_seed",))
+        motion = attributes.given("roll_deg", "pitch_deg", "yaw_deg", "heave", "surge", "sway", "motion_period",
+                                  *PERIODS, *() if route.random_motion.strums else ("motion_seed",))
         if motion:
             raise attributes.error(f"{', '.join(motion)} and a recorded track are both given; a recorded track has "
                                    "its own motion, leave them out.")

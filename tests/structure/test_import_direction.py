@@ -27,6 +27,7 @@ FLOORS = """
     survey
     plugins
     verbs
+    strip_verbs
     plots
     validation
     sweep dataset

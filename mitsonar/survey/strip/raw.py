@@ -1,0 +1,80 @@
+"""Raw echoes of a strip ping by ping, each with what all pings have in common: see `synthetic_aperture.record`."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from ...hydrography.losses import mean_absorption
+from ...synthetic_aperture.record import RAW_VARIABLES
+from ..pressure import PressureRecord
+from ..signals import received_signals
+from .survey import StripSurvey
+
+__all__ = ["RATE", "common", "raw_pings"]
+
+RATE = 200.0                       # [Hz] of the trajectory: splines through it err by 1e-6 m for the fastest strum
+MARGIN = 0.05                      # [s] before the first transmission and after the last reception
+
+
+def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "band_limited",
+              return_path: str = "vector") -> Iterator[xr.Dataset]:
+    """Yield raw echoes of one ping after the other; a ping's are the same wherever one starts.
+
+    Parameters
+    ----------
+    survey : StripSurvey
+        It must lead by a pulse.
+    seed : int
+        Of the noise.
+    start : int
+        The first ping.
+    kernel, return_path
+        As of `mitsonar.element_signals`.
+    """
+    record = PressureRecord(survey, seed=seed, kernel=kernel, return_path=return_path)
+    known = common(survey)
+    for ping in range(start, survey.track.pings):
+        heard = received_signals(record, [ping])
+        yield known.assign({name: _variable(name, values) for name, values in (
+            ("signal", heard.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
+            ("transmitter", survey.sending[[ping]].astype(np.int32)))}).assign_coords(ping=[ping])
+
+
+def common(survey: StripSurvey) -> xr.Dataset:
+    """Give what all pings of a strip have in common: arrays, trajectory, water, targets and attributes."""
+    trajectory, track = survey.voyage.trajectory, survey.track
+    first = track.time[0] - MARGIN
+    count = int(np.ceil((track.time[-1] + survey.time[-1] + MARGIN - first) * RATE)) + 1
+    time = first + np.arange(count) / RATE
+    position, attitude = trajectory.pose(time)
+    values = {
+        "time": survey.time[survey.lead:], "tx_position": survey.transmit.position,
+        "rx_position": survey.receive.position, "rx_bank": survey.bank.astype(np.int32),
+        "motion_time": time, "motion_x": position[:, 0], "motion_y": position[:, 1], "motion_depth": -position[:, 2],
+        "motion_roll": attitude[:, 0], "motion_pitch": attitude[:, 1], "motion_heading": np.unwrap(attitude[:, 2]),
+        "cast_depth": survey.profile.depth, "cast_sound_speed": survey.profile.sound_speed, **_targets(survey)}
+    top = -float(track.position[:, 2].mean())
+    return xr.Dataset({name: _variable(name, some) for name, some in values.items()}, attrs={
+        "sonar": "synthetic_aperture", "preset": survey.preset, "frequency": survey.frequency,
+        "sampling_rate": survey.sampling_rate, "pulse": survey.pulse.numbers,
+        "source_level_db": survey.source_level_db,
+        "absorption_db": float(mean_absorption(survey.absorption, top, max(survey.bed_depth, top + 1.0))),
+        "look": [float(part) for part in survey.look], "tx_length": survey.transmit.length,
+        "rx_length": survey.receive.length, "bed_depth": survey.bed_depth})
+
+
+def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
+    """Point targets of the scene."""
+    found = survey.geometry.targets()
+    place = np.array([position for position, *_ in found], float).reshape(-1, 3)
+    return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
+            "target_strength_db": np.array([strength for _, strength, _ in found], float),
+            "target_name": np.array([survey.labels[label] for *_, label in found], str)}
+
+
+def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
+    """A variable of the record with its dimensions, unit and meaning."""
+    one = RAW_VARIABLES[name]
+    return one.dims, values, {"units": one.unit, "long_name": one.meaning}
