@@ -234,6 +234,29 @@ def diver():
 # ---- species: whole bodies, for the shape `targets` --------------------------------------------------------------
 
 
+STROKES = {"S": [(0, 0, 1, 0), (1, 0, 1, 0.5), (1, 0.5, 0, 0.5), (0, 0.5, 0, 1), (0, 1, 1, 1)],
+           "O": [(0, 0, 1, 0), (1, 0, 1, 1), (1, 1, 0, 1), (0, 1, 0, 0)],
+           "N": [(0, 0, 0, 1), (0, 1, 1, 0), (1, 0, 1, 1)],
+           "A": [(0, 0, 0.5, 1), (0.5, 1, 1, 0), (0.25, 0.45, 0.75, 0.45)],
+           "R": [(0, 0, 0, 1), (0, 1, 1, 1), (1, 1, 1, 0.5), (1, 0.5, 0, 0.5), (0.3, 0.5, 1, 0)]}
+
+
+def letters(word="SONAR", size=(0.5, 0.9), apart=0.78, thick=0.1, high=0.1):
+    """Bars of concrete laid out as a word: letters 0.9 m high that one reads from the west, the first in the north."""
+    bars = []
+    for number, letter in enumerate(word):
+        for x0, y0, x1, y1 in STROKES[letter]:
+            start, end = np.array([x0, y0]) * size, np.array([x1, y1]) * size
+            along = (end - start) / np.hypot(*(end - start))
+            side = 0.5 * thick * along[::-1] * (-1, 1)
+            start, end = start - 0.5 * thick * along, end + 0.5 * thick * along
+            outline = np.array([start - side, end - side, end + side, start + side]) + (number * apart, 0)
+            # to the right of the word is south, up is east
+            ground = np.column_stack((outline[:, 1] - 0.5 * size[1], 0.5 * apart * len(word) - outline[:, 0]))
+            bars.append(loft([np.column_stack((ground, np.full(4, z))) for z in (-0.05, high)]))
+    return join(bars)
+
+
 def turned_body(outline, sides=32):
     """Turn an outline of (distance along y, radius) [m] about the y axis."""
     angle = 2 * np.pi * np.arange(sides)[:, None] / sides
@@ -334,8 +357,8 @@ SPECIES = {"anchor": anchor, "boulder": lambda: grounded([boulder()]), "clump": 
            "cylinder": cylinder, "drum": drum, "lobster_pot": lobster_pot, "sphere": sphere, "torpedo": torpedo,
            "truncated_cone": lambda: grounded([truncated_cone()]), "tyre": lambda: grounded([tyre()]), "wedge": wedge}
 
-TARGETS = {"boulder": boulder, "diver": diver, "hulk": hulk, "truncated_cone": truncated_cone, "tyre": tyre,
-           "wreck": wreck}
+TARGETS = {"boulder": boulder, "diver": diver, "hulk": hulk, "letters": letters, "truncated_cone": truncated_cone,
+           "tyre": tyre, "wreck": wreck}
 
 
 # ---- a survey ----------------------------------------------------------------------------------------------------

@@ -111,10 +111,18 @@ IMAGE_VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("x", "f8", "m", "of the grid's points, east"),
            ("y", "f8", "m", "north"),
            ("depth", "f4", "m", "below the still surface")),
+    *_some("truth", ("shape", "along_track", "across_track"), False,
+           ("share", "f4", "1", "of every shape in the echo")),
     *_some("truth", ("along_track", "across_track"), False,
-           ("label", "i4", "1", "number of the shape that sends most back there"),
-           ("shadow", "f4", "1", "share of the bed there that the sonar does not see"),
-           ("seabed_depth", "f4", "m", "of the bed below the point")),
+           ("label", "u4", "1", "number of the shape that sends most back there"),
+           ("class", "u4", "1", "class of that shape"),
+           ("hidden", "f4", "1", "share of the bed's echo that objects hide"),
+           ("object_shadow", "u4", "1", "object in whose shadow the point lies; 0: none"),
+           ("layover", "u1", "1", "separate places that share the point"),
+           ("shadow", "f4", "1", "share of the pings that do not see anything there"),
+           ("seabed_x", "f4", "m", "mean place of the bed that is seen there, east"),
+           ("seabed_y", "f4", "m", "north"),
+           ("seabed_depth", "f4", "m", "its depth")),
 ]}
 
 

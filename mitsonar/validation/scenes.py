@@ -73,6 +73,16 @@ def multibeam(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attribu
                    {"range": 60.0, **(film or {})}, integrator or {})
 
 
+def synthetic_aperture(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+                       water: Attributes | None = None, film: Attributes | None = None,
+                       integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of a synthetic aperture, by default of 300 kHz, 8 receivers, from 20 to 30 m; as `sidescan`."""
+    return _loaded(shapes, {"type": "synthetic_aperture", "preset": "minehunting_300khz", "receivers": 8, "banks": 1,
+                            "pulse_ms": 1.0, "pings": 4, "noise": False},
+                   {**_still(depth), "speed_knots": 3.0}, sensor, water,
+                   {"range_min": 20.0, "range": 30.0, **(film or {})}, integrator or {"cell": 0.25})
+
+
 def sector_scan(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
                 water: Attributes | None = None, film: Attributes | None = None,
                 integrator: Attributes | None = None) -> "mi.Scene":
@@ -95,10 +105,12 @@ def _loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sens
     sensor, water = sensor or {}, water or {}
     place = {} if "track" in sensor else still
     speed = {} if {"profile", "cast"} & set(water) else {"sound_speed": 1500.0}
+    # None leaves out what would be written otherwise
+    written = {name: value for name, value in {**kind, "noise": False, **place, **sensor}.items() if value is not None}
     return mi.load_dict({
         "type": "scene",
         "integrator": {"type": "sonar_path", **integrator},
-        "sensor": {**kind, "noise": False, **place, **sensor,
+        "sensor": {**written,
                    "medium": {"type": "seawater", "absorption_db_per_km": 30.0, **speed, **water},
                    "film": {"type": "sonar_film", **film}},
         **shapes}, optimize=False, parallel=False)

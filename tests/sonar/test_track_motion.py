@@ -103,6 +103,17 @@ def test_surge_goes_forward_as_heave_goes_up():
     np.testing.assert_allclose(shift[:, :2], np.outer(surge, [np.sin(1.0), np.cos(1.0)]), atol=1e-12)
 
 
+def test_sway_goes_to_starboard_and_leaves_other_motion_as_it_is():
+    with_sway, without = RandomMotion(heave=0.2, sway=0.1, sway_period=5.0, seed=5), RandomMotion(heave=0.2, seed=5)
+    times = np.arange(0.0, 2000.0, 0.1)
+    values = with_sway.at(times)[0]
+    assert values["sway"].std() == pytest.approx(0.1, rel=0.02)
+    np.testing.assert_array_equal(values["heave"], without.at(times)[0]["heave"])
+    still, moved = voyage(50, 0.2, heading=1.0), voyage(50, 0.2, heading=1.0, motion=RandomMotion(sway=0.1))
+    shift, sway = moved.track.position - still.track.position, RandomMotion(sway=0.1).at(still.track.time)[0]["sway"]
+    np.testing.assert_allclose(shift[:, :2], np.outer(sway, [np.cos(1.0), -np.sin(1.0)]), atol=1e-12)
+
+
 def test_a_strum_is_a_narrow_band_at_strouhals_frequency():
     frequency = strum_frequency(1.5, 0.02)
     assert frequency == pytest.approx(15.0)                                   # 0.2 x 1.5 m/s / 20 mm

@@ -61,17 +61,19 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: floa
         If sensor and scene do not fit together, or the record sees no bed.
     """
     geometry = Geometry(scene)
-    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + sensor.pulse.duration)
     track = passage.voyage.track
     speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(-track.position[:, 2])))
     survey = survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=sensor.transmit,
                        receive=sensor.receive, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
                        bins_are_samples=True, self_noise_db=sensor.self_noise_db)
+    # echoes from the end of the range are heard to their own end: compression needs all of a pulse
+    longer = survey.samples + int(np.ceil(sensor.pulse.duration * survey.sampling_rate))
     _warn_of_gaps(survey, sensor)
     senders = sensor.transmit.elements
     return StripSurvey(
         **{**{one.name: getattr(survey, one.name) for one in fields(ArraySurvey)},
-           "sending": np.arange(track.pings) % senders},
+           "samples": longer, "sending": np.arange(track.pings) % senders},
         bank=sensor.bank, look=sensor.receive.normal[0], bed_depth=_bed_depth(survey, sensor), grid=sensor.grid,
         grid_spacing=sensor.grid_spacing, aperture_window=sensor.windows[0], range_window=sensor.windows[1],
         preset=sensor.preset)
