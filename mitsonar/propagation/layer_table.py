@@ -43,6 +43,7 @@ class LayerTable(Record):
     cells: Float64        # Float64 (2 K,): number of the cell of `sole` as a line over depth, slope and offset
     sole: Float           # Float (C C,): `sole_range` by cells [m]
     sole_cells: Float64   # Float64 (1,): C
+    radius: Float64       # Float64 (1,): of the tightest bend of a ray [m]
     profile: SoundSpeedProfile  # the SoundSpeedProfile it was made of
     count: int
 
@@ -71,7 +72,10 @@ class LayerTable(Record):
                 number.append(dr.floor(held(dr.fma(line[0], z, line[1]), 0, self.sole_cells - 1)))
             index = lib.UInt32(dr.fma(number[0], self.sole_cells, number[1]))
             ranges.append(dr.gather(lib.Float, self.sole, index))
-        return dr.select(abs(depth - other) < 3 * EDGE, dr.minimum(*ranges), dr.maximum(*ranges))
+        known = dr.select(abs(depth - other) < 3 * EDGE, dr.minimum(*ranges), dr.maximum(*ranges))
+        # rays that turn are long where depths differ
+        height = dr.minimum(abs(depth - other), self.radius)
+        return dr.maximum(known, lib.Float(SAFE * dr.sqrt(height * (2 * self.radius - height))))
 
     def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
         """Give the sound speed [m/s] and the four moments M_n at each depth."""
@@ -140,7 +144,7 @@ def layer_table(profile: SoundSpeedProfile, like: DrJitArray | type) -> LayerTab
         reference=dr.opaque(lib.Float64, reference), scale=dr.opaque(lib.Float64, 1 / reference),
         last=dr.opaque(lib.UInt32, len(rows) - 1), count=len(rows), profile=profile,
         cells=upload(lib.Float64, cells), sole=upload(lib.Float, (SAFE * sole.range).astype(float_type)),
-        sole_cells=dr.opaque(lib.Float64, len(sole.range)))
+        sole_cells=dr.opaque(lib.Float64, len(sole.range)), radius=dr.opaque(lib.Float64, sole.radius))
     dr.eval(table.layers, table.lookup, table.cells, table.sole)
     return table
 

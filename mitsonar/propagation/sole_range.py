@@ -15,6 +15,14 @@ Intervals of p are steps of the sine at the lower side of the layer that rays tu
 
 each part bounded by its values at an interval's ends, as in `turned`. Rays of more turns are longer: one that turns
 twice begins with one that turns above and holds one that turns below, and of both kinds no two are within the range.
+
+A cell knows nothing of two depths within it. But every ray that turns, however often and wherever, is long if the
+depths differ by H. Its sine changes by at most 1 / R a metre of range, R the radius of the tightest bend, and is
+nothing at a turn, so that |H| <= ∫ tan θ dx gives
+
+    X >= √(H (2 R - H)),     R = min c / max |g|,     R where H is more
+
+and a ray that does not turn is the only such one to its point: its X grows with p.
 """
 from functools import lru_cache
 from typing import NamedTuple
@@ -29,6 +37,7 @@ CELLS = 224                    # of depth, about as many
 SINE_STEP = 1.5e-3
 BEYOND = 8                     # cells of the uniform water on either side, as deep together as the profile
 TINY = 1e-300
+STRAIGHT = 1e12                # [m] a radius that nothing tells from a straight line
 
 
 class SoleRange(NamedTuple):
@@ -40,10 +49,13 @@ class SoleRange(NamedTuple):
         Increasing.
     range : array (N, N) [m]
         By the cells of both depths; symmetric.
+    radius : float [m]
+        Of the tightest bend of any ray; `STRAIGHT` in water of one speed.
     """
 
     edge: np.ndarray
     range: np.ndarray
+    radius: float
 
     def places(self, top: np.ndarray, bottom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Give the cell's number as a line over depth, slope and offset (2, K), in layers from top to bottom (K,)."""
@@ -75,7 +87,8 @@ def _sole_range(depth: bytes, speed: bytes) -> SoleRange:
     sole = np.minimum(above, below)
     sole = np.triu(sole) + np.triu(sole, 1).T
     sole.setflags(write=False)
-    return SoleRange(edge, sole)
+    steepest = np.max(np.abs(np.diff(speeds) / np.diff(nodes)), initial=0.0)
+    return SoleRange(edge, sole, float(speeds.min() / max(steepest, speeds.min() / STRAIGHT)))
 
 
 def _edges(depth: np.ndarray, speed: np.ndarray) -> np.ndarray:

@@ -29,6 +29,13 @@ def cells(sole, depth):
     return np.clip(np.searchsorted(sole.edge, depth, side="right") - 1, 0, len(sole.edge) - 2)
 
 
+def known(sole, depth, other):
+    """The range of two depths: that of their cells, or that within which no ray turns that climbs as high."""
+    height = np.minimum(np.abs(depth - other), sole.radius)
+    return np.maximum(sole.range[cells(sole, depth), cells(sole, other)],
+                      np.sqrt(height * (2 * sole.radius - height)))
+
+
 def test_no_two_rays_lead_to_points_within(rng):
     crowded = 0
     for profile in (any_profile(rng) for _ in range(PROFILES)):
@@ -39,7 +46,7 @@ def test_no_two_rays_lead_to_points_within(rng):
         depth[node] = rng.choice(profile.depth, depth[node].size)
         x = rng.uniform(1, 250, POINTS)
         arrivals = eigenrays(profile, depth, other, x).exists.sum(-1)
-        assert not (arrivals[x < sole.range[cells(sole, depth), cells(sole, other)]] > 1).any()
+        assert not (arrivals[x < known(sole, depth, other)] > 1).any()
         crowded += (arrivals > 1).sum()
     assert crowded > 500
 
@@ -49,7 +56,27 @@ def test_the_device_looks_up_the_same(rng):
         sole = sole_range(profile)
         depth, other = rng.uniform(-60, 90, (2, POINTS))
         found = layer_table(profile, Float).sole_range(upload(Float64, depth), upload(Float64, other)).numpy()
-        np.testing.assert_allclose(found, sole.range[cells(sole, depth), cells(sole, other)], rtol=1e-5)
+        np.testing.assert_allclose(found, known(sole, depth, other), rtol=1e-5)
+
+
+def test_rays_that_turn_go_no_shorter_way_than_an_arc_of_the_tightest_bend(rng):
+    """In water of one gradient that arc is the shortest ray of a turn: level at the deeper end, of radius c / g."""
+    profile = SoundSpeedProfile([0.0, 500.0], [1500.0, 1530.0])
+    depth, other = rng.uniform(0, 400, (2, POINTS))
+    sole = sole_range(profile)
+    deeper, height = np.maximum(depth, other), np.abs(depth - other)
+    speed = profile.at(deeper)                     # sound bends up: the arc is level where sound is fastest
+    arc = np.sqrt(height * (2 * speed / 0.06 - height))
+    bound = np.sqrt(height * (2 * sole.radius - height))
+    assert (bound <= arc).all() and (bound > 0.98 * arc).all()
+
+
+def test_depths_of_one_cell_are_told_apart():
+    """A bed 10 m below the sonar in the upper 20 m of a deep cast whose gradient wavers in the last digit."""
+    depth = np.arange(0, 6000, 5.0)
+    profile = SoundSpeedProfile(depth, 1490 + 0.0164 * depth + 2e-4 * np.sin(depth))
+    found = layer_table(profile, Float).sole_range(Float64(5.0), Float64(15.0))
+    assert found[0] > 1000
 
 
 @pytest.mark.parametrize(("depth", "bed", "reach", "most"), [(17.0, 30.0, 200.0, 0.0), (10.0, 22.0, 150.0, 0.0),
