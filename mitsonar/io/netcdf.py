@@ -70,7 +70,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no netCDF-4 file.
+        If it is no netCDF-4 file, or holds half of something.
     """
     check_readable(path, "the record", "a netCDF file")
     try:
@@ -78,7 +78,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
             dataset.load()
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}).") from None
-    return decoded(_own(dataset))
+    return _decoded(dataset, path)
 
 
 @contextlib.contextmanager
@@ -104,11 +104,19 @@ def opened(path: FilePath) -> Iterator[SonarImage | SonarSignals]:
         raise ValueError(f"{refused} ({error}).") from None
     with dataset:
         try:
-            yield decoded(_own(dataset))
+            yield _decoded(dataset, path)
         except (OSError, RuntimeError) as error:
             if getattr(error, "errno", None) is not None:  # it is of another file: HDF5 gives words alone
                 raise
             raise ValueError(f"{refused} ({error}).") from None
+
+
+def _decoded(dataset: xr.Dataset, path: FilePath) -> SonarImage | SonarSignals:
+    """The record in a dataset of a file; `ValueError` where parts of complex numbers do not fit."""
+    try:
+        return decoded(_own(dataset))
+    except ValueError as error:
+        raise ValueError(f"{path} holds parts that do not fit: {error}; write it again.") from None
 
 
 def _own(dataset: xr.Dataset) -> xr.Dataset:

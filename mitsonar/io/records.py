@@ -1,8 +1,9 @@
 """Images and signals as xarray has them, and able to go into netCDF files.
 
 netCDF knows neither dictionaries nor truth values, nothing that stands for None, and no complex numbers. So the
-attributes that are no plain value go as JSON in text that begins with "json:", and complex values as the variables
-``real`` and ``imag``. xarray reads such files without mitsonar; `mitsonar.read` gives what was written, bit for bit.
+attributes that are no plain value go as JSON in text that begins with "json:", complex signals as the variables
+``real`` and ``imag``, and complex variables of a dataset as `complex_parts` says. xarray reads such files without
+mitsonar; `mitsonar.read` gives what was written, bit for bit.
 Zarr holds all of it by itself.
 """
 import json
@@ -12,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ..sonar.pulses import Pulse, pulse_of
+from . import complex_parts
 from .files import FilePath
 
 __all__ = ["SonarImage", "SonarSignals", "decoded", "encoded"]
@@ -76,6 +78,8 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
     ------
     TypeError
         If an attribute cannot be written as JSON.
+    ValueError
+        If a part of a complex variable has the name of another.
     """
     attrs = {key: _plain(value) for key, value in record.attrs.items()}
     if isinstance(record, xr.DataArray):
@@ -83,6 +87,7 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
         units = {"units": record.attrs.get("units", "1")}
         variables = {name: (record.dims, part(record.values), units) for name, part in parts.items()}
         return xr.Dataset({**variables, **_replica(record)}, record.coords, {"name": record.name or "signals", **attrs})
+    record = complex_parts.split(record)
     plain = xr.Dataset(record.data_vars, record.coords, attrs)
     for name, variable in record.variables.items():
         plain[name].attrs = {key: _plain(value) for key, value in variable.attrs.items()}
@@ -90,16 +95,24 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
 
 
 def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
-    """Give back what `encoded` was given."""
+    """Give back what `encoded` was given.
+
+    Raises
+    ------
+    ValueError
+        If parts of a complex variable do not fit together.
+    """
     dataset = dataset.assign_coords({name: (coord.dims, coord.values.astype(str), coord.attrs)
                                      for name, coord in dataset.coords.items() if coord.dtype.kind not in "biufmMU"})
     attrs = {key: _value(value) for key, value in dataset.attrs.items()}
     if {"real", "imag"} <= set(dataset):
-        signals = (dataset["real"] + 1j * dataset["imag"]).astype(np.result_type(dataset["real"], np.complex64))
+        signals = xr.DataArray(complex_parts.together(dataset["real"].variable, dataset["imag"].variable),
+                               dataset["real"].coords)
     elif set(dataset) - {"replica_real", "replica_imag"} == {"values"}:
         signals = dataset["values"]
     else:
-        image = SonarImage(dataset.data_vars, dataset.coords, attrs)
+        whole = complex_parts.joined(dataset)
+        image = SonarImage(whole.data_vars, whole.coords, attrs)
         for variable in image.variables.values():
             variable.attrs = {key: _value(value) for key, value in variable.attrs.items()}
         return image

@@ -1,0 +1,110 @@
+"""Complex variables as two real ones, for files without complex numbers.
+
+The variable ``image`` becomes ``image_real`` and ``image_imag``, with its attributes and two more: ``complex_of`` names
+the variable, ``complex_part`` the part. Every other reader sees plain numbers; here they are one again, bit for bit,
+NaN and infinities too, and what a file gives lazily stays in the file until it is used.
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+__all__ = ["PARTS", "joined", "split", "together"]
+
+OF, PART = "complex_of", "complex_part"
+PARTS = ("real", "imag")
+
+
+def split(dataset: xr.Dataset) -> xr.Dataset:
+    """Give a dataset whose complex variables are two real ones each, in their place."""
+    if not any(variable.dtype.kind == "c" for variable in dataset.variables.values()):
+        return dataset
+    variables, coords = {}, set(dataset.coords)
+    for name, variable in dataset.variables.items():
+        if variable.dtype.kind != "c":
+            variables[name] = variable
+            continue
+        for part in PARTS:
+            key = f"{name}_{part}"
+            if key in dataset.variables:
+                raise ValueError(f"the complex variable {name} would be written as {key}, and there is one already; "
+                                 "rename it")
+            variables[key] = xr.Variable(variable.dims, np.ascontiguousarray(getattr(variable.values, part)),
+                                         {**variable.attrs, OF: str(name), PART: part})
+        coords |= {f"{name}_{part}" for part in PARTS if name in coords}
+    return xr.Dataset(variables, attrs=dataset.attrs).set_coords([name for name in variables if name in coords])
+
+
+def joined(dataset: xr.Dataset) -> xr.Dataset:
+    """Give back what `split` was given; values come from the file when they are used.
+
+    Raises
+    ------
+    ValueError
+        If two parts do not fit together.
+    """
+    if not any(OF in variable.attrs for variable in dataset.variables.values()):
+        return dataset
+    variables, coords = {}, set(dataset.coords)
+    for name, variable in dataset.variables.items():
+        whole = variable.attrs.get(OF)
+        if whole is None:
+            variables[name] = variable
+            continue
+        if f"{whole}_{PARTS[0]}" != name:                              # the other part comes with the first
+            if f"{whole}_{PARTS[0]}" not in dataset.variables:
+                raise ValueError(f"{name} is a part of the complex {whole}, and {whole}_{PARTS[0]} is missing")
+            continue
+        variables[whole] = _whole(dataset, str(whole), variable)
+        coords |= {whole} if name in coords else set()
+    return xr.Dataset(variables, attrs=dataset.attrs).set_coords([name for name in variables if name in coords])
+
+
+def _whole(dataset: xr.Dataset, name: str, real: xr.Variable) -> xr.Variable:
+    """One complex variable of its parts."""
+    other = f"{name}_{PARTS[1]}"
+    if name in dataset.variables or other not in dataset.variables:
+        raise ValueError(f"{name}_{PARTS[0]} is a part of the complex {name}, and "
+                         f"{f'{name} is there too' if name in dataset.variables else f'{other} is missing'}")
+    try:
+        whole = together(real, dataset.variables[other])
+    except ValueError as error:
+        raise ValueError(f"the parts of the complex {name} do not fit together: {error}") from None
+    whole.attrs = {key: value for key, value in real.attrs.items() if key not in (OF, PART)}
+    return whole
+
+
+def together(real: xr.Variable, imag: xr.Variable) -> xr.Variable:
+    """Give the complex variable of two parts, without attributes; lazy where the first is.
+
+    Raises
+    ------
+    ValueError
+        If they have other dimensions, sizes or types, or are no floating-point numbers.
+    """
+    if real.dims != imag.dims or real.shape != imag.shape or real.dtype != imag.dtype or real.dtype.kind != "f":
+        raise ValueError(f"they are {real.dtype} over {dict(real.sizes)} and {imag.dtype} over {dict(imag.sizes)}")
+    whole = xr.Variable(real.dims, indexing.LazilyIndexedArray(_Parts(real, imag)))
+    return whole.load() if isinstance(real._data, np.ndarray) else whole
+
+
+class _Parts(BackendArray):
+    """Complex values of two variables, read where they are asked for."""
+
+    def __init__(self, real: xr.Variable, imag: xr.Variable):
+        self.parts = real, imag
+        self.shape: tuple[int, ...] = real.shape
+        self.dtype = np.dtype(np.result_type(real.dtype, np.complex64))
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._read)
+
+    def _read(self, key: tuple[Any, ...]) -> np.ndarray:
+        real, imag = (part[key].values for part in self.parts)
+        values = np.empty(real.shape, self.dtype)
+        values.real, values.imag = real, imag                          # a sum would turn infinities into NaN
+        return values
