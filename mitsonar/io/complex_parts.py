@@ -13,7 +13,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-__all__ = ["PARTS", "joined", "split", "together"]
+__all__ = ["OF", "PARTS", "joined", "split", "together"]
 
 OF, PART = "complex_of", "complex_part"
 PARTS = ("real", "imag")

@@ -4,14 +4,19 @@ import errno
 import json
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import xarray as xr
 
+from .complex_parts import OF
 from .files import FilePath, check_readable, replacing
 from .records import ENGINE, SonarImage, SonarSignals, decoded, encoded
 
-__all__ = ["BESIDE", "full_disk_told", "opened", "packing", "read", "write"]
+__all__ = ["BESIDE", "WRITTEN", "full_disk_told", "opened", "packing", "read", "write"]
 
+WRITTEN = "pings_written"          # variable of a file that is written ping by ping: how many are whole
+MOST_UNPACKED = 1100               # times the size of a file; zlib packs zeros to a 1032nd
+ALWAYS = 100_000_000               # bytes that any file may claim
 BESIDE = "attributes_beside"       # lists attributes of a file that are not the record's, but of a convention
 
 
@@ -35,10 +40,16 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         dataset.to_netcdf(temporary, engine=ENGINE, encoding=packing(dataset))
 
 
-def packing(dataset: xr.Dataset) -> dict[str, dict[str, bool | int]]:
-    """Give the encoding of a dataset's variables that makes a file small."""
-    return {str(name): {"zlib": True, "complevel": 1} for name, variable in dataset.variables.items()
-            if name not in dataset.indexes and variable.ndim and variable.dtype.kind in "biuf"}
+def packing(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """Give the encoding of a dataset's variables that makes a file small; complex signals are read ping by ping."""
+    packed: dict[str, dict[str, Any]] = {
+        str(name): {"zlib": True, "complevel": 1} for name, variable in dataset.variables.items()
+        if name not in dataset.indexes and variable.ndim and variable.dtype.kind in "biuf"}
+    for name, encoding in packed.items():
+        variable = dataset.variables[name]
+        if variable.dims[0] == "ping" and OF in variable.attrs and variable.size:
+            encoding["chunksizes"] = (1, *variable.shape[1:])
+    return packed
 
 
 @contextlib.contextmanager
@@ -75,19 +86,25 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
     check_readable(path, "the record", "a netCDF file")
     try:
         with xr.open_dataset(path, engine=ENGINE) as dataset:
-            dataset.load()
+            lie = _lie(dataset, path)
+            if not lie:
+                dataset.load()
     except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}).") from None
-    return _decoded(dataset, path)
+        raise _unreadable(error, path) from None
+    if lie:
+        raise ValueError(lie)
+    return _decoded(_whole(dataset, path), path)
 
 
 @contextlib.contextmanager
-def opened(path: FilePath) -> Iterator[SonarImage | SonarSignals]:
+def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage | SonarSignals]:
     """Open what `write` wrote without reading all of it: values come from the file when they are used.
 
     Parameters
     ----------
     path : str or path
+    unfinished : bool
+        Also open a file that is written ping by ping and not finished; it has the pings that are whole.
 
     Raises
     ------
@@ -97,18 +114,49 @@ def opened(path: FilePath) -> Iterator[SonarImage | SonarSignals]:
         If it is no netCDF-4 file, or damaged where it is read.
     """
     check_readable(path, "the record", "a netCDF file")
-    refused = f"{path} is no netCDF-4 file that can be read"
     try:
         dataset = xr.open_dataset(path, engine=ENGINE)
     except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise ValueError(f"{refused} ({error}).") from None
+        raise _unreadable(error, path) from None
     with dataset:
+        lie = _lie(dataset, path)
+        if lie:
+            raise ValueError(lie)
         try:
-            yield _decoded(dataset, path)
+            yield _decoded(_whole(dataset, path, unfinished), path)
         except (OSError, RuntimeError) as error:
             if getattr(error, "errno", None) is not None:  # it is of another file: HDF5 gives words alone
                 raise
-            raise ValueError(f"{refused} ({error}).") from None
+            raise _unreadable(error, path) from None
+
+
+def _unreadable(error: Exception, path: FilePath) -> ValueError:
+    """What is to be said of a file that HDF5 does not open or read."""
+    if getattr(error, "errno", None) == errno.EAGAIN:
+        return ValueError(f"{path} is being written by another program; wait for it, or give another name.")
+    return ValueError(f"{path} is no netCDF-4 file that can be read ({error}).")
+
+
+def _lie(dataset: xr.Dataset, path: FilePath) -> str:
+    """What is to be said of a file that claims more than its bytes can be unpacked to; nothing of others."""
+    claimed, size = sum(variable.nbytes for variable in dataset.variables.values()), os.path.getsize(path)
+    if claimed <= max(ALWAYS, MOST_UNPACKED * size):
+        return ""
+    return f"cannot read {path}: it claims {claimed:.2g} bytes of numbers, and has {size} bytes; write it again."
+
+
+def _whole(dataset: xr.Dataset, path: FilePath, unfinished: bool = False) -> xr.Dataset:
+    """The dataset with its whole pings, or `ValueError` if some are missing, of a file that is written ping by ping."""
+    if WRITTEN not in dataset:
+        return dataset
+    counter, pings = dataset[WRITTEN], dataset.sizes.get("ping", 0)
+    if counter.shape or counter.dtype.kind not in "iu" or not 0 <= int(counter) <= pings:
+        raise ValueError(f"{path} is damaged: its {WRITTEN} is no number of its {pings} pings; write it again.")
+    whole = int(counter)
+    if whole < pings and not unfinished:
+        raise ValueError(f"{path} is not finished: it has {whole} of {pings} pings; the command that began it goes on "
+                         "with it, and io.raw_echoes.opened(path, unfinished=True) reads what is there.")
+    return dataset.drop_vars(WRITTEN).isel(ping=slice(0, whole))
 
 
 def _decoded(dataset: xr.Dataset, path: FilePath) -> SonarImage | SonarSignals:

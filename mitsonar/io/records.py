@@ -16,7 +16,7 @@ from ..sonar.pulses import Pulse, pulse_of
 from . import complex_parts
 from .files import FilePath
 
-__all__ = ["SonarImage", "SonarSignals", "decoded", "encoded"]
+__all__ = ["SonarImage", "SonarSignals", "decoded", "encoded", "plain_value"]
 
 JSON = "json:"                     # marks an attribute that was no plain value
 ENGINE = "h5netcdf"
@@ -81,7 +81,7 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
     ValueError
         If a part of a complex variable has the name of another.
     """
-    attrs = {key: _plain(value) for key, value in record.attrs.items()}
+    attrs = {key: plain_value(value) for key, value in record.attrs.items()}
     if isinstance(record, xr.DataArray):
         parts = {"real": np.real, "imag": np.imag} if np.iscomplexobj(record) else {"values": np.asarray}
         units = {"units": record.attrs.get("units", "1")}
@@ -90,7 +90,7 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
     record = complex_parts.split(record)
     plain = xr.Dataset(record.data_vars, record.coords, attrs)
     for name, variable in record.variables.items():
-        plain[name].attrs = {key: _plain(value) for key, value in variable.attrs.items()}
+        plain[name].attrs = {key: plain_value(value) for key, value in variable.attrs.items()}
     return plain
 
 
@@ -130,7 +130,8 @@ def _replica(record):
     return {f"replica_{part}": ("replica", getattr(samples, part), about) for part in ("real", "imag")}
 
 
-def _plain(value):
+def plain_value(value: Any) -> str | int | float | np.integer | np.floating:
+    """Give a value that files hold as it is, or JSON."""
     if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
         return value
     return JSON + json.dumps(value)
