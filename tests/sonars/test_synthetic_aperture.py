@@ -95,8 +95,9 @@ def test_an_echo_has_the_level_of_the_sonar_equation(raw):
     way = np.array(TARGET) - place
     gain = 1.0
     for array in (sensor.transmit, sensor.receive):
-        gain *= element_pressure(way / np.linalg.norm(way), C / 300e3, turned @ array.normal[0], turned @ array.along[0],
-                                 length=array.length, height=array.height, pattern=array.pattern, baffle=array.baffle)
+        face = {name: getattr(array, name) for name in ("length", "height", "pattern", "baffle")}
+        gain *= element_pressure(way / np.linalg.norm(way), C / 300e3, turned @ array.normal[0],
+                                 turned @ array.along[0], **face)
     wanted = raw.attrs["source_level_db"] - 40 * np.log10(np.linalg.norm(way)) + 20 * np.log10(abs(gain))
     assert found == pytest.approx(wanted, abs=0.1)
 
