@@ -14,9 +14,10 @@ from .scene.errors import as_exception
 from .survey.kinds import KINDS, kind_of
 from .survey.signals import LEAD
 from .survey.strip.raw import raw_pings as pings_of
+from .survey.strip.scatterers import scatterers_of
 from .verbs import checked_seed, opened, provenance
 
-__all__ = ["raw_echoes", "raw_pings"]
+__all__ = ["raw_echoes", "raw_pings", "scatterers"]
 
 
 def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
@@ -83,6 +84,29 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
         count(survey.track.pings)
     return (SonarImage.of(one.assign_attrs({**about, **one.attrs, "seed": seed}))
             for one in pings_of(survey, sonar.own_seed(seed), start))
+
+
+def scatterers(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> SonarImage:
+    """Give the scatterers that the raw echoes of a scene's seabeds and objects are made of: the truth of its speckle.
+
+    Parameters
+    ----------
+    scene, sensor
+        As of `raw_echoes`.
+
+    Returns
+    -------
+    SonarImage
+        Over ``scatterer``, see `survey.strip.scatterers.scatterers_of`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `raw_echoes`, or if there are too many.
+    """
+    scene, sonar, integrator = opened(scene, sensor)
+    survey, about = _planned(scene, sonar, integrator)
+    return SonarImage.of(scatterers_of(survey).assign_attrs(about))
 
 
 def _planned(scene: mi.Scene, sonar: Any, integrator: Any) -> tuple[Any, dict[str, Any]]:

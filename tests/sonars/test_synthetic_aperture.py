@@ -10,6 +10,7 @@ that shares nothing with the renderer's.
 """
 import warnings
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -18,7 +19,8 @@ import mitsonar
 from mitsonar.sonar.element_patterns import element_pressure
 from mitsonar.sonar.pulses import pulse_of
 from mitsonar.sonar.track import rotation_matrix
-from mitsonar.strip_verbs import raw_pings
+from mitsonar.strip_verbs import raw_pings, scatterers
+from mitsonar.survey.strip.truth import strip_truth
 from mitsonar.synthetic_aperture.record import check_raw
 from mitsonar.validation.scenes import bed, lambert, point_target, synthetic_aperture
 from mitsonar.verbs import opened
@@ -34,6 +36,11 @@ SILENT = bed(20.3, lambert(-200.0))
 def strip(sensor=None, shapes=None, **more):
     return synthetic_aperture(shapes or {"seabed": SILENT, "target": point_target(TARGET)}, water=WATER,
                               sensor={**UNEASY, **(sensor or {})}, **more)
+
+
+def numbers(survey):
+    """Labels of the crate and of the seabed."""
+    return [next(number for number, name in survey.labels.items() if name == wanted) for wanted in ("crate", "seabed")]
 
 
 def poses(raw):
@@ -154,3 +161,92 @@ def test_a_circle_is_sailed_once_round_with_starboard_inwards():
     np.testing.assert_allclose(starboard[:, :2], -track.position[:, :2] / 15.0, atol=1e-6)
     gap = np.linalg.norm(track.position[0] - track.position[-1])
     assert gap <= np.linalg.norm(track.position[1] - track.position[0]) * 1.001
+
+
+def test_the_scatterers_of_a_strip_are_told_with_the_areas_they_stand_for():
+    """On a level bed they cover the area in range, and their amplitudes have mean square 1."""
+    found = scatterers(strip(shapes={"seabed": bed(20.3)}))
+    flat = np.hypot(found.x, found.depth - 10.0)
+    abreast = (abs(found.y) < 0.2) & (flat > 21) & (flat < 29)
+    wide = np.sqrt(29 ** 2 - 10.3 ** 2) - np.sqrt(21 ** 2 - 10.3 ** 2)
+    assert float(found.area[abreast].sum()) == pytest.approx(0.4 * wide, rel=0.1)            # cells of 0.25 m
+    assert float((abs(found.amplitude) ** 2).mean()) == pytest.approx(1.0, abs=4 / np.sqrt(found.sizes["scatterer"]))
+    assert (found.x > 0).all() and (found.depth > 20.2).all()
+
+
+def test_echoes_add_up_to_what_the_scatterers_say():
+    """A receiver's raw echo is the sum over the scatterers, brute force: correlation above 0.99 over the record.
+
+    Amplitudes by Lambert's law and the sonar equation; faces are shallow, so beams matter little over the range.
+    """
+    steady = dict.fromkeys(("sway", "heave", "yaw_deg", "surge", "roll_deg"), 0.0)
+    scene = strip({**steady, "pings": 2, "vertical_beam_width_deg": 180.0}, shapes={"seabed": bed(20.3)})
+    raw, every = mitsonar.raw_echoes(scene), scatterers(scene)
+    pose, sensor, sent = poses(raw), opened(scene)[1], float(raw.ping_time[0])
+    place, turned = pose(sent)
+    point = np.stack([every.x, every.y, -every.depth], -1)
+    way = point - (place + turned @ raw.tx_position.values[0])
+    out = np.linalg.norm(way, axis=1)
+    velocity = (pose(sent + 0.01)[0] - place) / 0.01
+    home = out
+    for _ in range(3):
+        receiver = place + turned @ raw.rx_position.values[3] + ((out + home) / C)[:, None] * velocity
+        home = np.linalg.norm(point - receiver, axis=1)
+    tau = (out + home) / C
+    u = way @ turned[:, 0] / out * 300e3 / C
+    beams = np.sinc(sensor.transmit.length * u) * np.sinc(sensor.receive.length * u)
+    strength = np.sqrt(10 ** -2.7 * every.area.values) * 10.3 / out                         # Lambert: μ sin² θ
+    echo = (10 ** (raw.attrs["source_level_db"] / 20) * every.amplitude.values * strength * beams / (out * home)
+            * np.exp(-2j * np.pi * 300e3 * tau))
+    pulse, t = pulse_of(raw.attrs["pulse"]), raw.time.values
+    wanted = np.zeros(len(t), complex)
+    for amplitude, late in zip(echo, tau):
+        on = slice(*np.searchsorted(t, (late, late + pulse.duration)))
+        wanted[on] += amplitude * pulse.envelope(t[on] - late)
+    heard = raw.signal.values[0, 3]
+    match = np.vdot(wanted, heard) / np.sqrt(np.vdot(wanted, wanted).real * np.vdot(heard, heard).real)
+    assert abs(match) > 0.99 and abs(np.angle(match)) < 0.05
+    assert np.linalg.norm(heard) / np.linalg.norm(wanted) == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_truth_of_a_box_stands_where_its_echo_does():
+    """From H above the bed, edges of the top at x, h high, stand in the image at √(x² + (H - h)² - H²).
+
+    The shadow ends where the ray over the far edge meets the bed, x H / (H - h). Within two points of 2 cm.
+    """
+    height, top, near, far = 10.3, 0.6, 24.0, 24.8
+    cube = {"type": "cube", "bsdf": lambert(-15.0), "to_world": mi.ScalarTransform4f().translate(
+        [0.5 * (near + far), 0.3, -20.3]).scale([0.5 * (far - near), 0.5, top])}
+    scene, sensor, integrator = opened(strip(shapes={"seabed": bed(20.3), "crate": cube}))
+    y, x = np.meshgrid(np.arange(-0.5, 1.1, 0.02), np.arange(23.0, 27.0, 0.02), indexing="ij")
+    survey = integrator.survey(scene, sensor)
+    truth, (of_crate, of_bed) = strip_truth(survey, x, y, np.full(x.shape, 20.3)), numbers(survey)
+    first, last = (np.sqrt(edge ** 2 + (height - top) ** 2 - height ** 2) for edge in (near, far))
+    across, rows = x[0], (y[:, 0] > -0.15) & (y[:, 0] < 0.75)
+    crate = (truth["label"].values[rows] == of_crate).mean(0) > 0.5
+    assert across[crate].min() == pytest.approx(first, abs=0.04)
+    assert across[crate].max() == pytest.approx(last, abs=0.04)
+    dark = truth["shadow"].values[rows].mean(0) > 0.5
+    assert across[dark].min() == pytest.approx(last, abs=0.04)
+    assert across[dark].max() == pytest.approx(far * height / (height - top), abs=0.04)
+    assert (truth["object_shadow"].values[rows][:, dark] == of_crate).mean() > 0.9
+    beside = y[:, 0] < -0.25
+    assert not truth["shadow"].values[beside].any()
+    assert (truth["label"].values[beside] == of_bed).mean() > 0.995                # side lobes of a narrow beam
+    seen = truth["seabed_x"].values[beside]
+    assert np.nanmax(np.abs(seen - x[beside])) < 0.04
+
+
+def test_round_a_circle_labels_are_those_seen_from_above():
+    scene = synthetic_aperture({"seabed": bed(20.3), "crate": {
+        "type": "cube", "bsdf": lambert(-15.0), "to_world": mi.ScalarTransform4f().translate([0, 0, -20.3])}},
+        water=WATER, sensor={"circle_radius": 22.0, "overlap": 0, "start": [0.0, 0.0, -10.0], "heading_deg": None,
+                             "pings": None})
+    scene, sensor, integrator = opened(scene)
+    y, x = np.meshgrid(np.arange(-3.0, 3.05, 0.25), np.arange(-3.0, 3.05, 0.25), indexing="ij")
+    survey = integrator.survey(scene, sensor)
+    truth = strip_truth(survey, x + 0.01, y + 0.01, np.full(x.shape, 20.3))
+    on = np.maximum(abs(x + 0.01), abs(y + 0.01)) < 1
+    np.testing.assert_array_equal(truth["label"].values == numbers(survey)[0], on)
+    assert (truth["shadow"].values[on] == 0).all()
+    assert truth["shadow"].values[x.shape[0] // 2, -8] > 0.2          # of the circle, beside it
