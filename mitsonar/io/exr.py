@@ -4,10 +4,12 @@ Part ``image`` holds the one channel ``Y``, the levels as a waterfall: a row per
 then starboard. Part ``data`` holds every variable of the dataset over the same bins. With the dimensions named
 
     rows x layers x column        (ping) x (side) x range        (ping, beam) x () x range
+                                  (along_track) x (bank) x across_track
 
 the last dimension runs along a row, a dimension whose coordinate is text ("port", "starboard") becomes the front of the
-channel name (``port.level``, ``starboard.label.id``), and the others are stacked as rows. Integers up to 32 bits are
-kept as uint32 channels, float32 and float16 as they are; NaN and infinities survive, everything bit for bit.
+channel name (``port.level``, ``starboard.label.id``), and so does the dimension ``bank`` of a focused image
+(``bank0.image.real``); the others are stacked as rows. `exr_channels` says how numbers become channels; NaN and
+infinities survive, everything bit for bit.
 
 Smaller variables, all coordinates (as shortest exact decimals), attributes, units and original types travel as strict
 JSON in the attribute ``mitsonar:config`` of part ``image``; ``{"mitsonar:float": "nan"}`` stands for what JSON lacks.
@@ -24,6 +26,7 @@ import numpy as np
 import OpenEXR
 import xarray as xr
 
+from . import exr_channels
 from .files import FilePath, check_readable, replacing
 from .records import SonarImage
 
@@ -33,8 +36,7 @@ MOST_UNPACKED = 1100               # times the size of the file; zlib packs zero
 MOST_TEXT = 50_000_000             # bytes that a variable of text may be padded to
 DAMAGE = (KeyError, TypeError, ValueError, IndexError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 CHANNELS = {"label": "label.id", "class": "class.id"}  # variables whose channel has another name
-STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.uint32 for n in (1, 2, 4)},
-          **{f"i{n}": np.int32 for n in (1, 2, 4)}}
+LAYERS = ("bank",)                 # dimensions that are layers without a coordinate that names them
 SHOWN = {"sonar": "", "seed": "", "sound_speed": " m/s", "frequency": " Hz", "source_level_db": " dB re 1 µPa @ 1 m",
          "absorption_db": " dB/m", "bin_width": " m", "crs": ""}  # attributes repeated in words, with their units
 
@@ -134,12 +136,14 @@ def _decode(config, channels):
         own = [layer for layer in layers if layer in entry["dims"]]
         if math.prod(sizes[layer] for layer in own) > len(channels):
             raise ValueError(f"{name} has more layers than there are channels")
-        prefixes = _prefixes([coords[layer].values for layer in own])
-        stacked = np.stack([channels[prefix + _channel(name)] for prefix in prefixes])
+        prefixes = _prefixes([_layer_names(layer, coords, sizes) for layer in own])
         order = [*own, *config["rows"], config["column"]]
-        kind = _kind(entry, stacked.size)
-        values = stacked.view(np.int32) if kind.kind == "i" else stacked
-        values = values.astype(kind).reshape([sizes[dim] for dim in order])
+        kind = _kind(entry, 1)
+        if not exr_channels.suffixes(kind):
+            raise ValueError(f"{name} is of a type that channels do not hold")
+        parts = {suffix: np.stack([channels[prefix + _channel(name) + suffix] for prefix in prefixes])
+                 for suffix in exr_channels.suffixes(kind)}
+        values = exr_channels.whole(parts, kind).reshape([sizes[dim] for dim in order])
         variables[name] = xr.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
     return SonarImage(variables, coords, config["attrs"])
 
@@ -202,7 +206,8 @@ def _layout(dataset):
                          "a floating-point image over at least two dimensions; write it as netCDF.")
     picture = "level" if "level" in ranked else ranked[0]
     *front, column = dataset[picture].dims
-    named = [dim for dim in dataset.dims if dim in dataset.coords and dataset[dim].dtype.kind == "U"]
+    named = [dim for dim in dataset.dims
+             if dim in LAYERS or dim in dataset.coords and dataset[dim].dtype.kind == "U"]
     layers = [dim for dim in front if dim in named]
     rows = [dim for dim in front if dim not in layers]
     # variables may have layers that the picture has not
@@ -223,16 +228,12 @@ def _encode(dataset, layout):
             entry["values"] = _values(name, variable.values)
         else:
             own = [layer for layer in layers if layer in variable.dims]
-            stored = STORED.get(variable.dtype.str[1:])
-            if stored is None:
-                raise ValueError(f"cannot write {name} as EXR: its type is {variable.dtype}, and channels hold "
-                                 "float32, float16 and integers of up to 32 bits; cast it with .astype.")
-            values = variable.transpose(*own, *rows, column).values.astype(stored, copy=False)
-            prefixes = _prefixes([dataset[layer].values for layer in own])
-            for prefix, pixels in zip(prefixes, values.reshape(len(prefixes), -1, values.shape[-1]), strict=True):
-                # Contiguous, for the library writes any other array wrong without a word.
-                pixels = np.ascontiguousarray(pixels)
-                channels[prefix + _channel(name)] = pixels.view(np.uint32) if stored is np.int32 else pixels
+            prefixes = _prefixes([_layer_names(layer, dataset.coords, dataset.sizes) for layer in own])
+            parts = exr_channels.parts_of(str(name), variable.transpose(*own, *rows, column).values)
+            for suffix, values in parts.items():
+                for prefix, pixels in zip(prefixes, values.reshape(len(prefixes), -1, values.shape[-1]), strict=True):
+                    # Contiguous, for the library writes any other array wrong without a word.
+                    channels[prefix + _channel(name) + suffix] = np.ascontiguousarray(pixels)
         variables[name] = entry
     coords = {name: {"dims": list(coord.dims), "dtype": coord.dtype.str, "attrs": _strict(coord.attrs, name),
                      "values": _values(name, coord.values)} for name, coord in dataset.coords.items()}
@@ -250,6 +251,13 @@ def _picture(dataset, layout):
     if [list(dataset[layer].values) for layer in layers] == [["port", "starboard"]]:
         image = [image[0, :, ::-1], image[1]]
     return np.ascontiguousarray(np.concatenate(list(image), axis=1), np.float32)
+
+
+def _layer_names(dim, coords, sizes):
+    """What the layers along a dimension are called: by the text of its coordinate, or bank0, bank1, ..."""
+    if dim in coords and coords[dim].dtype.kind == "U":
+        return coords[dim].values
+    return [f"{dim}{number}" for number in range(sizes[dim])]
 
 
 def _channel(variable):
@@ -284,7 +292,7 @@ def _variable(entry, sizes):
 
 def _kind(entry, count, longest=0):
     """The type of a variable, if so many values of it may be: text is padded to the longest that the type allows."""
-    if not re.fullmatch(r"[<>|=][fiubUmM]\d*(\[\w+\])?", entry["dtype"]):
+    if not re.fullmatch(r"[<>|=][fiubcUmM]\d*(\[\w+\])?", entry["dtype"]):
         raise ValueError(f"{entry['dtype']} is no type of ours")
     kind = np.dtype(entry["dtype"])
     if kind.itemsize * count > max(MOST_TEXT, 4 * longest * count) and kind.kind == "U":
