@@ -34,8 +34,8 @@ def parts_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     """
     kind = values.dtype
     if not suffixes(kind):
-        raise ValueError(f"cannot write {name} as EXR: its type is {kind}, and channels hold float32, float16, float64, "
-                         "complex64 and integers of up to 32 bits; cast it with .astype.")
+        raise ValueError(f"cannot write {name} as EXR: its type is {kind}, and channels hold float16, float32, "
+                         "float64, complex64 and integers of up to 32 bits; cast it with .astype.")
     if kind.kind == "c":
         return {REAL: values.real, IMAG: values.imag}
     if kind.str[1:] == "f8":
