@@ -4,15 +4,24 @@ One band, square pixels that stand for areas, the first row in the north. Nothin
 largest, and named as such (nodata). The coordinate system is the map's; without one the file holds plain metres. Tags
 say how the map was made, and what the numbers of labels mean.
 """
+from __future__ import annotations
+
+import contextlib
 import json
 import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from .files import FilePath, replacing
 
-__all__ = ["write"]
+if TYPE_CHECKING:
+    from rasterio.io import DatasetWriter
+    from rasterio.transform import Affine
+
+__all__ = ["opened", "write"]
 
 TAGS = ("cell", "place", "blend", "gain", "fill", "nadir_deg", "rule")      # of a mosaic, or a grid
 UNITS = {"cell": " m", "fill": " m", "nadir_deg": " degrees"}
@@ -35,9 +44,6 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written there.
     """
-    import rasterio
-    from rasterio.crs import CRS
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
     from rasterio.transform import Affine
 
     names = [str(name) for name, variable in chart.data_vars.items() if variable.dims == ("y", "x")]
@@ -51,20 +57,55 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
              if chart.attrs.get(name) is not None}
     if chart.attrs.get("names"):
         about["names"] = json.dumps(chart.attrs["names"], ensure_ascii=False)
+    with opened(path, values.shape, 1, values.dtype, chart.attrs.get("crs"),
+                Affine(cell, 0.0, west, 0.0, -cell, north), nodata) as raster:
+        raster.write(values, 1)
+        raster.update_tags(AREA_OR_POINT="Area", SOFTWARE="mitsonar", **about)
+        raster.set_band_description(1, names[0])
+        raster.set_band_unit(1, str(band.attrs.get("units", "1")))
+
+
+@contextlib.contextmanager
+def opened(path: FilePath, shape: tuple[int, ...], bands: int, kind: np.dtype, crs: str | None, transform: Affine,
+           nodata: float) -> Iterator[DatasetWriter]:
+    """Open a GeoTIFF to write to; it is there whole once the block ends, or not at all.
+
+    Parameters
+    ----------
+    path : str or path
+    shape : (int, int)
+        Rows and columns.
+    bands : int
+    kind : numpy.dtype
+        Of all bands.
+    crs : str or None
+        As rasterio takes it.
+    transform : Affine
+        Columns and rows of the corners of elements to eastings and northings [m].
+    nodata : float
+
+    Raises
+    ------
+    ValueError
+        If the coordinate system is unknown, or GDAL refuses.
+    FileNotFoundError, PermissionError, OSError
+        If the file cannot be written there.
+    """
+    import rasterio
+    from rasterio.crs import CRS
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
     with replacing(path) as temporary:
         try:
-            crs = None if chart.attrs.get("crs") is None else CRS.from_user_input(chart.attrs["crs"])
+            system = None if crs is None else CRS.from_user_input(crs)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)
-                with rasterio.open(temporary, "w", driver="GTiff", width=values.shape[1], height=values.shape[0],
-                                   count=1, dtype=values.dtype, crs=crs, nodata=nodata, compress="deflate",
-                                   predictor=3 if values.dtype.kind == "f" else 2, tiled=True, blockxsize=TILE,
-                                   blockysize=TILE, bigtiff="if_safer",
-                                   transform=Affine(cell, 0.0, west, 0.0, -cell, north)) as raster:
-                    raster.write(values, 1)
-                    raster.update_tags(AREA_OR_POINT="Area", SOFTWARE="mitsonar", **about)
-                    raster.set_band_description(1, names[0])
-                    raster.set_band_unit(1, str(band.attrs.get("units", "1")))
+                with rasterio.open(temporary, "w", driver="GTiff", width=shape[1], height=shape[0], count=bands,
+                                   dtype=kind, crs=system, nodata=nodata, compress="deflate",
+                                   predictor=3 if kind.kind == "f" else 2, tiled=True, blockxsize=TILE,
+                                   blockysize=TILE, bigtiff="if_safer", transform=transform,
+                                   **({"interleave": "band"} if bands > 1 else {})) as raster:
+                    yield raster
         except RasterioError as error:
             raise ValueError(f"cannot write {path}: {' '.join(str(error).split())}") from None
 

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import xarray as xr
 
-from . import exr, netcdf
+from . import exr, hdf5, netcdf
 from .files import FilePath, check_readable
 from .records import SonarImage, SonarSignals
 
@@ -14,7 +14,9 @@ __all__ = ["is_netcdf", "read", "write"]
 HEAD = 8                           # bytes that tell kinds of files
 HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
-KINDS = ".exr (images), .nc (images, signals, soundings), .gsf, .kmall, .csv, .las (soundings)"
+GEOTIFF = (".tif", ".tiff")
+KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .csv, .las "
+         "(soundings)")
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
@@ -77,8 +79,8 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     record : xarray.Dataset or xarray.DataArray
         As the verbs of mitsonar give them, or what xarray made of these.
     path : str or path
-        Ending in .exr (images), .nc (images, signals and soundings), or .gsf, .kmall, .csv, .las (soundings;
-        `io.survey_lines.write` also says what such a file has no room for).
+        Ending in .exr (images), .nc (images, signals and soundings), .h5 (any dataset), .tif (focused images), or .gsf,
+        .kmall, .csv, .las (soundings; `io.survey_lines.write` also says what such a file has no room for).
 
     Raises
     ------
@@ -90,7 +92,9 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     from . import survey_lines
 
     suffix = os.path.splitext(path)[1].lower()
-    if suffix == ".nc":
+    if suffix in (*hdf5.SUFFIXES, *GEOTIFF):
+        _write_image(record, path, suffix)
+    elif suffix == ".nc":
         netcdf.write(record, path)
     elif suffix == ".exr" and isinstance(record, xr.Dataset):
         exr.write(record, path)
@@ -102,6 +106,21 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         raise ValueError(f"cannot write {path}: {suffix} takes lines of soundings; give a name that ends in .nc.")
     else:
         raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in one of {KINDS}.")
+
+
+def _write_image(record, path, suffix):
+    """Write what programs beside mitsonar open: HDF5, or a focused image as GeoTIFF."""
+    from . import focused_geotiff
+
+    if not isinstance(record, xr.Dataset):
+        raise ValueError(f"cannot write {path}: signals are no image; give a name that ends in .nc.")
+    if suffix in hdf5.SUFFIXES:
+        hdf5.write(record, path)
+    elif "along_track" in record.dims:
+        focused_geotiff.write(record, path)
+    else:
+        raise ValueError(f"cannot write {path}: GeoTIFF takes focused images of a synthetic aperture; `mitsonar "
+                         "mosaic` makes maps of sidescans, `mitsonar grid` of soundings.")
 
 
 def _zarr(path):

@@ -65,7 +65,7 @@ class SonarSignals(xr.DataArray):
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
 
 
-def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
+def encoded(record: xr.Dataset | xr.DataArray, *, whole: bool = False) -> xr.Dataset:
     """Give a dataset that netCDF can hold.
 
     Parameters
@@ -73,6 +73,8 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
     record : xarray.Dataset or xarray.DataArray
         The latter becomes the variables ``real`` and ``imag``, or ``values`` where it is not complex; its name becomes
         the attribute ``name``. A pulse in its attributes is also sampled, as ``replica_real`` and ``replica_imag``.
+    whole : bool
+        Leave the complex variables of a dataset in one piece, which HDF5 can hold and netCDF cannot.
 
     Raises
     ------
@@ -87,7 +89,7 @@ def encoded(record: xr.Dataset | xr.DataArray) -> xr.Dataset:
         units = {"units": record.attrs.get("units", "1")}
         variables = {name: (record.dims, part(record.values), units) for name, part in parts.items()}
         return xr.Dataset({**variables, **_replica(record)}, record.coords, {"name": record.name or "signals", **attrs})
-    record = complex_parts.split(record)
+    record = record if whole else complex_parts.split(record)
     plain = xr.Dataset(record.data_vars, record.coords, attrs)
     for name, variable in record.variables.items():
         plain[name].attrs = {key: plain_value(value) for key, value in variable.attrs.items()}
