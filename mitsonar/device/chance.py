@@ -28,8 +28,9 @@ import numpy as np
 
 from .types import DrJitArray, Float, Float64, UInt32
 
-__all__ = ["Salt", "even_bits", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "ping_key", "row_keys",
-           "salted", "seeded", "shape_key", "sonar_seed", "stratified", "uniform", "uniform_inside"]
+__all__ = ["Salt", "even_bits", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "pass_seed",
+           "ping_key", "row_keys", "salted", "seeded", "shape_key", "sonar_seed", "stratified", "uniform",
+           "uniform_inside"]
 
 WORD = 0xFFFFFFFF
 SEED_FACTOR, PING_FACTOR, NUMBER_FACTOR = 0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35     # odd: each number has its own key
@@ -57,6 +58,8 @@ class Salt:
     CANDIDATE = 0x7C9E1A4F         # of those that its partner is chosen from
     # of a cell of the seabed: where its scatterer lies, and that one's amplitude
     PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4
+    # of a scatterer: what it has of one pass alone; and the seed of a pass, for what is not fixed to the ground
+    OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1
     # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
     THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43
     PATCH = 0x6A09E667             # the strength of a patch of seabed
@@ -84,6 +87,11 @@ def ping_key(seed: int, ping: int, number: int = 0, salt: int = 0) -> int:
 def sonar_seed(seed: int, name: str) -> int:
     """Give the seed of a sonar of that id that works beside another one: rays, speckle and noise are its own."""
     return ping_key(seed, 0, shape_key(name), Salt.SONAR)
+
+
+def pass_seed(seed: int, number: int) -> int:
+    """Give the seed of a pass over the ground: that of pass 0 is `seed`, others have other noise and water."""
+    return ping_key(seed, 0, number, Salt.PASS) if number else seed
 
 
 def row_keys(row: np.ndarray) -> np.ndarray:

@@ -13,13 +13,14 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, reinterpreted, upload
-from ..device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
+from ..device.chance import Salt, hashed_pair, shape_key, uniform_inside
 from ..device.types import Array4u
 from ..scene.geometry import Geometry, interpolated
 from ..scene.tessellation import Grids, grid_of
 from ..tracing.connection import Connection
 from ..tracing.hits import Hits
 from .cells import cell_of, divisions, place
+from .passes import Amplitudes
 from .point_targets import PointTargets
 
 __all__ = ["Cells", "Scatterers"]
@@ -72,9 +73,12 @@ class Scatterers:
     geometry : Geometry
     cell_size : float [m]
         Longest side of a cell.
+    pass_number : int
+        Which pass over the ground it is.
 
     Attributes
     ----------
+    amplitudes : Amplitudes
     centre : (F, 3) [m]
     radius : (F,) [m]
         Of a ball about the centre that holds the facet.
@@ -93,8 +97,9 @@ class Scatterers:
         If a shape has no facets, or facets are too large to be cut that fine.
     """
 
-    def __init__(self, geometry: Geometry, cell_size: float):
+    def __init__(self, geometry: Geometry, cell_size: float, pass_number: int = 0):
         self.lib = arrays_of(mi.Float)
+        self.amplitudes = Amplitudes(geometry, pass_number)
         self.geometry = geometry
         self.targets = PointTargets(geometry.targets())
         vertices = geometry.vertices.numpy().reshape(-1, 4)
@@ -239,11 +244,11 @@ class Scatterers:
         point = a + (b - a) * u + (c - a) * v
         across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
         twice = dr.norm(across)
-        cuts = mi.Float(n)
-        return Cells(point=point, normal=across / dr.maximum(twice, 1e-30), area=0.5 * twice / (cuts * cuts),
-                     amplitude=gaussian(lib, third, fourth), primitive=facts[1],
-                     shape=reinterpreted(mi.ShapePtr, facts[0]),
-                     uv=self.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)),
+        cuts, normal = mi.Float(n), across / dr.maximum(twice, 1e-30)
+        shape = reinterpreted(mi.ShapePtr, facts[0])
+        uv = self.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v))
+        return Cells(point=point, normal=normal, area=0.5 * twice / (cuts * cuts), primitive=facts[1], shape=shape,
+                     uv=uv, amplitude=self.amplitudes.of(third, fourth, point, normal, shape, facts[1], uv),
                      smooth=self.smooth_normals(facet, mi.Float(u), mi.Float(v)))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, compressed, opaque_vector, reinterpreted, upload
-from ..device.chance import Salt, gaussian, hashed, hashed_pair, uniform, uniform_inside
+from ..device.chance import Salt, hashed, hashed_pair, uniform, uniform_inside
 from .cells import divisions, place
 from .scatterers import Scatterers
 
@@ -237,11 +237,12 @@ class ThinnedScatterers:
         d = mi.Vector3f(offset)
         R = dr.maximum(dr.norm(d), NEAREST)
         m = _count(density, normal, d / R, R, area)
+        shape = reinterpreted(mi.ShapePtr, facts[0])
+        uv = facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v))
+        amplitude = facets.amplitudes.of(third, fourth, origin + offset, normal, shape, facts[1], uv)
         return ThinnedSet(exists=mi.Float(k) + self._threshold(patch) < m, offset=offset, normal=normal,
-                          area=area / dr.maximum(m, 1e-30), amplitude=gaussian(lib, third, fourth),
-                          shape=reinterpreted(mi.ShapePtr, facts[0]), primitive=facts[1], registry=facts[0],
-                          label=dr.gather(mi.UInt32, self._labels, facet),
-                          uv=facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v)),
+                          area=area / dr.maximum(m, 1e-30), amplitude=amplitude, shape=shape, primitive=facts[1],
+                          registry=facts[0], label=dr.gather(mi.UInt32, self._labels, facet), uv=uv,
                           smooth=facets.smooth_normals(facet, mi.Float(u), mi.Float(v)))
 
     def _in_reach(self, density):

@@ -15,7 +15,8 @@ import numpy as np
 from ..water.profile import SoundSpeedProfile
 from .geometry import Geometry
 
-__all__ = ["Meeting", "bistatic_strength", "check", "next_direction", "reflection", "scattering_strength"]
+__all__ = ["Meeting", "bistatic_strength", "check", "coherence", "loses_coherence", "next_direction", "reflection",
+           "scattering_strength"]
 
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
@@ -124,6 +125,9 @@ def _check_kind(shape, material, inside):
         if hasattr(part, "patchy_strength") and not mi.has_flag(part.flags(), mi.BSDFFlags.DiffuseReflection):
             raise ValueError(f"the material of {_name(shape)} holds another, {part}, which must stand alone; give that "
                              "one to the shape itself")
+        if getattr(part, "coherence", 1.0) != 1.0:
+            raise ValueError(f"the material of {_name(shape)} holds another of a coherence, {part}, which must stand "
+                             "alone; give that one to the shape itself")
     if not any(mi.has_flag(material.flags(), flag) for flag in SCATTERING):
         raise ValueError(f"the material of {_name(shape)}, {material.class_name()}, scatters nothing that could be "
                          "heard; take rigid, soft or impedance for what is smooth, lambert for what is rough")
@@ -201,6 +205,41 @@ def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Flo
         return material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
 
     return dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed), active)
+
+
+def loses_coherence(geometry: Geometry, pass_number: int) -> bool:
+    """Whether what scatters in a pass is not all what does in any: a material's `coherence` is below 1.
+
+    Where it is 0, pass 0 has what scatters as it would be without passes.
+    """
+    known = [getattr(shape.bsdf(), "coherence", 1.0) for shape in geometry.scene.shapes()]
+    return any(isinstance(value, mi.Texture) or 0 < value < 1 or value == 0 and pass_number for value in known)
+
+
+def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, primitive: mi.UInt32,
+              uv: mi.Point2f) -> mi.Float:
+    """Give the coherence of scatterers between any two passes, as their materials say.
+
+    Parameters
+    ----------
+    point, normal, shape, primitive, uv
+        As of `Meeting`, (R,).
+
+    Returns
+    -------
+    Float (R,)
+        0 to 1; 1 of Mitsuba's own materials.
+    """
+    si: Any = dr.zeros(mi.SurfaceInteraction3f, dr.width(normal))
+    si.t, si.p, si.n, si.sh_frame = mi.Float(1), mi.Point3f(point), normal, mi.Frame3f(normal)
+    si.uv, si.shape, si.prim_index, si.wi = uv, shape, primitive, mi.Vector3f(0, 0, 1)
+
+    def law(material, si):
+        if not hasattr(material, "coherence_at"):
+            return dr.ones(mi.Float, dr.width(si.p))
+        return material.coherence_at(si)
+
+    return dr.dispatch(shape.bsdf(), law, si)
 
 
 def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi.Float,

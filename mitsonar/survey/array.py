@@ -137,7 +137,8 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
         source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
         sampling_rate=rate, samples=samples + extra, lead=extra, ensonification=settings.ensonification,
         cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage),
-        per_cell=settings.scatterers_per_cell, sources=_ray_sources(settings, transmit),
+        per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number,
+        sources=_ray_sources(settings, transmit),
         noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db),
         absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1]))
 

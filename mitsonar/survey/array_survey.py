@@ -40,6 +40,8 @@ class ArraySurvey(Survey):
         How scatterers are found: one of `ensonification.METHODS`.
     sources : RaySources
         Where rays start.
+    pass_number : int
+        Which pass over the ground it is: scatterers may differ.
     noise : ElementNoise or None
     steering : (P, 3) or None [-]
         What the transmit array is steered by at each ping, besides its own delays: body frame, the part of a unit
@@ -67,6 +69,7 @@ class ArraySurvey(Survey):
     per_cell: float
     ensonification: str
     sources: RaySources
+    pass_number: int = 0
     noise: ElementNoise | None = None
     steering: np.ndarray | None = None
     sending: np.ndarray | None = None

@@ -33,7 +33,8 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))
     return Ensonification(
-        scatterers or Scatterers(survey.geometry, survey.cell_size), survey.water, frequency=survey.frequency,
+        scatterers or Scatterers(survey.geometry, survey.cell_size, survey.pass_number), survey.water,
+        frequency=survey.frequency,
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,

@@ -76,7 +76,7 @@ class Ground:
 
     def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
         geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
-        facets = Scatterers(geometry, np.inf) if beside is None else beside._facets
+        facets = Scatterers(geometry, np.inf, survey.pass_number) if beside is None else beside._facets
         self._survey, self._lib = survey, arrays_of(mi.Float)
         self.ensonification = ensonification_of(survey, facets)
         self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest

@@ -57,6 +57,8 @@ class Sensor(Protocol):
         At the sonar, for slant range and steering; None: the profile's there.
     noise : bool
         Whether the sea's noise is added.
+    pass_number : int
+        Which pass over the ground it is, from 0.
     """
 
     kind: str
@@ -64,6 +66,7 @@ class Sensor(Protocol):
     route: Route
     sound_speed: float | None
     noise: bool
+    pass_number: int
 
     def film(self) -> Film:
         """The record's window and bins."""

@@ -16,7 +16,7 @@ from mitsonar.scattering.elastic_sediment import ELASTIC_BOUNDS, FASTEST_SHEAR, 
 
 from ..attributes import Text
 from .class_map import CLASSES
-from .material import PATCHES
+from .material import COHERENCE, PATCHES
 from .parameter import Parameter
 from .sediment import MESH_RESOLUTION, SedimentBed, own
 
@@ -32,7 +32,7 @@ ATTRIBUTES = (
     own("w3", ELASTIC_BOUNDS, "strength of the spectrum of what varies in the volume; 0: nothing", or_none=True),
     own("w2", ELASTIC_BOUNDS, "strength of the roughness spectrum", unit="m^(4-γ)"),
     own("gamma", ELASTIC_BOUNDS, "exponent γ of that spectrum"),
-    *CLASSES, MESH_RESOLUTION, *PATCHES,
+    *CLASSES, MESH_RESOLUTION, COHERENCE, *PATCHES,
 )
 
 

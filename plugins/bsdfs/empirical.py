@@ -14,12 +14,12 @@ from mitsonar.device.arrays import upload
 from mitsonar.io import backscatter
 
 from ..attributes import Attributes, File
-from .material import PATCHES, Material, patches_of
+from .material import COHERENCE, PATCHES, Material, patches_of
 
 ATTRIBUTES = (
     File("filename", text="CSV: grazing angle [deg], strength [dB]; for several frequencies one column each, called as "
                           '"100 kHz"; the nearest holds beyond them'),
-    *PATCHES,
+    COHERENCE, *PATCHES,
 )
 
 
@@ -28,7 +28,8 @@ class Empirical(Material):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
-        self.patches = patches_of(attributes)
+        self.patches, self.coherence = patches_of(attributes), attributes.coherence
+        self.textured = isinstance(self.coherence, mi.Texture)
         try:
             table = backscatter.read(attributes.filename)
         except ValueError as error:
@@ -41,6 +42,7 @@ class Empirical(Material):
         dr.eval(self.angles, self.log_frequencies, self.strengths_db)
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
+        super().traverse(callback)
         callback.put("strengths_db", self.strengths_db, mi.ParamFlags.Differentiable)
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,

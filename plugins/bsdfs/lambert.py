@@ -14,13 +14,13 @@ from mitsonar.scattering import lambert
 from mitsonar.units import db_from_power, power_from_db
 
 from ..attributes import Attributes, NumberOrTexture
-from .material import PATCHES, Material, patches_of
+from .material import COHERENCE, PATCHES, Material, patches_of
 
 ATTRIBUTES = (
     NumberOrTexture("mu_db", default=-27.0, unit="dB", maximum=float(db_from_power(lambert.STRONGEST)),
                     text="scattering strength, 10 log µ of σ = µ sin θ_i sin θ_s; -35 for mud to -10 for gravel and "
                          "rock"),
-    *PATCHES,
+    COHERENCE, *PATCHES,
 )
 
 
@@ -30,26 +30,28 @@ class Lambert(Material):
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
         self.mu_db, self.patches = attributes.mu_db, patches_of(attributes)
+        self.coherence = attributes.coherence
         super().__init__(props, flags=mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
-        self.textured = isinstance(self.mu_db, mi.Texture)
-        if not self.textured:
+        self.textured = any(isinstance(value, mi.Texture) for value in (self.mu_db, self.coherence))
+        if not isinstance(self.mu_db, mi.Texture):
             self.strength = dr.opaque(mi.Float, float(power_from_db(self.mu_db)))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        if self.textured:
+        super().traverse(callback)
+        if isinstance(self.mu_db, mi.Texture):
             callback.put("mu_db", self.mu_db, mi.ParamFlags.Differentiable)
         else:
             callback.put("strength", self.strength, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
-        if not self.textured:
+        if not isinstance(self.mu_db, mi.Texture):
             dr.make_opaque(self.strength)
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """σ of the law; neither frequency nor sound speed plays a part."""
         sin_i, sin_s = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
-        if self.textured:
+        if isinstance(self.mu_db, mi.Texture):
             strength = dr.exp(float(np.log(10) / 10) * self.mu_db.eval_1(si, active))
             strength = dr.minimum(strength, lambert.STRONGEST)
         else:
@@ -57,7 +59,7 @@ class Lambert(Material):
         return dr.select(active, lambert.scattering_strength(strength, sin_i, sin_s), 0)
 
     def to_string(self) -> str:
-        return f"Lambert[mu_db={'texture' if self.textured else self.mu_db}]"
+        return f"Lambert[mu_db={'texture' if isinstance(self.mu_db, mi.Texture) else self.mu_db}]"
 
 
 mi.register_bsdf("lambert", Lambert)

@@ -11,7 +11,7 @@ import mitsuba as mi
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scattering.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
 
-from ..attributes import Attributes, Number
+from ..attributes import Attributes, Number, NumberOrTexture
 
 SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them
 
@@ -25,6 +25,11 @@ PATCHES = (
                 "on a border are less patchy"),
 )
 
+COHERENCE = NumberOrTexture(
+    "coherence", default=1.0, minimum=0, maximum=1,
+    text="of what scatters there between any two passes, numbers that sonars other than `sidescan` have as `pass`: 1: "
+         "the same echoes in all, 0: others in each")
+
 
 class Material(mi.BSDF):
     """A surface that scatters by a law; subclasses say which, and how to draw directions from it.
@@ -37,10 +42,13 @@ class Material(mi.BSDF):
         Whether a parameter is read from a texture, so that texture coordinates are needed.
     patches : scattering.patches.Patches or None
         By which the strength varies from place to place.
+    coherence : float or mi.Texture
+        Of scatterers between any two passes.
     """
 
     textured = False
     patches = None
+    coherence: float | mi.Texture = 1.0
 
     def __init__(self, props: mi.Properties, *, flags: mi.BSDFFlags | int | None = None) -> None:
         super().__init__(props)
@@ -85,6 +93,12 @@ class Material(mi.BSDF):
         """Give σ [-] where it is met: that of the law times what the patch there is to the mean."""
         strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
         return strength if self.patches is None else strength * self.patches.at(si.p.x, si.p.y, active)
+
+    def coherence_at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
+        """Give the coherence of what scatters at interactions between any two passes, 0 to 1."""
+        if isinstance(self.coherence, float):
+            return dr.full(mi.Float, self.coherence, dr.width(si.p))
+        return dr.clip(self.coherence.eval_1(si, active), 0, 1)
 
     def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
                         sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:
@@ -131,7 +145,8 @@ class Material(mi.BSDF):
         return sample, dr.select(active, value, 0)
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        pass
+        if isinstance(self.coherence, mi.Texture):
+            callback.put("coherence", self.coherence, mi.ParamFlags.NonDifferentiable)
 
 
 def patches_of(attributes: Attributes) -> Patches | None:

@@ -41,7 +41,7 @@ from mitsonar.scattering.small_slope import lobe_factor
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text
 from .class_map import CLASSES, class_map_of
-from .material import PATCHES, Material, patches_of
+from .material import COHERENCE, PATCHES, Material, patches_of
 from .parameter import Parameter
 
 FLUID = "density_ratio", "sound_speed_ratio", "loss", "volume_parameter"
@@ -72,7 +72,7 @@ ATTRIBUTES = (
         or_none=True),
     own("w2", BOUNDS, "strength of the roughness spectrum", unit="m^(4-γ)"),
     own("gamma", BOUNDS, "exponent γ of that spectrum"),
-    *CLASSES, MESH_RESOLUTION, *PATCHES,
+    *CLASSES, MESH_RESOLUTION, COHERENCE, *PATCHES,
 )
 
 
@@ -95,7 +95,7 @@ class SedimentBed(Material):
         self.mesh_resolution = attributes.mesh_resolution
         if self.mesh_resolution and isinstance(attributes.gamma, mi.Texture):
             raise attributes.error("mesh_resolution is written, and gamma is a texture; give gamma as a number.")
-        self.patches = patches_of(attributes)
+        self.patches, self.coherence = patches_of(attributes), attributes.coherence
         super().__init__(props)
         fixed = {name: value for name, value in written.items() if isinstance(value, float)}
         self.sediments: list[Any] = [_made(attributes, self.law, name, fixed) for name in self.named]
@@ -107,7 +107,8 @@ class SedimentBed(Material):
                 value = np.array([getattr(sediment, name) for sediment in self.sediments])
                 value = value[:1] if np.ptp(value) == 0 else value
             self.parameters[name] = Parameter(value, LEAST[name] if name in LEAST else low, high)
-        self.textured = self.classes is not None or bool(self.varying)
+        self.textured = (self.classes is not None or bool(self.varying)
+                         or isinstance(self.coherence, mi.Texture))
         self.lib = arrays_of(mi.Float)
         self.arithmetic = Arithmetic(dr, self.lib.Complex2f)
         self._tabulate()
@@ -121,6 +122,7 @@ class SedimentBed(Material):
             self.cut = dr.opaque(mi.Float, cut(self.mesh_resolution))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
+        super().traverse(callback)
         for name, parameter in self.parameters.items():
             parameter.traverse(name, callback)
         for name, texture in ({} if self.classes is None else self.classes.textures).items():

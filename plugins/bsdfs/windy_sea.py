@@ -26,9 +26,13 @@ class WindySea(Material):
 
     Attributes
     ----------
+    coherence : float
+        0: the sea is another in every pass.
     mirror : bool
         Whether there is no wind: sound goes on in the mirror direction alone.
     """
+
+    coherence = 0.0
 
     def __init__(self, props: mi.Properties) -> None:
         self.wind_speed = Attributes(props, ATTRIBUTES).wind_speed

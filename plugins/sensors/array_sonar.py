@@ -24,7 +24,7 @@ from .array_attributes import ARRAYS, PICTURE
 from .array_reading import nominal_sound_speed, read_array
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 SIDES = ("transmit", "receive")
 
@@ -37,7 +37,7 @@ ATTRIBUTES = (
     Integer("beams", default=121, minimum=1, maximum=100_000, text="of the picture; a point has one"),
     Angle("fan_deg", default=120.0, above=0, maximum=180,
           text="width of the picture's fan about the receivers' normal, in the plane of their longest axis"),
-    PICTURE, *NOISE, SELF_NOISE, pings(1), ROUTE, *NESTED,
+    PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
 )
 
 

@@ -37,7 +37,7 @@ from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 NARROWEST_DEG = 0.1
 MOST_CELLS = 2000                  # of the range resolution, in the film's window
@@ -72,7 +72,7 @@ ATTRIBUTES = (
             text="that share the receivers' height, one below the other"),
     replace(OF_ARRAYS["receive_shading"], default="taylor 4 30", otherwise=""),
     *(OF_ARRAYS[name] for name in OF_ELEMENTS),
-    SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), ROUTE, *NESTED,
+    SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
 )
 
 

@@ -42,7 +42,7 @@ from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Group, I
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .platform import ROUTE, pings
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("multibeam")
 PRESET = FromTable(table=PRESETS, by="preset")
@@ -114,7 +114,7 @@ ATTRIBUTES = (
            text="that the head's own sensor of sound speed says too much"),
     Numbers("depth_gate", default=None, count=2, unit="m", text='"from, to" below the sonar, where the bed is looked '
                                                                 "for"),
-    SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), ROUTE, *NESTED,
+    SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
 )
 
 

@@ -30,7 +30,7 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number
 from .platform import MOST_PINGS, ROUTE
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("sector_scan")
 PRESET = FromTable(table=PRESETS, by="preset")
@@ -71,7 +71,7 @@ ATTRIBUTES = (
            text="noise of the receiver by itself"),
     Integer("pings", default=400, minimum=1, maximum=MOST_PINGS, otherwise="one turn, or way across the sector",
             text="number of pings; of a recorded track or way points, all if not written"),
-    ROUTE, *NESTED,
+    PASS, ROUTE, *NESTED,
 )
 
 

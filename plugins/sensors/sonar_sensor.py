@@ -4,12 +4,12 @@ from typing import Any, NoReturn
 
 import mitsuba as mi
 
-from mitsonar.device.chance import sonar_seed
+from mitsonar.device.chance import pass_seed, sonar_seed
 from mitsonar.survey.sensor import slowest_speed
 from mitsonar.survey.voyage import Route
 from mitsonar.water.profile import FASTEST, SLOWEST
 
-from ..attributes import Attribute, Attributes, Boolean, Group, Nested, Number
+from ..attributes import Attribute, Attributes, Boolean, Group, Integer, Nested, Number
 from .platform import OF_THE_TRACK, read_route
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # what energies in float32 can hold
@@ -22,6 +22,10 @@ NOISE = (
     Number("noise_level_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            otherwise="the water's", text="spectrum level of that noise"),
 )
+PASS = Integer("pass", default=None, minimum=0, maximum=1_000_000,
+               otherwise="0, or that of the sonar whose track it shares",
+               text="number of the pass over the same ground: what scatters there stays as coherent as the "
+                    "`coherence` of its material says, noise and water are others")
 SELF_NOISE = Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
                     text="noise of each receiver by itself")
 NESTED = (
@@ -53,6 +57,8 @@ class SonarSensor(mi.Sensor):
         At the sonar; None: the profile's there.
     noise : bool
         Whether the sea's noise is added.
+    pass_number : int
+        Which pass over the ground it is, from 0.
     leader : SonarSensor or None
         Whose track it shares.
     provenance : dict or None
@@ -71,6 +77,7 @@ class SonarSensor(mi.Sensor):
         self.sound_speed = attributes.sound_speed
         self.leader = attributes.sensor
         self.route = read_route(attributes) if self.leader is None else self._shared(attributes)
+        self.pass_number = self._pass_number(attributes)
         self.noise, self.given_noise_level_db = attributes.noise, attributes.noise_level_db
         self.water = attributes.medium
         if not hasattr(self.water, "profile"):
@@ -95,6 +102,13 @@ class SonarSensor(mi.Sensor):
         offset = attributes.offset if attributes.given("offset") else leader.route.offset
         return replace(leader.route, interval=interval, offset=offset)
 
+    def _pass_number(self, attributes: Attributes) -> int:
+        """The number that is written, or that of the sonar it shares a track with; 0 of kinds that take none."""
+        written = getattr(attributes, "pass", None)
+        if written is not None:
+            return written
+        return 0 if self.leader is None else self.leader.pass_number
+
     def _check_in_time(self, attributes: Attributes) -> None:
         """Refuse a range whose last echo is not in before the sonar whose track it shares pings again."""
         if self.leader is None or self.route.interval is None:
@@ -106,7 +120,8 @@ class SonarSensor(mi.Sensor):
                                    "the track to the sonar of the longer range, or write its ping_rate_hz.")
 
     def own_seed(self, seed: int) -> int:
-        """Give the seed of its rays, speckle and noise: beside another sonar on its track, one of its own."""
+        """Give the seed of its rays, speckle and noise: one of its own in each pass, and beside another sonar."""
+        seed = pass_seed(seed, self.pass_number)
         return seed if self.leader is None else sonar_seed(seed, self.id())
 
     def read(self, attributes: Attributes) -> None:
