@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 import mitsonar
 from mitsonar.sonar.element_patterns import element_pressure
+from mitsonar.sonar.presets import presets
 from mitsonar.sonar.pulses import pulse_of
 from mitsonar.sonar.track import rotation_matrix
 from mitsonar.strip_verbs import raw_pings, scatterers
@@ -120,6 +121,23 @@ def test_overlap_sets_the_pace_of_pings():
     scene, sensor, integrator = opened(strip({"sway": 0.0, "surge": 0.0, "heave": 0.0, "yaw_deg": 0.0}))
     track = integrator.survey(scene, sensor).track
     np.testing.assert_allclose(np.linalg.norm(np.diff(track.position, axis=0), axis=1), 4 * 0.0333 / 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("preset", presets("synthetic_aperture"))
+def test_presets_resolve_what_their_class_does(preset):
+    """c / 2B across, and half the longer element along the track: 1.5 to 6 cm; bands are sampled by half more."""
+    own = presets("synthetic_aperture")[preset]
+    scene = synthetic_aperture({"seabed": SILENT}, water=WATER, sensor={
+        "preset": preset, "receivers": own["receivers"], "banks": own["banks"], "pulse_ms": own["pulse_ms"],
+        "overlap": own["receivers"] // 4})
+    scene, sensor, integrator = opened(scene)
+    survey = integrator.survey(scene, sensor)
+    assert 0.01 < C / (2 * survey.pulse.bandwidth) < 0.06
+    assert 0.01 < 0.5 * max(survey.transmit.length, survey.receive.length) < 0.06
+    assert survey.sampling_rate > 1.4 * survey.pulse.bandwidth
+    assert survey.receive.elements == own["receivers"] * own["banks"] == len(survey.bank)
+    above = survey.receive.position[survey.bank == 0, 2] - survey.receive.position[survey.bank == survey.bank.max(), 2]
+    assert (above < 0).all() == (own["banks"] > 1)                                # topmost first, z is down
 
 
 def test_pings_too_far_apart_are_told():
