@@ -1,0 +1,151 @@
+"""Coherence as it is estimated: its windows, its chance and its bias.
+
+    γ̂ = Σ s₂ s₁* / √(Σ |s₁|² Σ |s₂|²)                                             over a window
+    |γ̂|² ~ Beta(1 + K, L - 1),      K ~ NegativeBinomial(L, γ²)                    the density of Touzi and others
+    p(φ) = (1 - γ²)^L [ Γ(L+½) β / (2√π Γ(L) (1 - β²)^(L+½)) + F(L, 1; ½; β²) / 2π ],     β = γ cos φ
+
+γ -> ``coherence``, L -> ``looks``: independent samples within the window. The mixture is the series of the
+hypergeometric function in the density, term by term; it holds for any L above 1 and overflows nowhere.
+
+    L = n² / Σ_ij |ρ(i - j)|²,      ρ the correlation of neighbours in the picture
+
+References
+----------
+Touzi, Lopes, Bruniquel and Vachon (1999), IEEE Trans. Geosci. Remote Sens. 37, 135: density and bias of |γ̂|.
+Lee, Hoppel, Mango and Miller (1994), IEEE Trans. Geosci. Remote Sens. 32, 1017: density of the phase.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import ndimage, optimize, special, stats
+
+from .coherence import phase_deviation
+
+__all__ = ["coherence_at", "coherence_chance", "independent_looks", "mean_coherence", "phase_spread",
+           "unbiased_coherence", "windowed_coherence"]
+
+HIGHEST = 0.995                    # above, no series: nothing is biased there
+SPREADS = 12.0                     # of the negative binomial, in standard deviations
+TABLE = 129
+PHASES = 2049
+
+
+def windowed_coherence(first: np.ndarray, second: np.ndarray, window: tuple[int, int]) -> np.ndarray:
+    """Estimate the complex coherence of two pictures in windows.
+
+    Parameters
+    ----------
+    first, second : complex (along, across)
+    window : (int, int)
+        Samples along and across.
+
+    Returns
+    -------
+    complex (along, across)
+        Its phase is that of `second` less that of `first`; NaN where a window holds no power or a NaN.
+
+    Raises
+    ------
+    ValueError
+        If the pictures' shapes differ or the window does not fit in.
+    """
+    if first.ndim != 2 or first.shape != second.shape:
+        raise ValueError(f"two pictures of one shape are compared, and these have {first.shape} and {second.shape}")
+    if any(not 1 <= part <= size for part, size in zip(window, first.shape)) or np.prod(window) < 2:
+        raise ValueError(f"the window has {window[0]} x {window[1]} samples, and the pictures {first.shape[0]} x "
+                         f"{first.shape[1]}; give one of two samples or more that fits in")
+    known = np.isfinite(first) & np.isfinite(second)
+    one, two = (np.where(known, part, 0).astype(np.complex128) for part in (first, second))
+    product = two * np.conj(one)
+    mean = _mean(product.real, window) + 1j * _mean(product.imag, window)
+    power = _mean(np.abs(one) ** 2, window) * _mean(np.abs(two) ** 2, window)
+    whole = ndimage.minimum_filter(known, window, mode="nearest")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(whole & (power > 0), mean / np.sqrt(power), np.nan)
+
+
+def independent_looks(picture: np.ndarray, window: tuple[int, int]) -> float:
+    """Give how many independent looks a window of a picture of speckle holds.
+
+    Parameters
+    ----------
+    picture : complex (along, across)
+        Of even speckle mostly: the correlation of its neighbours is measured, whatever its carrier.
+    window : (int, int)
+    """
+    filled = np.where(np.isfinite(picture), picture, 0)
+    even = filled / np.maximum(np.sqrt(_mean(np.abs(filled) ** 2, (min(32, filled.shape[0]), min(32, filled.shape[1]))
+                                             )), 1e-300)
+    total = 0.0
+    power = np.mean(np.abs(even) ** 2)
+    for step in range(window[0]):
+        for aside in range(-window[1] + 1, window[1]):
+            lagged = np.mean(even[step:, max(aside, 0):even.shape[1] + min(aside, 0)]
+                             * np.conj(even[:even.shape[0] - step, max(-aside, 0):even.shape[1] - max(aside, 0)]))
+            weight = (window[0] - step) * (window[1] - abs(aside)) * (2 if step else 1)
+            total += weight * abs(lagged / power) ** 2
+    return float(np.prod(window) ** 2 / total)
+
+
+def coherence_chance(value: ArrayLike, coherence: float, looks: float) -> np.ndarray:
+    """Give the chance that an estimate of `looks` looks lies below `value` where the coherence is `coherence`."""
+    weights, count = _mixture(coherence, looks)
+    squared = np.clip(np.asarray(value, float), 0, 1)[..., None] ** 2
+    return special.betainc(1 + count, looks - 1, squared) @ weights
+
+
+def coherence_at(chance: float, coherence: float, looks: float) -> float:
+    """Give the estimate that is fallen short of with the given chance; the threshold of a test by coherence."""
+    if not 0 < chance < 1:
+        raise ValueError(f"a chance of {chance} is asked for; give one above 0 and below 1")
+    return float(optimize.brentq(lambda value: float(coherence_chance(value, coherence, looks)) - chance, 0, 1,
+                                 xtol=1e-9))
+
+
+def mean_coherence(coherence: float, looks: float) -> float:
+    """Give the mean of estimates from `looks` looks: never below the coherence itself."""
+    if coherence > HIGHEST:
+        return float(coherence)
+    weights, count = _mixture(coherence, looks)
+    return float(np.exp(special.gammaln(count + 1.5) + special.gammaln(count + looks) - special.gammaln(count + 1)
+                        - special.gammaln(count + looks + 0.5)) @ weights)
+
+
+def unbiased_coherence(estimate: ArrayLike, looks: float) -> np.ndarray:
+    """Give the coherence whose estimates have the mean `estimate`; 0 below the mean of none at all."""
+    nodes = np.append(HIGHEST * np.sin(np.linspace(0, 0.5 * np.pi, TABLE)), 1.0)
+    means = np.array([mean_coherence(node, looks) for node in nodes])
+    return np.interp(np.asarray(estimate, float), np.maximum.accumulate(means), nodes)
+
+
+def phase_spread(coherence: float, looks: float) -> float:
+    """Give the standard deviation [rad] of the phase of a mean over looks, by its density."""
+    if not 0 <= coherence <= 1 or looks < 1:
+        raise ValueError(f"coherence is {coherence} and looks {looks}; give one from 0 to 1, and 1 or more")
+    least = float(phase_deviation(coherence, looks))
+    if least < 0.02:               # the density is normal, and too narrow for even steps
+        return least
+    phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES - np.pi
+    beta = coherence * np.cos(phase)
+    left = np.log1p(-coherence ** 2) * looks
+    first = (np.exp(left - (looks + 0.5) * np.log1p(-beta ** 2) + special.gammaln(looks + 0.5)
+                    - special.gammaln(looks)) * beta / (2 * np.sqrt(np.pi)))
+    density = first + np.exp(left) * special.hyp2f1(looks, 1, 0.5, beta ** 2) / (2 * np.pi)
+    return float(np.sqrt(np.sum(phase ** 2 * density) / np.sum(density)))
+
+
+def _mixture(coherence: float, looks: float) -> tuple[np.ndarray, np.ndarray]:
+    """Weights and numbers K of the mixture of beta densities."""
+    if not 0 <= coherence < 1 or not looks > 1:
+        raise ValueError(f"coherence is {coherence} and looks {looks}; give one from 0 to below 1, and more than 1")
+    squared = min(coherence, HIGHEST) ** 2
+    middle = looks * squared / (1 - squared)
+    reach = SPREADS * np.sqrt(middle / (1 - squared)) + 60
+    count = np.arange(max(int(middle - reach), 0), int(middle + reach) + 1, dtype=float)
+    weights = stats.nbinom.pmf(count, looks, 1 - squared)
+    return weights / weights.sum(), count
+
+
+def _mean(values: np.ndarray, window: tuple[int, int]) -> np.ndarray:
+    return ndimage.uniform_filter(values, window, mode="nearest")
