@@ -25,7 +25,8 @@ from ..tracing.launch import Strata
 from ..tracing.tracer import Sources, Tracer
 from ..tracing.water import DeviceWater
 from .element_beams import ElementBeams
-from .facets_in_beams import NEGLIGIBLE, facets_in_beams
+from .pieces_in_beams import NEGLIGIBLE, pieces_in_beams
+from .pieces import Pieces, pieces_in_reach
 from .record import Echoes, Leg
 from .scatterers import Cells, Scatterers
 from .sights import Sights
@@ -110,18 +111,24 @@ class Ensonification:
         yield from self.scatterer_echoes(origin, rotation, depth_below, key)
         yield from self.random_echoes(origin, rotation, depth_below, key)
 
-    def stretches(self, origin: np.ndarray) -> list[tuple[str, tuple, int]]:
-        """Cells within reach of a source: triples of path, `Scatterers.stretches` and how many there are."""
+    def pieces(self, origin: np.ndarray) -> list[tuple[str, Pieces]]:
+        """Pieces of facets within reach of a source (3,) [m], each kind with its path.
+
+        Raises
+        ------
+        ValueError
+            If they have more than MOST_CELLS cells.
+        """
         facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
         found = []
         for path, at_surface in (("b", False), ("s", True)):
             facets_there = facets[self.scatterers.at_surface[facets] == at_surface]
-            stretches = self.scatterers.stretches(facets_there, origin, self.farthest)
-            cells = int(stretches[2].sum())
+            pieces = pieces_in_reach(self.scatterers, facets_there, origin, self.nearest, self.farthest)
+            cells = int(pieces.cells.sum())
             if cells > MOST_CELLS:
                 raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping, and {MOST_CELLS:.0e} is "
                                  "the most; take larger cells, a shorter range, or let rays find them")
-            found.append((path, stretches, cells))
+            found.append((path, pieces))
         return found
 
     def scatterer_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
@@ -132,11 +139,11 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach = [(path, self._in_beams(sources, start, rotation, stretches))
-                            for path, stretches, _ in self.stretches(origin)]
-            total, done = max(sum(int(stretches[2].sum()) for _, (_, stretches) in within_reach), 1), 0
-            for path, (aim, stretches) in within_reach:
-                for facet, s in self.scatterers.listed(stretches, CELLS_PER_BLOCK):
+            within_reach = [(path, self._in_beams(sources, start, rotation, pieces))
+                            for path, pieces in self.pieces(origin)]
+            total, done = max(sum(int(count.sum()) for _, (_, (_, _, count)) in within_reach), 1), 0
+            for path, (aim, runs) in within_reach:
+                for facet, s in self.scatterers.listed(runs, CELLS_PER_BLOCK):
                     yield from self._echoes(sources, start, rotation, facet, s, path, aim=aim)
                     done += dr.width(facet)
                     if progress is not None:
@@ -194,17 +201,17 @@ class Ensonification:
         return (self.tracer.sources([-origin[2]]),
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
-    def _in_beams(self, sources, origin, rotation, stretches):
+    def _in_beams(self, sources, origin, rotation, pieces):
         """Whether cells have to be asked one by one if the beams make them negligible, and runs of those that may not.
 
         Where few would have to be, all are taken: less work than to ask.
         """
         if self.beams is None:
-            return False, stretches
-        found = facets_in_beams(self.scatterers, self.connector, self.beams, sources, origin, rotation, stretches)
-        stretches = tuple(column[found >= 0] for column in stretches)
-        doubtful = stretches[2][found[found >= 0] == 0].sum()
-        return bool(doubtful > WORTH_ASKING * stretches[2].sum()), stretches
+            return False, pieces.runs()
+        found = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation)
+        pieces, doubtful = pieces.chosen(found >= 0), found[found >= 0] == 0
+        cells = pieces.cells
+        return bool(cells[doubtful].sum() > WORTH_ASKING * cells.sum()), pieces.runs()
 
     def _echoes(self, sources, origin, rotation, facet, s, path, brought=None, aim=True):
         """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought.

@@ -25,7 +25,6 @@ from .point_targets import PointTargets
 
 __all__ = ["Cells", "Scatterers"]
 
-LARGE = 0.25                       # of the reach: of larger facets only the cells in reach are listed
 MOST_CUTS = 32768                  # s and n² are 32-bit
 
 
@@ -164,40 +163,10 @@ class Scatterers:
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
-    def stretches(self, facets: np.ndarray, origin: np.ndarray, farthest: float) -> tuple[np.ndarray, ...]:
-        """Cells of facets (K,) that may come nearer to `origin` (3,) than `farthest` [m].
-
-        Returns
-        -------
-        facet, first, count : (S,) uint32, int64, int64
-            Runs of cells by their numbers s. Small facets are taken whole, of large ones what is in reach of each row.
-        """
-        large = self.radius[facets] > LARGE * farthest
-        whole, parts = facets[~large], [self._rows_in_reach(f, origin, farthest) for f in facets[large]]
-        runs = [(whole, np.zeros(len(whole), np.int64), self.cuts[whole].astype(np.int64) ** 2), *parts]
-        return tuple(np.concatenate(column) for column in zip(*runs))
-
-    def _rows_in_reach(self, facet, origin, farthest):
-        n = int(self.cuts[facet])
-        a, b, c = self._host_vertices[self._host_faces[facet, :3], :3].astype(float)
-        e, f = b - a, c - a
-        i = np.arange(n)
-        # the middle of a row is the line q + f v; no point of a cell is further from it than a cell is long
-        q = a + ((i + 0.5) / n)[:, None] * e - origin
-        reach = farthest + 2 * max(map(np.linalg.norm, (e, f, f - e))) / n
-        ff = max(f @ f, 1e-30)
-        foot = -(q @ f) / ff
-        half = np.sqrt(np.maximum(reach ** 2 - np.sum(q ** 2, axis=1) + ff * foot ** 2, 0) / ff)
-        first, last = (np.clip(np.floor(end * n), -1, n - i).astype(np.int64) for end in (foot - half, foot + half))
-        seen = (half > 0) & (first < n - i) & (last >= 0)
-        i, first, last = i[seen], np.maximum(first[seen], 0), np.minimum(last[seen], n - 1 - i[seen])
-        row = i * (2 * n - i)
-        count = np.minimum(2 * last + 2, 2 * (n - i) - 1) - 2 * first
-        return np.full(len(i), facet, np.uint32), row + 2 * first, count
-
-    def listed(self, stretches: tuple[np.ndarray, ...], most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:
-        """Yield the cells of `stretches` as (facet, s), UInt32 arrays of at most `most` each."""
-        facets, firsts, counts = stretches
+    def listed(self, runs: tuple[np.ndarray, np.ndarray, np.ndarray],
+               most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:
+        """Yield the cells of `Pieces.runs` as (facet, s), UInt32 arrays of at most `most` each."""
+        facets, firsts, counts = runs
         ends = np.cumsum(counts)
         for start in range(0, int(ends[-1]) if len(ends) else 0, most):
             stop = min(start + most, int(ends[-1]))

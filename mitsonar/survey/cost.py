@@ -62,7 +62,8 @@ class Cost:
 
 def cells_within_reach(record: PressureRecord, ping: int) -> int:
     """Count the cells that a ping looks at."""
-    return sum(cells for *_, cells in record.ensonification.stretches(record.survey.track.position[ping]))
+    return sum(int(pieces.cells.sum())
+               for _, pieces in record.ensonification.pieces(record.survey.track.position[ping]))
 
 
 def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> Cost:

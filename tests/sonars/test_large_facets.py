@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from mitsonar.echoes.pieces import pieces_in_reach
 from mitsonar.echoes.scatterers import Scatterers
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.geometry import Geometry
@@ -36,17 +37,34 @@ def test_no_cell_in_reach_is_missed(variant, tmp_path, kind, start):
 
     cuts = scatterers.cuts[facets].astype(np.int64)
     every = facets, np.zeros(len(facets), np.int64), cuts ** 2
-    some = scatterers.stretches(facets, np.array(start), reach)
+    some = pieces_in_reach(scatterers, facets, np.array(start), 0.0, reach).runs()
     assert near(some) == near(every) and len(near(every)) > 1000
     assert some[2].sum() < 0.3 * every[2].sum()
     assert all(np.all(s.numpy() < cuts.max() ** 2) for _, s in scatterers.listed(some, 50_000))
 
 
+def test_pieces_hold_their_cells_and_those_nearer_than_the_record_are_left_out(variant, tmp_path):
+    geometry = Geometry(array_sonar({"bed": tilted(tmp_path)}))
+    scatterers, origin = Scatterers(geometry, 0.1), np.array([10.0, 10.0, -10.0])
+    facets = scatterers.in_reach(origin, 0.0, 30.0)
+    pieces = pieces_in_reach(scatterers, facets, origin, 25.0, 30.0)
+    piece = np.repeat(np.arange(len(pieces.cells)), pieces.cells)
+    point = np.concatenate([scatterers.at(facet, s).point.numpy().T
+                            for facet, s in scatterers.listed(pieces.runs(), 50_000)])
+    off = np.linalg.norm(point - pieces.centre[piece], axis=1)
+    assert np.all(off < pieces.radius[piece] * (1 + 1e-6))
+    distance = np.linalg.norm(pieces.centre - origin, axis=1)
+    assert np.all(distance + pieces.radius > 25.0) and np.all(distance - pieces.radius < 30.0)
+    every = pieces_in_reach(scatterers, facets, origin, 0.0, 30.0).cells.sum()
+    assert 100_000 < pieces.cells.sum() < 0.8 * every
+
+
 def test_cells_listed_once(variant):
     scatterers = Scatterers(Geometry(array_sonar({"bed": bed(20.0, size=100.0)})), 0.5)
     facets = scatterers.in_reach(np.array([3.0, 4.0, -10.0]), 0.0, 15.0)
-    numbers = [facet.numpy().astype(np.uint64) << np.uint64(32) | s.numpy() for facet, s in
-               scatterers.listed(scatterers.stretches(facets, np.array([3.0, 4.0, -10.0]), 15.0), 777)]
+    runs = pieces_in_reach(scatterers, facets, np.array([3.0, 4.0, -10.0]), 0.0, 15.0).runs()
+    numbers = [facet.numpy().astype(np.uint64) << np.uint64(32) | s.numpy()
+               for facet, s in scatterers.listed(runs, 777)]
     assert max(map(len, numbers)) <= 777
     numbers = np.concatenate(numbers)
     assert len(np.unique(numbers)) == len(numbers)
@@ -58,6 +76,6 @@ def test_a_huge_bed_costs_what_is_in_reach(variant):
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
     scatterers = PressureRecord(survey).ensonification.scatterers
     origin = survey.track.position[0]
-    listed = scatterers.stretches(scatterers.in_reach(origin, 0.0, 12.0), origin, 12.0)[2].sum()
+    listed = pieces_in_reach(scatterers, scatterers.in_reach(origin, 0.0, 12.0), origin, 0.0, 12.0).cells.sum()
     assert listed < 2 * np.pi * (12.0 ** 2 - 10.0 ** 2) / (0.5 * 0.05 ** 2 / 2)
     assert np.abs(PressureRecord(survey).responses(0)).max() > 0

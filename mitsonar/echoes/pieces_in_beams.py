@@ -1,6 +1,6 @@
-"""Which facets the beams of an array make negligible as a whole, and which they do not touch: cells need not be asked.
+"""Which pieces of facets the beams of an array make negligible, and which they do not touch: cells need not be asked.
 
-A facet of radius r whose middle is d away fills an angle of r / (d - r). Rays to its cells leave within WIDER times
+A piece of radius r whose middle is d away fills an angle of r / (d - r). Rays to its cells leave within WIDER times
 that of the ray to its middle: bent water spreads them. With `ElementBeams.bound` b at the middle, and that angle added
 to what the bound allows for, or taken from it,
 
@@ -18,44 +18,41 @@ from ..device.arrays import arrays_of, upload
 from ..tracing.connection import Connector
 from ..tracing.tracer import Sources
 from .element_beams import ElementBeams
-from .scatterers import Scatterers
+from .pieces import Pieces
 
-__all__ = ["NEGLIGIBLE", "facets_in_beams"]
+__all__ = ["NEGLIGIBLE", "pieces_in_beams"]
 
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
 WIDER = 2.0
-LARGEST = 0.1                      # [rad] facets that fill more are looked at cell by cell,
+LARGEST = 0.1                      # [rad] pieces that fill more are looked at cell by cell,
 FEWEST_CELLS = 4                   # and all of them if they have fewer each
 
 
-def facets_in_beams(scatterers: Scatterers, connector: Connector, beams: ElementBeams, sources: Sources,
-                    origin: dr.ArrayBase, rotation: np.ndarray, stretches: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Sort runs of cells by what the beams make of their facets.
+def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, sources: Sources, origin: dr.ArrayBase,
+                    rotation: np.ndarray) -> np.ndarray:
+    """Sort pieces of facets by what the beams make of them.
 
     Parameters
     ----------
-    scatterers : Scatterers
+    pieces : Pieces
     connector : Connector
     beams : ElementBeams
     sources, origin : Sources, Array3f64 (1,) [m]
         As of `Connector.connect`.
     rotation : (3, 3)
         Body to scene.
-    stretches : (facet, first, count)
-        As of `Scatterers.stretches`, (S,) each.
 
     Returns
     -------
-    int (S,)
+    int (P,)
         -1: negligible, 1: all count, 0: each cell has to be looked at.
     """
-    facet, _, count = stretches
-    if not len(facet) or count.sum() < FEWEST_CELLS * len(facet):
-        return np.zeros(len(facet), int)
+    if not len(pieces.facet) or pieces.cells.sum() < FEWEST_CELLS * len(pieces.facet):
+        return np.zeros(len(pieces.facet), int)
     lib = arrays_of(mi.Float)
-    point = lib.Array3f64(*(upload(mi.Float64, column) for column in scatterers.centre[facet].T))
+    point = lib.Array3f64(*(upload(mi.Float64, column) for column in pieces.centre.T))
     distance = dr.norm(point - origin)
-    radius = upload(mi.Float64, scatterers.radius[facet])
+    radius = upload(mi.Float64, pieces.radius)
     angle = mi.Float(WIDER * radius / dr.maximum(distance - radius, 1e-9))
     direction = connector.launch_direction(sources, origin, mi.UInt32(0), point)
     most, least = (beams.bound(direction, mi.Float(distance), rotation, wider) for wider in (angle, -angle))

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.facets_in_beams import NEGLIGIBLE, facets_in_beams
+from mitsonar.echoes.pieces_in_beams import NEGLIGIBLE, pieces_in_beams
 from mitsonar.survey.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 
@@ -23,13 +23,13 @@ def test_no_cell_of_a_facet_contradicts_what_is_said_of_it(variant, rng, face):
     made = PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0])).ensonification
     origin, rotation = np.array([0.0, 0.0, -10.0]), Rotation.from_rotvec([0.05, 0.1, 0.3]).as_matrix()
     sources, start = made._source(origin)
-    _, stretches, _ = made.stretches(origin)[0]
-    found = facets_in_beams(made.scatterers, made.connector, made.beams, sources, start, rotation, stretches)
+    _, pieces = made.pieces(origin)[0]
+    found = pieces_in_beams(pieces, made.connector, made.beams, sources, start, rotation)
     assert {-1, 0, 1} == set(found)
     assert np.mean(found == 0) < 0.5
     for _ in range(4):
-        s = (rng.random(len(found)) * stretches[2]).astype(np.uint32)
-        cells = made.scatterers.at(upload(mi.UInt32, stretches[0]), upload(mi.UInt32, s))
+        s = (rng.random(len(found)) * pieces.cells).astype(np.uint32)
+        cells = made.scatterers.at(upload(mi.UInt32, pieces.facet), upload(mi.UInt32, s))
         direction = made.connector.launch_direction(sources, start, mi.UInt32(0), cells.point)
         bound = made.beams.bound(direction, mi.Float(dr.norm(cells.point - start)), rotation).numpy()
         assert np.all(bound[found == 1] > NEGLIGIBLE)

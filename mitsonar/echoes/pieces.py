@@ -1,0 +1,126 @@
+"""Pieces of facets: what of a scene may be within reach of a ping, cut so small that beams tell the pieces apart.
+
+A small facet is one piece. A large one is cut into blocks of k rows and k columns of its cells (`cells`), about `SHARE`
+of the reach long. With e and f the sides of the facet that has n rows, the block of the first row i and column j is the
+parallelogram
+
+    a + (i/n) e + (j/n) f + x e + y f,     0 <= x, y <= k/n
+
+or what of it lies in the facet; a ball about its middle holds it.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .scatterers import Scatterers
+
+__all__ = ["Pieces", "pieces_in_reach"]
+
+SHARE = 0.01                       # of the reach, that a block is long,
+FEWEST = 8                         # but no fewer rows of cells
+LARGE = 0.04                       # of the reach: a facet of a larger radius is cut
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pieces:
+    """Pieces of facets, (P,) each.
+
+    Attributes
+    ----------
+    facet : (P,) uint32
+    cuts : (P,) int64
+        n of the facet.
+    row, column : (P,) int64
+        The first of each.
+    side : (P,) int64
+        k: how many rows and columns of cells; n of a whole facet.
+    centre : (P, 3) [m]
+    radius : (P,) [m]
+        Of a ball that holds the piece.
+    """
+
+    facet: np.ndarray
+    cuts: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
+    side: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+
+    def chosen(self, index: np.ndarray) -> Pieces:
+        """The pieces of these numbers, or under this mask."""
+        return Pieces(**{name: value[index] for name, value in vars(self).items()})
+
+    @property
+    def cells(self) -> np.ndarray:
+        """How many cells each has, (P,) int64."""
+        piece, _, count = self._of_rows()
+        return np.bincount(piece, weights=count, minlength=len(self.facet)).astype(np.int64)
+
+    def runs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give runs of cells by their numbers s, piece after piece.
+
+        Returns
+        -------
+        facet, first, count : (S,) uint32, int64, int64
+        """
+        piece, first, count = self._of_rows()
+        return self.facet[piece], first, count
+
+    def _of_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Piece, first cell and number of cells of runs: a whole facet is one, a block has one of each of its rows."""
+        whole = self.side == self.cuts
+        rows = np.where(whole, 1, np.minimum(self.side, self.cuts - self.row))
+        piece = np.repeat(np.arange(len(rows)), rows)
+        n, k, j = self.cuts[piece], self.side[piece], self.column[piece]
+        i = self.row[piece] + np.arange(len(piece)) - np.repeat(np.cumsum(rows) - rows, rows)
+        # a row's last column has one cell, the others two
+        count = np.where(whole[piece], n * n, np.minimum(2 * (j + k), 2 * (n - i) - 1) - 2 * j)
+        some = count > 0
+        return piece[some], (i * (2 * n - i) + 2 * j)[some], count[some]
+
+
+def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarray, nearest: float,
+                    farthest: float) -> Pieces:
+    """Cut facets (K,) and keep the pieces that reach from `nearest` to `farthest` [m] from `origin` (3,).
+
+    Small facets come first, then the blocks of large ones.
+    """
+    large = scatterers.radius[facets] > LARGE * farthest
+    whole = facets[~large]
+    cuts = scatterers.cuts[whole].astype(np.int64)
+    start = np.zeros(len(whole), np.int64)
+    parts = [Pieces(facet=whole, cuts=cuts, row=start, column=start, side=cuts, centre=scatterers.centre[whole],
+                    radius=scatterers.radius[whole])]
+    parts += [_blocks(scatterers, facet, origin, farthest) for facet in facets[large]]
+    pieces = Pieces(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+    distance = np.linalg.norm(pieces.centre - origin, axis=1)
+    return pieces.chosen((distance - pieces.radius < farthest) & (distance + pieces.radius > nearest))
+
+
+def _blocks(scatterers: Scatterers, facet: int, origin: np.ndarray, farthest: float) -> Pieces:
+    """Blocks of a facet, all that come nearer than `farthest` and some more."""
+    n = int(scatterers.cuts[facet])
+    a, b, c = scatterers.corners(facet).astype(float)
+    e, f = (b - a) / n, (c - a) / n
+    k = min(max(FEWEST, int(SHARE * farthest * n / scatterers.longest_side[facet])), n)
+    row = np.arange(0, n, k)
+    # the middle of a row of blocks is the line q + f v; no point of a block is further from it than a block is long
+    q = a + (row + 0.5 * k)[:, None] * e - origin
+    reach = farthest + k * max(map(np.linalg.norm, (e, f, f - e)))
+    ff = max(f @ f, 1e-30)
+    foot = -(q @ f) / ff
+    half = np.sqrt(np.maximum(reach ** 2 - np.sum(q ** 2, axis=1) + ff * foot ** 2, 0) / ff)
+    first, last = (np.clip(np.floor(end / k), -1, (n - row - 1) // k).astype(np.int64)
+                   for end in (foot - half, foot + half))
+    first = np.maximum(first, 0)
+    count = np.where(half > 0, np.maximum(last - first + 1, 0), 0)
+    row = np.repeat(row, count)
+    column = k * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count - first, count))
+    centre = a + (row + 0.5 * k)[:, None] * e + (column + 0.5 * k)[:, None] * f
+    radius = 0.5 * k * max(np.linalg.norm(e + f), np.linalg.norm(e - f))
+    size = len(row)
+    return Pieces(facet=np.full(size, facet, np.uint32), cuts=np.full(size, n), row=row, column=column,
+                  side=np.full(size, k), centre=centre, radius=np.full(size, radius))
