@@ -1,0 +1,201 @@
+"""Scattering by spheres, exactly: the series over spherical waves.
+
+    f(θ) = (i / k) Σ_n (2n + 1) A_n* P_n(cos θ),    A_n = -(j_n' - L_n j_n) / (h_n' - L_n h_n)          [m]
+
+a -> ``radius`` [m], k = 2πf / c, θ -> ``angle`` between the directions of travel before and after; j, h, P_n spherical
+Bessel and Hankel functions of ka and Legendre polynomials; L_n = p' / p of the n-th wave at the surface, by ka:
+
+    rigid     0;   soft     ∞                                              V. C. Anderson, 1950, J. Acoust. Soc. Am. 22, 426
+    fluid     (ρ k_1 / ρ_1 k) j_n'(k_1 a) / j_n(k_1 a)                     the same; a shell joins two of them
+    elastic   -(ρ / ρ_1) tan ζ_n / ka                                      J. J. Faran, 1951, J. Acoust. Soc. Am. 23, 405, eq. 30
+
+An incident pressure p at the middle gives p f e^(-ikr) / r for time e^(+iωt): so are the phases of echoes
+(`echoes.record`), and the front of a rigid sphere answers with (a/2) e^(2ika).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import spherical_jn, spherical_yn
+
+__all__ = ["MATERIALS", "LARGEST_KA", "Solid", "SphereBody", "sphere_form"]
+
+LARGEST_KA = 1000.0
+WATER_DENSITY = 1026.0             # [kg/m³] where none is given
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solid:
+    """What a sphere is made of.
+
+    Attributes
+    ----------
+    density : float [kg/m³]
+    compressional_speed : float [m/s]
+    shear_speed : float [m/s]
+        0 for a fluid.
+    """
+
+    density: float
+    compressional_speed: float
+    shear_speed: float = 0.0
+
+    def __post_init__(self):
+        if not (0 < self.density < np.inf and 0 < self.compressional_speed < np.inf):
+            raise ValueError(f"density and compressional speed of a sphere are {self.density:g} kg/m³ and "
+                             f"{self.compressional_speed:g} m/s; give numbers above 0.")
+        if not 0 <= self.shear_speed < np.sqrt(0.75) * self.compressional_speed:
+            raise ValueError(f"shear waves of {self.shear_speed:g} m/s in a sphere with compressional waves of "
+                             f"{self.compressional_speed:g} m/s; give one below 0.866 of that, as a positive modulus "
+                             "of compression wants, or 0 for a fluid.")
+
+
+# MacLennan and Dunn 1984 (J. Sound Vib. 97, 321); Foote 1982 (J. Acoust. Soc. Am. 71, 742); Kaye and Laby 1995
+MATERIALS = {"tungsten_carbide": Solid(density=14900.0, compressional_speed=6853.0, shear_speed=4171.0),
+             "copper": Solid(density=8947.0, compressional_speed=4760.0, shear_speed=2288.5),
+             "aluminium": Solid(density=2700.0, compressional_speed=6420.0, shear_speed=3040.0),
+             "steel": Solid(density=7900.0, compressional_speed=5940.0, shear_speed=3220.0)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereBody:
+    """What a sphere is.
+
+    Attributes
+    ----------
+    inside : {"rigid", "soft"} or Solid
+    shell : Solid or None
+        A fluid about `inside`.
+    shell_thickness : float [m]
+    """
+
+    inside: Literal["rigid", "soft"] | Solid
+    shell: Solid | None = None
+    shell_thickness: float = 0.0
+
+    def __post_init__(self):
+        if not (isinstance(self.inside, Solid) or self.inside in ("rigid", "soft")):
+            raise ValueError(f"a sphere is rigid, soft or a Solid, got {self.inside!r}.")
+        if self.shell is not None and (self.shell.shear_speed or self.shell_thickness <= 0):
+            raise ValueError("the shell of a sphere has a thickness above 0 and no shear waves; give those.")
+
+
+def sphere_form(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0, *, body: SphereBody,
+                density: float = WATER_DENSITY, angle: ArrayLike = np.pi) -> np.ndarray:
+    """Give f of a sphere, about its middle.
+
+    Parameters
+    ----------
+    radius : float [m]
+        With the shell, where there is one.
+    frequency : array [Hz]
+    sound_speed, density : float [m/s], [kg/m³]
+        Of the water.
+    body : SphereBody
+    angle : array [rad]
+        Between the directions of travel: 0 forward, π back. It is broadcast with `frequency`.
+
+    Returns
+    -------
+    complex array [m]
+        20 log |f| is the target strength.
+
+    Raises
+    ------
+    ValueError
+        If a frequency or the radius is not above 0, or ka above LARGEST_KA.
+
+    Notes
+    -----
+    Terms that are left out are below 1e-12. Near forward the sum loses as many digits as cos θ has lost.
+    """
+    frequency, angle = np.broadcast_arrays(np.asarray(frequency, float), np.asarray(angle, float))
+    wavenumber = 2 * np.pi * frequency.ravel() / sound_speed
+    every, which = np.unique(wavenumber, return_inverse=True)
+    ka = every * radius
+    if not (ka.size and np.all((ka > 0) & (ka <= LARGEST_KA))):
+        raise ValueError(f"spheres are computed for ka above 0 and up to {LARGEST_KA:g}; give a radius and frequencies "
+                         f"above 0 and a smaller sphere, got {radius:g} m and {np.max(frequency, initial=0):g} Hz.")
+    waves = _waves(ka, body, radius, sound_speed, density)                                        # (n, frequency)
+    total, cosine = np.zeros(len(wavenumber), complex), np.cos(angle.ravel())
+    before, now = np.zeros_like(cosine), np.ones_like(cosine)
+    for n, wave in enumerate(waves):
+        total += (2 * n + 1) * np.conj(wave[which]) * now
+        before, now = now, ((2 * n + 1) * cosine * now - n * before) / (n + 1)
+    return (1j * total / wavenumber).reshape(frequency.shape)[()]
+
+
+def _waves(ka: np.ndarray, body: SphereBody, radius: float, sound_speed: float, density: float) -> np.ndarray:
+    """A_n, complex (n, frequency)."""
+    highest = float(np.max(ka))
+    n = np.arange(int(highest + 5 * np.cbrt(highest) + 10) + 1)[:, None]
+    j, y = spherical_jn(n, ka), spherical_yn(n, ka)
+    dj, dy = spherical_jn(n, ka, True), spherical_yn(n, ka, True)
+    if body.inside == "soft" and body.shell is None:
+        upper, lower = j, y
+    else:
+        slope = _slope(n, ka, body, radius, sound_speed, density)
+        with np.errstate(over="ignore", invalid="ignore"):
+            upper, lower = dj - slope * j, dy - slope * y
+    with np.errstate(over="ignore", invalid="ignore"):
+        lower = np.where(np.isfinite(lower), lower, 0)
+        ratio = -upper / np.where(lower == 0, 1, upper + 1j * lower)
+    return np.where(lower == 0, 0, ratio)
+
+
+def _slope(n: np.ndarray, ka: np.ndarray, body: SphereBody, radius: float, sound_speed: float,
+           density: float) -> np.ndarray | float:
+    """L_n at the outer surface, by ka."""
+    inside = body.inside
+    if body.shell is None:
+        if isinstance(inside, str):
+            return 0.0
+        if inside.shear_speed:
+            return _elastic_slope(n, ka, inside, sound_speed, density)
+        ratio = sound_speed / inside.compressional_speed
+        return density / inside.density * ratio * _log_slope(n, ratio * ka)
+    shell = body.shell
+    ratio = sound_speed / shell.compressional_speed
+    outer, inner = ratio * ka, ratio * ka * (1 - body.shell_thickness / radius)
+    # in the shell j_n - B y_n, with the slope of what is inside at its inner surface
+    j, dj, y, dy = (kind(n, inner, derived) for kind in (spherical_jn, spherical_yn) for derived in (False, True))
+    if inside == "soft":
+        share = j / y
+    else:
+        within = SphereBody(inside=inside)
+        slope = _slope(n, inner, within, radius, shell.compressional_speed, shell.density)
+        share = (dj - slope * j) / (dy - slope * y)
+    share = np.where(np.isfinite(share), share, 0)
+    j, dj, y, dy = (kind(n, outer, derived) for kind in (spherical_jn, spherical_yn) for derived in (False, True))
+    there = (share != 0) & np.isfinite(y) & np.isfinite(dy)
+    y, dy = np.where(there, y, 0), np.where(there, dy, 0)
+    bare = _log_slope(n, outer)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        joined = np.where(there, (dj - share * dy) / (j - share * y), bare)
+    return density / shell.density * ratio * joined
+
+
+def _elastic_slope(n: np.ndarray, ka: np.ndarray, solid: Solid, sound_speed: float, density: float) -> np.ndarray:
+    x1, x2 = (ka * sound_speed / speed for speed in (solid.compressional_speed, solid.shear_speed))
+    a1, a2 = -x1 * _log_slope(n, x1), -x2 * _log_slope(n, x2)          # tan α_n
+    square, half = n * (n + 1), 0.5 * x2 ** 2
+    shear = square / (square - 1 - half + a2)
+    tangent = -half * (a1 / (a1 + 1) - shear) / ((square - half + 2 * a1) / (a1 + 1) - shear * (a2 + 1))
+    return -density / solid.density * tangent / ka
+
+
+def _log_slope(n: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """j_n'(x) / j_n(x), from far above downwards: the only way that keeps its digits."""
+    last = int(n[-1, 0])
+    slope = np.empty((last + 1, x.size))
+    start = last + int(np.max(x)) + 50
+    value = start / x
+    for order in range(start, 0, -1):
+        if order <= last:
+            slope[order] = value
+        value = (order - 1) / x - 1 / (value + (order + 1) / x)
+    slope[0] = value
+    return slope
