@@ -25,7 +25,8 @@ def add(commands: Commands) -> None:
     _add_sensor(render, "or all, each to a file of its own: OUT_ID.exr; ")
     render.set_defaults(run=_render)
 
-    signals = commands.add_parser("signals", help="write what the elements of an array hear to a netCDF file")
+    signals = commands.add_parser("signals", help="write what the elements of an array hear, or the raw echoes of "
+                                                   "a synthetic aperture, to a netCDF file")
     add_scene(signals)
     complete_with(signals.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
     signals.add_argument("--ping", type=whole, action="append", metavar="N",
@@ -62,9 +63,13 @@ def _signals(arguments):
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
     from ..scene.loading import load_file
     from ..verbs import element_signals, impulse_response, pings
+    from .strip_signals import is_strip, write_strip
 
     set_up(arguments.threads)
     scene = load_file(path, **parameters(arguments))
+    if is_strip(scene, arguments.sensor):
+        write_strip(arguments, scene)
+        return
     compute = impulse_response if arguments.response else element_signals
     with Progress() as progress:
         which = arguments.sensor

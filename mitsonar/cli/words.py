@@ -2,6 +2,7 @@
 import os
 import signal
 import sys
+from pathlib import Path
 
 __all__ = ["Signals", "announce", "end_if_interrupted", "mute", "warn"]
 
@@ -13,6 +14,7 @@ class Signals:
 
     def __enter__(self):
         self.received, self.before = None, {}
+        self.left: Path | None = None          # an unfinished file that the same command goes on with
         Signals.active = self
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) is not signal.SIG_IGN:                 # whoever started us wants it ignored
@@ -33,7 +35,9 @@ class Signals:
         for number in self.before:
             signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C shall not break into the last words
         after_echo = "\n" if self.received == signal.SIGINT and sys.stderr.isatty() else ""     # the terminal's ^C
-        print(f"{after_echo}mitsonar: interrupted; no unfinished file is left", file=sys.stderr, flush=True)
+        kept = self.left is not None and self.left.exists()
+        left = f"{self.left} is left, and the same command goes on with it" if kept else "no unfinished file is left"
+        print(f"{after_echo}mitsonar: interrupted; {left}", file=sys.stderr, flush=True)
         if self.received is None:
             return 128 + signal.SIGINT
         # Python's orderly end crashes on a library whose import was interrupted

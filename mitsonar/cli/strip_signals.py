@@ -1,0 +1,82 @@
+"""Raw echoes of a synthetic aperture, as the command signals writes them: ping by ping, going on where it was ended."""
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from .progress import Progress
+from .words import Signals, announce, warn
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+    import xarray as xr
+
+__all__ = ["is_strip", "write_strip"]
+
+WORTH_SAYING = 10.0                # [s]; less is a moment
+OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--kernel", "kernel", "band_limited"),
+             ("--return-path", "return_path", "vector"), ("--path", "path", None))
+
+
+def is_strip(scene: mi.Scene, sensor: int | str) -> bool:
+    """Tell whether a scene's sensor of that number or id is a synthetic aperture."""
+    from ..survey.kinds import KINDS, kind_of
+    from ..verbs import opened
+
+    return kind_of(opened(scene, sensor)[1]) is KINDS["synthetic_aperture"]
+
+
+def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
+    """Write the raw echoes of a scene's synthetic aperture.
+
+    Raises
+    ------
+    ValueError
+        If an option is of other arrays, or what an earlier command began is of other echoes.
+    """
+    from ..io import raw_echoes
+    from ..io.files import check_writable
+    from ..strip_verbs import raw_pings
+
+    for option, name, usual in OF_ARRAYS:
+        if getattr(arguments, name) != usual:
+            raise ValueError(f"{option} is of arrays whose pings stand alone, and this sensor is a synthetic_aperture; "
+                             "leave it out.")
+    counts: list[int] = []
+    start = raw_echoes.written(arguments.output)
+    planned = raw_pings(scene, arguments.seed, sensor=arguments.sensor, count=counts.append)
+    if Signals.active is not None:
+        Signals.active.left = raw_echoes.part_of(check_writable(arguments.output))
+    with Progress() as progress:
+        def pings_from(number: int) -> Iterator[xr.Dataset]:
+            made = planned if number == 0 else raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=number)
+            return _told(made, number, counts[0])
+
+        raw_echoes.write(pings_from, arguments.output, count=counts[0],
+                         progress=lambda done, total: progress(done - start, total - start))
+    announce(arguments.output)
+    if start:
+        warn(f"{start} of {counts[0]} pings were there from before")
+
+
+def _told(made: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dataset]:
+    """The pings, and after the first a sentence on how much all are, where that is more than a moment."""
+    from ..io.raw_echoes import size_of
+
+    began = time.monotonic()
+    for number, one in enumerate(made, start):
+        seconds = (time.monotonic() - began) * (count - start)
+        if number == start and seconds > WORTH_SAYING:
+            shape = one["signal"].shape
+            warn(f"{count - start} pings of {shape[1]} receivers x {shape[2]} samples: {size_of(one, count) / 1e9:.2g} "
+                 f"GB, at most about {_duration(seconds)}; if interrupted, the same command goes on")
+        yield one
+
+
+def _duration(seconds: float) -> str:
+    for length, unit in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.0f} s"

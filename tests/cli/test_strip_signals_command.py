@@ -1,0 +1,80 @@
+"""The command `signals` of a synthetic aperture: streamed, taken up again, refused in one sentence."""
+import os
+
+import pytest
+
+from mitsonar.cli import main as cli
+
+TEXT = """<scene version="3.0.0">
+    <default name="pings" value="4"/>
+    <integrator type="sonar_path"><float name="cell" value="0.5"/></integrator>
+    <sensor type="synthetic_aperture" id="sonar">
+        <string name="preset" value="minehunting_300khz"/>
+        <integer name="receivers" value="4"/> <integer name="banks" value="1"/> <float name="pulse_ms" value="0.2"/>
+        <integer name="pings" value="$pings"/> <float name="speed_knots" value="3"/>
+        <point name="start" x="0" y="0" z="-10.3"/>
+        <medium type="seawater" id="water"><float name="sound_speed" value="1500"/></medium>
+        <film type="sonar_film"><float name="range_min" value="20"/><float name="range" value="22"/></film>
+    </sensor>
+    <shape type="seabed" id="bed">
+        <float name="depth" value="20.2"/> <float name="length" value="80"/> <float name="width" value="80"/>
+        <float name="spacing" value="5"/> <bsdf type="lambert"/>
+    </shape>
+    <shape type="point_target" id="ball">
+        <point name="position" x="18" y="0.3" z="-20.1"/><float name="target_strength_db" value="0"/>
+    </shape>
+</scene>
+"""
+SIGNALS = ("signals", "strip.xml", "-o", "raw.nc")
+
+
+@pytest.fixture
+def folder(folder):
+    (folder / "strip.xml").write_text(TEXT, encoding="utf-8")
+    return folder
+
+
+def test_the_file_holds_what_python_gives_and_an_interrupted_one_goes_on(variant, folder, capfd, monkeypatch):
+    import mitsonar
+    from mitsonar.cli import progress
+    from mitsonar.io import raw_echoes
+
+    assert cli.main([*SIGNALS, "--seed", "5"]) == 0
+    assert capfd.readouterr() == ("raw.nc\n", "")
+    there, here = mitsonar.read("raw.nc"), mitsonar.raw_echoes(mitsonar.load_file("strip.xml"), seed=5)
+    assert there["signal"].values.tobytes() == here["signal"].values.tobytes() and there.sizes["ping"] == 4
+    assert there["target_name"].values.tolist() == ["ball"] and there.attrs["seed"] == 5
+    whole = (folder / "raw.nc").read_bytes()
+    os.remove("raw.nc")
+
+    def interrupt(self, done, total, failed=0):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as context:
+        context.setattr(progress.Progress, "__call__", interrupt)
+        assert cli.main([*SIGNALS, "--seed", "5"]) == 130
+    left = folder / "raw.nc.part"
+    assert capfd.readouterr() == ("", f"mitsonar: interrupted; {left} is left, and the same command goes on with it\n")
+    assert raw_echoes.written("raw.nc") == 2
+    assert cli.main([*SIGNALS, "--seed", "6"]) == 2
+    assert f"{left} was begun with another seed (5, and here it is 6); remove it" in capfd.readouterr().err
+    assert cli.main([*SIGNALS, "--seed", "5"]) == 0
+    assert capfd.readouterr() == ("raw.nc\n", "mitsonar: 2 of 4 pings were there from before\n")
+    assert (folder / "raw.nc").read_bytes() == whole and not left.exists()
+
+
+def test_longer_work_is_told_after_the_first_ping(variant, folder, capfd, monkeypatch):
+    from mitsonar.cli import strip_signals
+
+    monkeypatch.setattr(strip_signals, "WORTH_SAYING", 0.0)
+    assert cli.main([*SIGNALS, "-D", "pings=2"]) == 0
+    assert capfd.readouterr().err.startswith("mitsonar: 2 pings of 4 receivers x ")
+
+
+@pytest.mark.parametrize("options, words", [
+    (("--response",), "--response is of arrays whose pings stand alone"), (("--ping", "1"), "--ping is of arrays"),
+    (("--kernel", "nearest"), "--kernel is of arrays"), (("--path", "b"), "--path is of arrays"),
+    (("-o", "raw.h5"), "its name must end in .nc")])
+def test_options_of_other_arrays_are_refused(variant, refusal, options, words):
+    assert words in refusal(*SIGNALS, *options)
