@@ -39,7 +39,7 @@ from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("synthetic_aperture")
 PRESET = FromTable(table=PRESETS, by="preset")
@@ -78,7 +78,7 @@ ATTRIBUTES = (
     Text("image_window", default="taylor 4 30", text="over the aperture's angles, of that image, as \"taylor 4 30\" or "
                                                      "\"boxcar\""),
     Text("range_window", default="taylor 4 30", text="over the pulse's band, likewise"),
-    SOUND_SPEED, *NOISE, SELF_NOISE, pings(40), ROUTE, *NESTED,
+    SOUND_SPEED, *NOISE, SELF_NOISE, pings(40), PASS, ROUTE, *NESTED,
 )
 
 

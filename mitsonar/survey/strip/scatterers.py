@@ -11,6 +11,7 @@ import drjit as dr
 import numpy as np
 import xarray as xr
 
+from ...echoes.pieces import pieces_in_reach
 from ...echoes.scatterers import Scatterers
 from .survey import StripSurvey
 from .truth import MeanLine
@@ -39,12 +40,13 @@ def scatterers_of(survey: StripSurvey) -> xr.Dataset:
     ValueError
         If they are more than MOST.
     """
-    cells = Scatterers(survey.geometry, survey.cell_size)
+    cells = Scatterers(survey.geometry, survey.cell_size, survey.pass_number)
     middle = survey.track.position.mean(0)
     longest = float(np.linalg.norm(survey.track.position - middle, axis=1).max())
     farthest = 0.5 * survey.time[-1] * survey.water.fastest
-    stretches = cells.stretches(cells.in_reach(middle, 0.0, farthest + longest), middle, farthest + longest)
-    found = list(_blocks(survey, cells, stretches, farthest))
+    facets = cells.in_reach(middle, 0.0, farthest + longest)
+    runs = pieces_in_reach(cells, facets, middle, 0.0, farthest + longest).runs()
+    found = list(_blocks(survey, cells, runs, farthest))
     columns = {name: np.concatenate([block[name] for block in found]) if found else np.empty(0)
                for name in ("x", "y", "depth", "amplitude", "area", "label")}
     about = {"x": ("m", "east"), "y": ("m", "north"), "depth": ("m", "below the still surface"),
@@ -54,12 +56,12 @@ def scatterers_of(survey: StripSurvey) -> xr.Dataset:
                        for name, values in columns.items()})
 
 
-def _blocks(survey: StripSurvey, cells: Scatterers, stretches: tuple[np.ndarray, ...],
+def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.ndarray, np.ndarray],
             farthest: float) -> Iterator[dict[str, np.ndarray]]:
     """Yield the scatterers that are near enough to some ping, block by block."""
     line, total = MeanLine.of(survey.track), 0
     nearest = 0.5 * survey.time[0] * survey.water.slowest          # their pulses last into the record
-    for facet, s in cells.listed(stretches, BLOCK):
+    for facet, s in cells.listed(runs, BLOCK):
         some = cells.at(facet, s)
         dr.eval(some.point, some.area, some.amplitude)
         point = some.point.numpy().T
