@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mitsonar.device.llvm import BackendError
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
-    from mitsonar.strip_verbs import raw_echoes
+    from mitsonar.strip_verbs import focus, raw_echoes
     from mitsonar.verbs import element_signals, frames, impulse_response, render, soundings
 
 if TYPE_CHECKING:                                        # for annotations alone
@@ -36,7 +36,7 @@ if TYPE_CHECKING:                                        # for annotations alone
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-__all__ = ["BackendError", "dataset", "doctor", "element_signals", "frames", "hydrography", "imaging",
+__all__ = ["BackendError", "dataset", "doctor", "element_signals", "focus", "frames", "hydrography", "imaging",
            "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "raw_echoes", "read",
            "render", "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "synthetic_aperture", "units",
            "water", "write"]
@@ -52,6 +52,7 @@ _PUBLIC = {
     "element_signals": "mitsonar.verbs:element_signals",
     "soundings": "mitsonar.verbs:soundings",
     "raw_echoes": "mitsonar.strip_verbs:raw_echoes",
+    "focus": "mitsonar.strip_verbs:focus",
     "hydrography": "mitsonar.hydrography",
     "read": "mitsonar.io.reading:read",
     "write": "mitsonar.io.reading:write",

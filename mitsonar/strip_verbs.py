@@ -8,16 +8,24 @@ from typing import Any
 import mitsuba as mi
 import xarray as xr
 
+from .io import casts
+from .io import raw_echoes as raw_files
 from .io.files import FilePath
 from .io.records import SonarImage
 from .scene.errors import as_exception
 from .survey.kinds import KINDS, kind_of
 from .survey.signals import LEAD
+from .survey.strip.image import focused, survey_grid, with_truth
 from .survey.strip.raw import raw_pings as pings_of
 from .survey.strip.scatterers import scatterers_of
+from .synthetic_aperture.grids import Grid, default_grid
+from .synthetic_aperture.record import check_raw
 from .verbs import checked_seed, opened, provenance
+from .water.profile import SoundSpeedProfile
 
-__all__ = ["raw_echoes", "raw_pings", "scatterers"]
+__all__ = ["focus", "raw_echoes", "raw_pings", "scatterers"]
+
+RAW_FILES = (".nc", ".h5", ".hdf5")
 
 
 def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
@@ -50,6 +58,79 @@ def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str =
             progress(done, total[0])
     return SonarImage.of(xr.concat(made, "ping", data_vars="minimal", coords="minimal", compat="override",
                                    combine_attrs="override"))
+
+
+def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None = None,
+          profile: SoundSpeedProfile | float | FilePath | None = None, *, seed: int = 0, sensor: int | str = 0,
+          window: str | tuple | None = None, range_window: str | tuple | None = None,
+          trajectory: xr.Dataset | None = None, progress: Callable[[float, float], None] | None = None) -> SonarImage:
+    """Focus the raw echoes of a synthetic aperture: of a scene, of a file, or in memory.
+
+    Parameters
+    ----------
+    scene_or_signals : mitsuba.Scene, xarray.Dataset, or str or path
+        What `mitsonar.render` takes, what `raw_echoes` gives, or a netCDF file of raw echoes.
+    grid : Grid or None
+        Of `mitsonar.synthetic_aperture.grids`; None: a strip of the ground, or a square within a circle.
+    profile : SoundSpeedProfile, float [m/s], str or path, or None
+        Water that delays are made with, or the file of a cast; a number: one sound speed. None: the water's own.
+    seed, sensor
+        Of a scene, as of `mitsonar.render`.
+    window, range_window : str, tuple or None
+        Over the aperture's angles and over the pulse's band, such as "taylor 4 30", "hann" or "none"; None: those of
+        the scene's sensor, "taylor 4 30" of signals.
+    trajectory : xarray.Dataset or None
+        Another than the true one, such as a navigated or a micronavigated one: ``motion_time``, ``motion_x`` ...
+    progress : callable(done, total) or None
+        Called after every ping.
+
+    Returns
+    -------
+    SonarImage
+        An `xarray.Dataset` over (bank, along_track, across_track): ``image``, complex, whose squared magnitude is the
+        target strength of a point, and ``level`` [dB re 1 m²]; of a scene with the truth of every point, see
+        `mitsonar.synthetic_aperture.record`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `mitsonar.render`, or if there are no raw echoes, fewer than two pings, or grid, windows, profile or
+        trajectory do not fit them.
+    """
+    if profile is not None and not isinstance(profile, (SoundSpeedProfile, int, float)):
+        profile = casts.read(profile).profile
+    how = {"profile": profile, "trajectory": trajectory}
+    if isinstance(scene_or_signals, xr.Dataset):
+        return _of_record(scene_or_signals, grid, progress, **how, **_windows(window, range_window))
+    if not isinstance(scene_or_signals, mi.Scene) and str(scene_or_signals).lower().endswith(RAW_FILES):
+        with raw_files.opened(scene_or_signals) as record:
+            return _of_record(record, grid, progress, **how, **_windows(window, range_window))
+    seed = checked_seed(seed)
+    scene, sonar, integrator = opened(scene_or_signals, sensor)
+    survey, about = _planned(scene, sonar, integrator)
+    if grid is None:
+        grid = survey_grid(survey)
+    own = _windows(window or survey.aperture_window, range_window or survey.range_window)
+    image = focused(pings_of(survey, sonar.own_seed(seed)), survey.track.pings, progress, grid=grid, **how, **own)
+    image = with_truth(image.assign_attrs(seed=seed), survey, seed)
+    return SonarImage.of(image.assign_attrs({**about, **image.attrs}))
+
+
+def _of_record(record: xr.Dataset, grid: Grid | None, progress: Callable[[float, float], None] | None,
+               **how: Any) -> SonarImage:
+    """Focus raw echoes ping by ping."""
+    check_raw(record)
+    count = record.sizes["ping"]
+    if count < 2:
+        raise ValueError(f"an aperture is made of two or more pings, got {count}")
+    if grid is None:
+        grid = default_grid(record.drop_vars("signal"))
+    return SonarImage.of(focused(raw_files.pings(record), count, progress, grid=grid, **how))
+
+
+def _windows(window: str | tuple | None, range_window: str | tuple | None) -> dict[str, str | tuple]:
+    """The windows that are asked for, by the names of their arguments."""
+    return {name: value for name, value in (("window", window), ("range_window", range_window)) if value is not None}
 
 
 def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0, start: int = 0,

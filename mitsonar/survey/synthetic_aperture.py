@@ -6,16 +6,20 @@
 """
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mitsuba as mi
 import numpy as np
+import xarray as xr
 
 from .sensor import RunSettings
 from .signals import LEAD
+from .strip.image import strip_image
 from .strip.plan import StripSensor
 from .strip.plan import plan as plan_strip
 from .strip.survey import StripSurvey
 
-__all__ = ["plan", "plan_elements", "rows"]
+__all__ = ["picture", "plan", "plan_elements", "rows"]
 
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings) -> StripSurvey:
@@ -26,6 +30,13 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings) -> StripSu
 def plan_elements(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float = 0.0) -> StripSurvey:
     """Plan a run whose record is the signals of elements; `lead` as of `survey.array.plan_elements`."""
     return plan_strip(scene, sensor, settings, lead)
+
+
+def picture(survey: StripSurvey, sensor: StripSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Focus the image, with its truth; see `mitsonar.render`."""
+    return strip_image(survey, seed, progress, say)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -39,7 +39,7 @@ __all__ = ["MeanLine", "strip_truth"]
 
 STRAIGHT = np.deg2rad(30.0)        # that headings may differ by in all
 ROWS = 256                         # of points at once
-RAYS_PER_BIN = 16
+RAYS_PER_BIN = 64
 FEWEST_RAYS = 4096
 KEPT = ("label", "class", "share", "hidden", "object_shadow", "layover", "seabed_x", "seabed_y", "seabed_depth",
         "shadow")
