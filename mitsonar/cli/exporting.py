@@ -14,10 +14,11 @@ GAINS = ("seabed", "target", "none")
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
-    convert = commands.add_parser("convert", help="write sidescan images as XTF; EXR as netCDF and back")
+    convert = commands.add_parser("convert", help="write sidescan images as XTF; EXR as netCDF and back; focused "
+                                                  "images as GeoTIFF; all as HDF5")
     complete_with(convert.add_argument("images", metavar="IN.exr", nargs="+",
                                        help="EXR or netCDF; for XTF several frequencies of one track"), FILES)
-    complete_with(convert.add_argument("output", metavar="OUT.xtf|nc|exr"), FILES)
+    complete_with(convert.add_argument("output", metavar="OUT.xtf|nc|exr|tif|h5"), FILES)
     convert.add_argument("--tvg", default="seabed", choices=GAINS,
                          help="gain over range in the samples of an XTF; its scale is written beside them")
     convert.add_argument("--start", metavar="DATE", help="of time 0, such as 2026-05-01T10:00:00Z; default: 1970")
@@ -48,13 +49,13 @@ def add(commands: Commands) -> None:
 
 
 def _convert(arguments):
-    from ..io import reading
+    from ..io import hdf5, reading
     from ..io.files import check_writable
 
     suffix = os.path.splitext(arguments.output)[1].lower()
-    if suffix not in (".xtf", *RECORDS):
-        raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in .xtf, .nc or "
-                         ".exr. Lines of soundings are converted by `mitsonar soundings`.")
+    if suffix not in (".xtf", *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES):
+        raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in .xtf, .nc, "
+                         ".exr, .tif or .h5. Lines of soundings are converted by `mitsonar soundings`.")
     check_writable(arguments.output)
     if suffix == ".xtf":
         _write_xtf(arguments)

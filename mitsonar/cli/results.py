@@ -19,7 +19,8 @@ def add(commands: Commands) -> None:
                       help="of an image waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays; of soundings overview (default), column, curtain, swath, "
                            "error, error_detection, error_refraction, error_motion, backscatter, smile, rays, quality "
-                           "or motion")
+                           "or motion; of a focused image image (default), phase, coherence, height, labels, shadow or "
+                           "depth")
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the file with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="which ping the view `ping` shows (the middle one by default), a fan (the first), "
@@ -27,7 +28,8 @@ def add(commands: Commands) -> None:
     plot.add_argument("--tvg", default="recorder", choices=("seabed", "target", "recorder", "none"),
                       help="display gain over range")
     plot.add_argument("--colours", default="copper", choices=("copper", "grey"),
-                      help="of a waterfall, a fan or a water column")
+                      help="of a waterfall, a fan, a water column or a focused image")
+    plot.add_argument("--bank", type=whole, metavar="N", help="of a focused image; default: the first")
     plot.set_defaults(run=_plot)
 
     video = commands.add_parser("video", help="draw the pings of an array's records, or the water column of a line of "
@@ -62,7 +64,8 @@ def _plot(arguments):
         what = arguments.what or plots.usual_plot(dataset)
         output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{what}.png"
         tvg = None if arguments.tvg == "none" else arguments.tvg
-        plots.plot(dataset, what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours)
+        plots.plot(dataset, what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours,
+                   bank=arguments.bank)
     announce(output)
 
 
@@ -80,6 +83,9 @@ def _opened(path):
     with netcdf.opened(path) as record:
         if not isinstance(record, xr.Dataset):
             raise ValueError(f"{path} holds signals, and plots are of images and soundings; beamform them first.")
+        if "signal" in record:
+            raise ValueError(f"{path} holds raw echoes, and plots are of images and soundings; focus them by `mitsonar "
+                             "focus` first.")
         yield record
 
 

@@ -103,14 +103,14 @@ def make_grid(dataset: xr.Dataset) -> Grid:
                          f"ping and range; this dataset has {dict(dataset.sizes)}.")
     if not (dataset.sizes["ping"] and dataset.sizes["range"]):
         raise ValueError(f"there is nothing to plot: the dataset has {dict(dataset.sizes)}.")
-    slant_range = _edges_around(dataset["range"].values, float(dataset.attrs.get("bin_width", 1)))
+    slant_range = edges_around(dataset["range"].values, float(dataset.attrs.get("bin_width", 1)))
     slant_range[0] = max(slant_range[0], 0)
     across = slant_range if sides == [ONLY_SIDE] else np.concatenate([-slant_range[::-1], slant_range])
     steps = np.zeros(0)
     if {"x", "y"} <= set(dataset.coords):
         steps = np.hypot(np.diff(dataset["x"].values), np.diff(dataset["y"].values))
     moving = bool(steps.sum() > 1e-6)
-    along = _edges_around(np.r_[0, np.cumsum(steps)] if moving else np.arange(dataset.sizes["ping"]), 1)
+    along = edges_around(np.r_[0, np.cumsum(steps)] if moving else np.arange(dataset.sizes["ping"]), 1)
     bins = len(sides) * dataset.sizes["range"]
     width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST  # whole picture elements to a bin, where they are many
     square = width * (along[-1] - along[0]) / (across[-1] - across[0])
@@ -127,7 +127,7 @@ def _side_by_side(values, gap):
     return np.concatenate([values[:, 0, ::-1], middle, values[:, 1]], axis=1)
 
 
-def _edges_around(centres, alone):
+def edges_around(centres: np.ndarray, alone: float) -> np.ndarray:
     """Give the edges half-way between centres and as far beyond the ends; a single one is ``alone`` wide."""
     centres = np.asarray(centres, float)
     if centres.size == 1:

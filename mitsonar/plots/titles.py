@@ -5,7 +5,7 @@ import xarray as xr
 from ..units import khz_from_hertz
 from .grid import Grid
 
-__all__ = ["subtitle", "title"]
+__all__ = ["in_metres", "subtitle", "title"]
 
 
 def title(dataset: xr.Dataset) -> str:
@@ -18,17 +18,17 @@ def title(dataset: xr.Dataset) -> str:
 def subtitle(dataset: xr.Dataset, grid: Grid, column_db: float = 0.0) -> str:
     """Say how many pings and how far, how long the bins are, the altitude, and the gain [dB] of the water column."""
     pings = dataset.sizes["ping"]
-    parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
-             _metres(grid.across[-1]) + (" to each side" if grid.across[0] < 0 else " range")]
+    parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {in_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
+             in_metres(grid.across[-1]) + (" to each side" if grid.across[0] < 0 else " range")]
     if "bin_width" in dataset.attrs:
-        parts.append(f"bins of {_metres(float(dataset.attrs['bin_width']))}")
+        parts.append(f"bins of {in_metres(float(dataset.attrs['bin_width']))}")
     if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():
-        parts.append(f"altitude {_metres(float(np.nanmean(dataset['altitude'].values)))}")
+        parts.append(f"altitude {in_metres(float(np.nanmean(dataset['altitude'].values)))}")
     if column_db:
         parts.append(f"water column + {column_db:g} dB")
     return "   ·   ".join(parts)
 
 
-def _metres(length):
+def in_metres(length: float) -> str:
     """Give a length to three digits, without a power of ten."""
     return f"{100 * length:.3g} cm" if length < 1 else f"{length:.3g} m" if length < 999.5 else f"{length:.0f} m"

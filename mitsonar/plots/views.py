@@ -16,6 +16,7 @@ from . import canvas
 from .fan_labels import fan_labels
 from .fan_objects import fan_objects
 from .fans import fan_picture
+from .focused import FOCUSED_VIEWS, draw_focused, is_focused
 from .gain import Tvg
 from .grid import make_grid, stretches, with_sides
 from .label_key import label_key
@@ -53,12 +54,13 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> No
 
 def usual_plot(dataset: xr.Dataset) -> str:
     """Give the plot that a dataset has where none is asked for."""
-    return "overview" if is_line(dataset) else "waterfall"
+    return "overview" if is_line(dataset) else "image" if is_focused(dataset) else "waterfall"
 
 
 def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder", ping: int | None = None,
-         colours: str = "copper") -> None:
-    """Draw one of the plots named in `PLOTS`, or of a line of soundings one of `LINE_VIEWS`.
+         colours: str = "copper", bank: int | None = None) -> None:
+    """Draw one of the plots named in `PLOTS`, of a line of soundings one of `LINE_VIEWS`, of a focused image one of
+    `FOCUSED_VIEWS`.
 
     Parameters
     ----------
@@ -67,7 +69,8 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
         ``waterfall``, of an array the fan of one ping, of a rotating head a turn; ``ping``: the levels of one ping;
         ``mean``: levels against range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``,
         ``share``, ``hidden``, ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with
-        objects and their shadows outlined. Of a line of soundings as `line_figure`.
+        objects and their shadows outlined. Of a line of soundings as `line_figure`, of a focused image as
+        `focused.draw_focused`.
     path : str or path
         A .png, .pdf or .svg to write.
     tvg : {'seabed', 'target', 'recorder', None}
@@ -75,7 +78,9 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
     ping : int, optional
         For ``ping``, the middle one by default; for a fan, the first; of a rotating head, whose turn is drawn.
     colours : str
-        Of the waterfall, or the fan: ``copper`` or ``grey``.
+        Of the waterfall, the fan, or a focused image: ``copper`` or ``grey``.
+    bank : int, optional
+        Of a focused image, the first by default.
 
     Raises
     ------
@@ -84,9 +89,22 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
+    if bank is not None and not is_focused(dataset):
+        raise ValueError("banks are of focused images, and this dataset is none; leave the bank out.")
     if is_line(dataset):
         draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
         return
+    if is_focused(dataset):
+        if ping is not None:
+            raise ValueError("a focused image is of all its pings; leave the ping out.")
+        if tvg != "recorder":
+            raise ValueError("a focused image has no gain over range: its levels are of what lies there; leave the "
+                             "gain out.")
+        draw_focused(dataset, what, path, bank=bank, colours=colours)
+        return
+    if what in FOCUSED_VIEWS and what not in PLOTS:
+        raise ValueError(f"the plot {what!r} is of a focused image, over along_track and across_track; this dataset "
+                         f"has {', '.join(map(str, dataset.dims))}.")
     if what in LINE_VIEWS and what not in PLOTS:
         raise ValueError(f"the plot {what!r} is of a line of soundings, with travel_time and angle; this dataset has "
                          f"{', '.join(map(str, dataset.data_vars))}.")
