@@ -37,7 +37,7 @@ def parts_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
         raise ValueError(f"cannot write {name} as EXR: its type is {kind}, and channels hold float16, float32, "
                          "float64, complex64 and integers of up to 32 bits; cast it with .astype.")
     if kind.kind == "c":
-        return {REAL: values.real, IMAG: values.imag}
+        return {REAL: np.real(values), IMAG: np.imag(values)}
     if kind.str[1:] == "f8":
         return _near_and_rest(name, values)
     stored = STORED[kind.str[1:]]
