@@ -37,6 +37,9 @@ def add(commands: Commands) -> None:
     signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
     signals.add_argument("--path", action="append", metavar="NAME",
                          help="only echoes along this path, such as b, bs or v; may be repeated; default: all")
+    complete_with(signals.add_argument("--scatterers", metavar="OUT.nc",
+                                       help="of a synthetic aperture: write the scatterers of its echoes, too"),
+                  FILES)
     _add_sensor(signals)
     signals.set_defaults(run=_signals)
 
@@ -70,6 +73,8 @@ def _signals(arguments):
     if is_strip(scene, arguments.sensor):
         write_strip(arguments, scene)
         return
+    if arguments.scatterers is not None:
+        raise ValueError("--scatterers is of a synthetic aperture, and this sensor is none; leave it out.")
     compute = impulse_response if arguments.response else element_signals
     with Progress() as progress:
         which = arguments.sensor

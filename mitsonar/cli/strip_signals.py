@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -36,14 +37,18 @@ def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
     ValueError
         If an option is of other arrays, or what an earlier command began is of other echoes.
     """
-    from ..io import raw_echoes
+    from ..io import netcdf, raw_echoes
     from ..io.files import check_writable
-    from ..strip_verbs import raw_pings
+    from ..strip_verbs import raw_pings, scatterers
 
     for option, name, usual in OF_ARRAYS:
         if getattr(arguments, name) != usual:
             raise ValueError(f"{option} is of arrays whose pings stand alone, and this sensor is a synthetic_aperture; "
                              "leave it out.")
+    if arguments.scatterers is not None:
+        _check_beside(arguments.scatterers, arguments.output)
+        netcdf.write(scatterers(scene, sensor=arguments.sensor), arguments.scatterers)
+        announce(arguments.scatterers)
     counts: list[int] = []
     start = raw_echoes.written(arguments.output)
     planned = raw_pings(scene, arguments.seed, sensor=arguments.sensor, count=counts.append)
@@ -59,6 +64,14 @@ def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
     announce(arguments.output)
     if start:
         warn(f"{start} of {counts[0]} pings were there from before")
+
+
+def _check_beside(path: str, output: str) -> None:
+    """Refuse a name for the scatterers that is no netCDF file's, or that of the echoes."""
+    if os.path.splitext(path)[1].lower() != ".nc":
+        raise ValueError(f"cannot write {path}: its name must end in .nc")
+    if os.path.realpath(path) == os.path.realpath(output):
+        raise ValueError(f"{path} is asked for scatterers and for echoes; give another name.")
 
 
 def _told(made: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dataset]:

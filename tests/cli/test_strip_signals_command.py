@@ -72,7 +72,19 @@ def test_longer_work_is_told_after_the_first_ping(variant, folder, capfd, monkey
     assert capfd.readouterr().err.startswith("mitsonar: 2 pings of 4 receivers x ")
 
 
+def test_scatterers_are_written_beside(variant, folder, capfd):
+    import mitsonar
+
+    assert cli.main([*SIGNALS, "-D", "pings=2", "--scatterers", "points.nc"]) == 0
+    assert capfd.readouterr() == ("points.nc\nraw.nc\n", "")
+    found = mitsonar.read("points.nc")
+    assert found["amplitude"].dtype.kind == "c" and found.sizes["scatterer"] > 10
+    assert abs(float((abs(found["amplitude"]) ** 2).mean()) - 1) < 5 / found.sizes["scatterer"] ** 0.5
+
+
 @pytest.mark.parametrize("options, words", [
+    (("--scatterers", "raw.nc"), "raw.nc is asked for scatterers and for echoes"),
+    (("--scatterers", "a.csv"), "cannot write a.csv: its name must end in .nc"),
     (("--response",), "--response is of arrays whose pings stand alone"), (("--ping", "1"), "--ping is of arrays"),
     (("--kernel", "nearest"), "--kernel is of arrays"), (("--path", "b"), "--path is of arrays"),
     (("-o", "raw.h5"), "its name must end in .nc")])
