@@ -125,7 +125,8 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage |
         try:
             yield _decoded(_whole(dataset, path, unfinished), path)
         except (OSError, RuntimeError) as error:
-            if getattr(error, "errno", None) is not None:  # it is of another file: HDF5 gives words alone
+            # it is of another file: HDF5 gives words alone
+            if getattr(error, "errno", None) is not None or isinstance(error, (FileNotFoundError, PermissionError)):
                 raise
             raise _unreadable(error, path) from None
 
