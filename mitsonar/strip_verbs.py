@@ -18,12 +18,13 @@ from .survey.signals import LEAD
 from .survey.strip.image import focused, survey_grid, with_truth
 from .survey.strip.raw import raw_pings as pings_of
 from .survey.strip.scatterers import scatterers_of
+from .survey.strip.survey import StripSurvey
 from .synthetic_aperture.grids import Grid, default_grid
 from .synthetic_aperture.record import check_raw
 from .verbs import checked_seed, opened, provenance
 from .water.profile import SoundSpeedProfile
 
-__all__ = ["focus", "raw_echoes", "raw_pings", "scatterers"]
+__all__ = ["focus", "raw_echoes", "raw_pings", "scatterers", "strip_survey"]
 
 RAW_FILES = (".nc", ".h5", ".hdf5")
 
@@ -188,6 +189,11 @@ def scatterers(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> SonarIma
     scene, sonar, integrator = opened(scene, sensor)
     survey, about = _planned(scene, sonar, integrator)
     return SonarImage.of(scatterers_of(survey).assign_attrs(about))
+
+
+def strip_survey(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> StripSurvey:
+    """Plan the strip of a scene's synthetic aperture; arguments and errors as of `raw_echoes`."""
+    return _planned(*opened(scene, sensor))[0]
 
 
 def _planned(scene: mi.Scene, sonar: Any, integrator: Any) -> tuple[Any, dict[str, Any]]:

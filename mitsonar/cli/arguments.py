@@ -35,9 +35,10 @@ class Parser(argparse.ArgumentParser):
         return found
 
 
-def add_scene(command: argparse.ArgumentParser) -> None:
-    """Add what a command that loads a scene takes: the scene, its parameters, seed and threads."""
-    scene = command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
+def add_scene(command: argparse.ArgumentParser, also: str = "") -> None:
+    """Add what a command that loads a scene takes: the scene (or what ``also`` says), parameters, seed and threads."""
+    scene = command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar"
+                                               f"{also}")
     complete_with(scene, SCENES)
     command.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
                          help="value for a $parameter of the scene; repeatable")

@@ -1,5 +1,5 @@
-"""The command line: render, signals, demo, soundings, like, scenes, describe, sweep, plot, video, raster, convert,
-mosaic, plan, published, validate, labels, doctor.
+"""The command line: render, signals, demo, focus, soundings, like, scenes, describe, sweep, plot, video, raster,
+convert, mosaic, plan, published, validate, labels, doctor.
 
 Exit codes: 0 done, 1 where `validate` finds too large an error or renders of a `sweep` failed, 2 for what the user can
 mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or interrupted leaves no file, nor half of one.
@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from .. import __version__
 from ..io.errors import sentence
-from . import (describing, exporting, gridding, labels, machine, planning, raster, recorded, rendering, results,
-               sounding, sweep)
+from . import (describing, exporting, focusing, gridding, labels, machine, planning, raster, recorded, rendering,
+               results, sounding, sweep)
 from .arguments import Parser
 from .completion import SHELLS, Completion
 from .words import Signals, mute, warn
@@ -20,8 +20,8 @@ from .words import Signals, mute, warn
 __all__ = ["main"]
 
 # in the order of the help
-GROUPS = (rendering, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning, labels,
-          machine)
+GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning,
+          labels, machine)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -5,7 +5,7 @@ import time
 
 from .words import end_if_interrupted
 
-__all__ = ["Progress"]
+__all__ = ["Progress", "duration"]
 
 QUIET_SECONDS = 2.0                # progress is shown on anything longer
 LINE_SECONDS = 10.0                # where there is no terminal, a line this often
@@ -62,6 +62,14 @@ class Progress:
                             transient=True)
         self.task = self.bar.add_task(self.unit, completed=done, total=total, count=_count(done), pace=pace)
         self.bar.start()
+
+
+def duration(seconds: float) -> str:
+    """Say how long something takes, about."""
+    for length, unit in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.0f} s"
 
 
 def _count(done):

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from .progress import Progress
+from .progress import Progress, duration
 from .words import Signals, announce, warn
 
 if TYPE_CHECKING:
@@ -66,6 +66,10 @@ def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
         warn(f"{start} of {counts[0]} pings were there from before")
 
 
+def _size(size: int) -> str:
+    return f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB"
+
+
 def _check_beside(path: str, output: str) -> None:
     """Refuse a name for the scatterers that is no netCDF file's, or that of the echoes."""
     if os.path.splitext(path)[1].lower() != ".nc":
@@ -83,13 +87,6 @@ def _told(made: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dat
         seconds = (time.monotonic() - began) * (count - start)
         if number == start and seconds > WORTH_SAYING:
             shape = one["signal"].shape
-            warn(f"{count - start} pings of {shape[1]} receivers x {shape[2]} samples: {size_of(one, count) / 1e9:.2g} "
-                 f"GB, at most about {_duration(seconds)}; if interrupted, the same command goes on")
+            warn(f"{count - start} pings of {shape[1]} receivers x {shape[2]} samples: {_size(size_of(one, count))}, "
+                 f"at most about {duration(seconds)}; if interrupted, the same command goes on")
         yield one
-
-
-def _duration(seconds: float) -> str:
-    for length, unit in ((3600.0, "h"), (60.0, "min")):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{seconds:.0f} s"

@@ -15,6 +15,7 @@ HEAD = 8                           # bytes that tell kinds of files
 HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 GEOTIFF = (".tif", ".tiff")
+IMAGES = (".exr", ".nc", *hdf5.SUFFIXES, *GEOTIFF)       # of focused images
 KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .csv, .las "
          "(soundings)")
 

@@ -1,0 +1,184 @@
+"""The command focus: raw echoes of a synthetic aperture, from a file or made of a scene, to an image."""
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from .arguments import Commands, add_scene, number, parameters, set_up, whole
+from .completion import FILES, complete_with
+from .progress import Progress, duration
+from .words import announce, warn
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+    from ..water import SoundSpeedProfile
+
+__all__ = ["add"]
+
+WINDOW = "taylor 4 30"
+WIDEST_ANGLE = 64.0                # [degrees]
+WORTH_SAYING = 10.0                # [s]; less is a moment
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser's."""
+    command = commands.add_parser("focus", help="focus the raw echoes of a synthetic aperture to an image")
+    add_scene(command, ", or a file of raw echoes")
+    complete_with(command.add_argument("-o", "--output", required=True, metavar="OUT.exr|nc|h5|tif"), FILES)
+    complete_with(command.add_argument("--preview", metavar="OUT.png", help="also draw it"), FILES)
+    command.add_argument("--grid", default="ground", choices=("ground", "slant"),
+                         help="points of a level plane (default), or even in slant range")
+    command.add_argument("--spacing", metavar="M|ALONGxACROSS", help="of its points, such as 0.02 or 0.03x0.01; "
+                                                                     "default: half the resolution")
+    command.add_argument("--along", nargs=2, type=number, metavar=("FROM", "TO"),
+                         help="metres along the track from the first ping; default: to the last")
+    command.add_argument("--across", nargs=2, type=number, metavar=("FROM", "TO"),
+                         help="metres to starboard, of a slant grid in slant range; default: all that is recorded")
+    command.add_argument("--depth", type=number, metavar="M", help="of the plane; default: the mean depth of the bed")
+    complete_with(command.add_argument("--profile", metavar="CAST|M/S",
+                                       help="water to focus with: the file of a cast, or one sound speed; default: "
+                                            "that of the echoes"), FILES)
+    command.add_argument("--window", default=WINDOW, help=f"over the aperture's angles: \"{WINDOW}\" (default), hann, "
+                                                          "boxcar ..., or none: the elements' own beams")
+    command.add_argument("--range-window", default=WINDOW, help="over the pulse's band, likewise")
+    command.add_argument("--angle", type=number, metavar="DEG",
+                         help="widest angle from abreast that is used; default: what the elements' lengths resolve")
+    complete_with(command.add_argument("--trajectory", metavar="TRACK.nc",
+                                       help="file of another trajectory than the true one, with motion_time, motion_x "
+                                            "and so on"), FILES)
+    command.add_argument("--pings", nargs=2, type=whole, metavar=("FIRST", "LAST"), help="of them; default: all")
+    command.add_argument("--sensor", default=0, metavar="ID", help="which of a scene's sonars; default: the first")
+    command.set_defaults(run=_focus)
+
+
+def _focus(arguments: argparse.Namespace) -> None:
+    from ..io import reading
+    from ..io.files import check_writable
+    from ..io.reading import is_netcdf
+
+    check_writable(arguments.output)
+    suffix = os.path.splitext(arguments.output)[1].lower()
+    if suffix in reading.GEOTIFF and arguments.grid == "slant":
+        raise ValueError("a slant grid is not even on a map, and a GeoTIFF is; leave out --grid slant, or write .exr, "
+                         ".nc or .h5.")
+    if arguments.angle is not None and not 0 < arguments.angle <= WIDEST_ANGLE:
+        raise ValueError(f"--angle is {arguments.angle:g} degrees from abreast; give one above 0 and up to "
+                         f"{WIDEST_ANGLE:g}.")
+    if suffix not in reading.IMAGES:
+        raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in one of "
+                         f"{', '.join(reading.IMAGES)}.")
+    if arguments.preview is not None:
+        from ..plots.canvas import file_format
+
+        file_format(arguments.preview)
+        check_writable(arguments.preview)
+    set_up(arguments.threads)
+    image = _of_file(arguments) if is_netcdf(arguments.scene) else _of_scene(arguments)
+    reading.write(image, arguments.output)
+    announce(arguments.output)
+    if arguments.preview is not None:
+        from .. import plots
+
+        plots.preview(image, arguments.preview)
+        announce(arguments.preview)
+
+
+def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
+    """The image of echoes in a file, read ping by ping."""
+    given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
+                                          ("--sensor", arguments.sensor)) if there]
+    if given:
+        raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} holds raw echoes; leave it out.")
+    from ..io import raw_echoes
+
+    if os.path.exists(arguments.output) and os.path.samefile(arguments.scene, arguments.output):
+        raise ValueError(f"{arguments.output} holds the raw echoes; give another name.")
+    with raw_echoes.opened(arguments.scene) as record:
+        first, last = _pings(arguments, record.sizes["ping"])
+        chosen = record.isel(ping=slice(first, last + 1))
+        return _focused(arguments, chosen["ping_time"].values, raw_echoes.pings(chosen))
+
+
+def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
+    """The image of a scene's echoes, made ping by ping, with its truth."""
+    from ..io import scenes
+    from ..scene.loading import load_file
+    from ..strip_verbs import raw_pings, strip_survey
+    from ..survey.strip.truth import strip_truth
+
+    scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
+    survey = strip_survey(scene, sensor=arguments.sensor)
+    first, last = _pings(arguments, survey.track.pings)
+    made = raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=first)
+    times = survey.track.time[first:last + 1]
+    image = _focused(arguments, times, (one for _, one in zip(times, made, strict=False)))
+    truth = strip_truth(survey, image["x"].values, image["y"].values, image["depth"].values, arguments.seed)
+    named = {name: truth.attrs[name] for name in ("labels", "classes") if name in truth.attrs}
+    return image.assign(truth.data_vars).assign_coords(truth.coords).assign_attrs(named)
+
+
+def _focused(arguments: argparse.Namespace, times: np.ndarray, pings: Iterator[xr.Dataset]) -> xr.Dataset:
+    """The image of pings, of which one is held at a time."""
+    import math
+
+    from ..io.records import SonarImage
+    from ..synthetic_aperture.focusing import Focuser
+    from .focus_grid import chosen_grid
+
+    one = next(pings)
+    navigated = _trajectory(arguments.trajectory)
+    grid = chosen_grid(arguments, one if navigated is None else navigated, one, times)
+    sine = None if arguments.angle is None else math.sin(math.radians(arguments.angle))
+    focuser = Focuser(one, grid, _profile(arguments.profile), window=arguments.window,
+                      range_window=arguments.range_window, trajectory=navigated, aperture=sine)
+    total, began = len(times), time.monotonic()
+    with Progress(verb="focusing") as progress:
+        for done, ping in enumerate(itertools.chain([one], pings), 1):
+            focuser.add(ping)
+            progress(done, total)
+            seconds = (time.monotonic() - began) * total
+            if done == 1 and seconds > WORTH_SAYING:
+                warn(f"{total} pings onto {' x '.join(map(str, grid.depth.shape))} points: at most about "
+                     f"{duration(seconds)}; a coarser --spacing, or a part --along and --across, is faster")
+    return SonarImage.of(focuser.image())
+
+
+def _pings(arguments: argparse.Namespace, count: int) -> tuple[int, int]:
+    """The first and the last ping that are asked for."""
+    first, last = arguments.pings or (0, count - 1)
+    if not 0 <= first < last < count:
+        raise ValueError(f"pings {first} to {last} were asked for, and there are {count}, counted from 0; give two or "
+                         "more of them.")
+    return first, last
+
+
+def _trajectory(path: str | None) -> xr.Dataset | None:
+    """The trajectory in a file, of its own or beside echoes, whose signals stay there."""
+    if path is None:
+        return None
+    from ..io import netcdf
+
+    with netcdf.opened(path) as record:
+        names = [name for name in getattr(record, "variables", ()) if str(name).startswith("motion_")]
+        if "motion_time" not in names:
+            raise ValueError(f"{path} holds no trajectory; give a netCDF file with motion_time, motion_x, motion_y, "
+                             "motion_depth, motion_roll, motion_pitch and motion_heading.")
+        return record[names].load()
+
+
+def _profile(text: str | None) -> SoundSpeedProfile | float | None:
+    """The water that is asked for: a number is one sound speed, anything else a file."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        from ..io import casts
+
+        return casts.read(text).profile
