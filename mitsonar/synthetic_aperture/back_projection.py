@@ -1,0 +1,341 @@
+"""Back-projection of one ping: every receiver is read where the echo of a point stands, for all points in the beam.
+
+    N(p) += Σ_r w(u_r) R_t R_r 10^(α (R_t + R_r)/20) m_r(τ - (η - 1) f₀/k) e^(i2πf₀τ),     D(p) += Σ_r w(u_r) g(u_r)
+    c₀ τ = R_t (1 + r_t) + R_r (1 + r_r),     u_r = (sin of the angle from abreast, out and back) / 2
+
+m -> compressed signals, r -> residuals of `delays`, g -> the beams of the elements' lengths, w -> the aperture's
+weights; N/D 10^(-SL/20) is the image. The transmitter is where the body has it when the pulse's middle leaves, whose
+frequency is the carrier; receivers are where the body has them when that comes in, at τ by iteration. An echo that
+comes compressed in time by η has its sweep of rate k shifted: peaks stand (η - 1) f₀/k too early.
+
+Of a point everything is computed once for the receivers' centre, in float64; a receiver's own way differs by
+ΔR = q / (R + sqrt(R² + q)), q = |a|² - 2 a·p, a its place from the centre and p the point, both in the axes of the body
+at reception. The residual follows a to first order, through the receiver's distance and depth.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..device.arrays import looped, upload
+from ..device.lookups import held
+from ..device.types import ArrayTypes, Float, Float64, UInt32
+from .delays import Plane
+from .grids import Grid
+from .motion import Moving
+
+__all__ = ["Aperture", "BackProjection", "Sender", "Water"]
+
+TILE = 16                          # points along a tile's side
+WEIGHTS = 1024                     # nodes of the weights over |u|
+TINY = 1e-3                        # [m]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Aperture:
+    """The angles that are used, and how.
+
+    Attributes
+    ----------
+    widest : float [-]
+        Largest |u|.
+    weights : float32 (`WEIGHTS`, 2)
+        w and w g at even steps of |u|, from 0 to `widest`.
+    """
+
+    widest: float
+    weights: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sender:
+    """A transmitter at its instant.
+
+    Attributes
+    ----------
+    place, velocity : (3,) [m], [m/s]
+    rotation : (3, 3)
+    """
+
+    place: np.ndarray
+    velocity: np.ndarray
+    rotation: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Water:
+    """What a ping's delays are made with.
+
+    Attributes
+    ----------
+    sound_speed : float [m/s]
+    sender, receivers : Plane or None
+        Residuals at the depths of the transmitter and of the receivers' centre; None: straight lines.
+    absorption_db : float [dB/m]
+    """
+
+    sound_speed: float
+    sender: Plane | None = None
+    receivers: Plane | None = None
+    absorption_db: float = 0.0
+
+
+class BackProjection:
+    """An image in the making, of the receivers of one bank.
+
+    Parameters
+    ----------
+    lib : Dr.Jit namespace
+    grid : Grid
+    aperture : Aperture
+    frequency, rate, first : float [Hz], [Hz], [s]
+        Carrier; of the compressed signals, and the time of their first sample.
+    samples : int
+        Of the compressed signals.
+    coupling : float [s]
+        f₀/k.
+    look : (3,)
+        Unit vector, body frame.
+    """
+
+    def __init__(self, lib: ArrayTypes, grid: Grid, aperture: Aperture, *, frequency: float, rate: float, first: float,
+                 samples: int, coupling: float, look: np.ndarray):
+        self.lib, self.grid, self.aperture, self.look = lib, grid, aperture, np.asarray(look, float)
+        self.frequency, self.rate, self.first = frequency, rate, first
+        self.samples, self.coupling = samples, coupling
+        rows, columns = grid.depth.shape
+        self.tiles = -(-rows // TILE), -(-columns // TILE)
+        self.along, self.ground = upload(lib.Float64, grid.along_track), upload(lib.Float64, grid.ground)
+        self.depth = upload(lib.Float, grid.depth)
+        self.table = upload(lib.Float, aperture.weights)
+        self.real, self.imaginary, self.weight = (dr.zeros(lib.Float, rows * columns) for _ in range(3))
+        self._centres, self._radius = self._tile_places()
+
+    def _tile_places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Middles (N, 3) of the tiles, and the radii (N,) of spheres about their points."""
+        grid = self.grid
+        corners = []
+        for end in (0, TILE - 1):
+            rows = np.minimum(np.arange(self.tiles[0]) * TILE + end, len(grid.along_track) - 1)
+            for other in (0, TILE - 1):
+                columns = np.minimum(np.arange(self.tiles[1]) * TILE + other, len(grid.ground) - 1)
+                a, g = grid.along_track[rows][:, None], grid.ground[columns]
+                corners.append(np.stack([grid.origin[0] + a * np.sin(grid.heading) + g * np.cos(grid.heading),
+                                         grid.origin[1] + a * np.cos(grid.heading) - g * np.sin(grid.heading),
+                                         grid.depth[np.ix_(rows, columns)]], -1).reshape(-1, 3))
+        middle = np.mean(corners, 0)
+        radius = np.max([np.linalg.norm(one - middle, axis=-1) for one in corners], 0)
+        depths = [np.maximum.reduceat(np.maximum.reduceat(some, np.arange(self.tiles[0]) * TILE, 0),
+                                      np.arange(self.tiles[1]) * TILE, 1).ravel() for some in (grid.depth, -grid.depth)]
+        return middle, radius + np.maximum(depths[0] - middle[:, 2], depths[1] + middle[:, 2])
+
+    def in_sight(self, sender: Sender, receivers: Moving, places: np.ndarray, sound_speed: float) -> np.ndarray:
+        """Give the numbers of the tiles that the ping may touch: in the beam, abreast, and within the record."""
+        away = self._centres - receivers.place
+        distance = np.maximum(np.linalg.norm(away, axis=1), TINY)
+        out = np.maximum(np.linalg.norm(self._centres - sender.place, axis=1), TINY)
+        reach = np.abs(places[:, 0]).max() + self._radius
+        sine = 0.5 * np.abs(away @ receivers.rotation[:, 0] / distance
+                            + (self._centres - sender.place) @ sender.rotation[:, 0] / out)
+        beam = sine <= self.aperture.widest + reach / distance + 0.02
+        abreast = away @ (receivers.rotation @ self.look) > -2 * self._radius
+        last = self.first + self.samples / self.rate
+        # residuals of the straight line and the array's own extent are far below the margin
+        margin = 0.05 * (distance + out) + 2 * reach + 1.0
+        heard = ((distance + out + margin > self.first * sound_speed) & (distance + out - margin < last * sound_speed))
+        return np.flatnonzero(beam & abreast & heard).astype(np.uint32)
+
+    def add(self, signals: np.ndarray, sender: Sender, receivers: Moving, places: np.ndarray, water: Water) -> None:
+        """Add a ping.
+
+        Parameters
+        ----------
+        signals : complex64 (rx, samples)
+        sender : Sender
+        receivers : Moving
+            The receivers' centre.
+        places : (rx, 3) [m]
+            Of the receivers from their centre, body frame.
+        water : Water
+        """
+        tiles = self.in_sight(sender, receivers, places, water.sound_speed)
+        if not len(tiles):
+            return
+        lib = self.lib
+        inside, pixel, point = self._points(tiles)
+        ways = _Ways(lib, point, sender, receivers, water, self)
+        depth = places @ receivers.rotation[2]
+        elements = upload(lib.Float, np.column_stack([places, (places ** 2).sum(1)]).astype(np.float32))
+        depths = upload(lib.Float, depth.astype(np.float32))
+        values = upload(lib.Float, signals.view(np.float32))
+        real, imaginary, weight = self._summed(ways, values, elements, depths, len(places), inside, water)
+        for total, part in ((self.real, real), (self.imaginary, imaginary), (self.weight, weight)):
+            dr.scatter(total, dr.gather(lib.Float, total, pixel, inside) + part, pixel, inside)
+        dr.eval(self.real, self.imaginary, self.weight)
+
+    def _points(self, tiles: np.ndarray) -> tuple[Any, UInt32, list[Float64]]:
+        """Which threads have a point, its number, and its place: x, y, depth."""
+        lib, (rows, columns) = self.lib, self.grid.depth.shape
+        thread = dr.arange(lib.UInt32, len(tiles) * TILE * TILE)
+        tile = dr.gather(lib.UInt32, upload(lib.UInt32, tiles), thread // (TILE * TILE))
+        local = thread % (TILE * TILE)
+        across = dr.opaque(lib.UInt32, self.tiles[1])
+        row = tile // across * TILE + local // TILE
+        column = tile % across * TILE + local % TILE
+        height, width = dr.opaque(lib.UInt32, rows), dr.opaque(lib.UInt32, columns)
+        inside = (row < height) & (column < width)
+        pixel = row * width + column
+        a = dr.gather(lib.Float64, self.along, row, inside)
+        g = dr.gather(lib.Float64, self.ground, column, inside)
+        s, c = (dr.opaque(lib.Float64, float(f(self.grid.heading))) for f in (np.sin, np.cos))
+        x, y = (dr.opaque(lib.Float64, one) for one in self.grid.origin)
+        z = lib.Float64(dr.gather(lib.Float, self.depth, pixel, inside))
+        return inside, pixel, [x + a * s + g * c, y + a * c - g * s, z]
+
+    def _summed(self, ways: _Ways, values: Float, elements: Float, depths: Float, count: int, inside: Any,
+                water: Water) -> tuple[Float, Float, Float]:
+        """Sum over the receivers, for every thread."""
+        lib = self.lib
+        one, last = dr.opaque(lib.UInt32, 1), dr.opaque(lib.UInt32, count)
+        row, end = dr.opaque(lib.UInt32, self.samples), dr.opaque(lib.Float, float(self.samples - 1))
+        per_metre = dr.opaque(lib.Float, self.rate / water.sound_speed)
+        cycles = dr.opaque(lib.Float, self.frequency / water.sound_speed)
+        finest = dr.opaque(lib.Float, (WEIGHTS - 1) / self.aperture.widest)
+        bent = water.receivers is not None
+        bx, by, bz = (-2 * part for part in ways.body)
+
+        def body(n: UInt32, real: Float, imaginary: Float, weight: Float) -> tuple:
+            a = dr.gather(lib.Array4f, elements, n)
+            q = dr.fma(a[0], bx, dr.fma(a[1], by, dr.fma(a[2], bz, a[3])))
+            slant = dr.sqrt(dr.fma(ways.slant, ways.slant, q))
+            further = q / (slant + ways.slant) * ways.stretch
+            if bent:
+                further = dr.fma(ways.by_square, q, further)
+                further = dr.fma(ways.by_depth, dr.gather(lib.Float, depths, n), further)
+            place = dr.fma(further, per_metre, ways.fraction)
+            whole = dr.floor(place)
+            share = place - whole
+            place = ways.whole + whole
+            sine = dr.abs(dr.fma(0.5, (ways.ahead - a[0]) / slant, ways.half_sine))
+            node = dr.fma(sine, finest, 0.5)
+            on = (place >= 0) & (place < end) & (node < WEIGHTS)
+            at = n * row + lib.UInt32(held(place, 0, end))
+            w = dr.gather(lib.Array2f, self.table, lib.UInt32(held(node, 0, WEIGHTS - 1)), on)
+            first = dr.gather(lib.Array2f, values, at, on)
+            second = dr.gather(lib.Array2f, values, at + one, on)
+            re, im = dr.lerp(first[0], second[0], share), dr.lerp(first[1], second[1], share)
+            turn = dr.fma(further, cycles, ways.phase)
+            turn -= dr.round(turn)
+            s, c = dr.sincos(2 * np.pi * turn)
+            scale = w[0] * slant
+            return (n + one, dr.fma(scale, dr.fma(re, c, -im * s), real),
+                    dr.fma(scale, dr.fma(re, s, im * c), imaginary), weight + w[1])
+
+        size = dr.width(ways.slant)
+        nothing = [dr.zeros(lib.Float, size) for _ in range(3)]
+        start = dr.zeros(lib.UInt32, size)
+        _, real, imaginary, weight = looped((start, *nothing), lambda n, *_: (n < last) & inside & ways.abreast, body)
+        return real * ways.loss, imaginary * ways.loss, weight
+
+
+class _Ways:
+    """Of every thread's point: the way out, and the way back to the receivers' centre."""
+
+    def __init__(self, lib: ArrayTypes, point: list[Float64], sender: Sender, receivers: Moving, water: Water,
+                 image: BackProjection):
+        def number(value: float) -> Float:
+            return dr.opaque(lib.Float, float(value))
+
+        def exact(value: float) -> Float64:
+            return dr.opaque(lib.Float64, float(value))
+
+        out = [p - exact(s) for p, s in zip(point, sender.place, strict=True)]
+        out_slant = dr.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+        out_axis = [lib.Float(one) for one in out]
+        out_way = out_slant
+        residual = None
+        if water.sender is not None:
+            residual = _Residual(lib, water.sender, out_axis, lib.Float(point[2]))
+            out_way = out_slant * (1 + lib.Float64(residual.value))
+        speed, middle = exact(water.sound_speed), exact(receivers.middle)
+        per_half = exact(1 / receivers.half)
+        powers = receivers.coefficients
+        centre = [p - exact(c) for p, c in zip(point, receivers.place, strict=True)]
+
+        def powered(time: Float, column: int) -> Float:
+            value = number(powers[-1, column])
+            for power in powers[-2::-1, column]:
+                value = dr.fma(value, time, number(power))
+            return value
+
+        def when(way: Float64) -> Float:
+            return lib.Float(dr.clip((way / speed - middle) * per_half, -1.05, 1.05))
+
+        def back_at(time: Float) -> tuple[list[Float], list[Float64], Float64]:
+            moved = [powered(time, k) for k in range(3)]
+            back = [c - lib.Float64(m) for c, m in zip(centre, moved, strict=True)]
+            return moved, back, dr.sqrt(back[0] * back[0] + back[1] * back[1] + back[2] * back[2])
+
+        early = back_at(when(2 * out_way))[2]
+        if residual is not None:
+            early = early * (1 + lib.Float64(residual.value))
+        time = when(out_way + early)
+        moved, back, slant = back_at(time)
+        self.slant = lib.Float(slant)
+        axis = [lib.Float(one) for one in back]
+        unit = [one / self.slant for one in axis]
+        closing = sum(u * number(v / water.sound_speed) for u, v in zip(unit, receivers.velocity, strict=True))
+        out_closing = sum(d * number(v / water.sound_speed) for d, v in zip(out_axis, sender.velocity, strict=True))
+        out_near = lib.Float(out_slant)
+        # who hears later has moved on meanwhile: dτ = dR / (1 + closing)
+        self.stretch = 1 / (1 + closing)
+        way = slant
+        self.by_square = self.by_depth = number(0)
+        if water.receivers is not None:
+            bend = _Residual(lib, water.receivers, axis, lib.Float(point[2]))
+            value = dr.fma(bend.by_depth, moved[2], bend.value)
+            way = slant * (1 + lib.Float64(value))
+            self.by_square = self.slant * bend.by_range / (2 * dr.maximum(bend.across, TINY)) * self.stretch
+            self.by_depth = dr.fma(2 * axis[2], self.by_square, self.slant * bend.by_depth * self.stretch)
+            self.stretch *= 1 + value
+        total = (out_way + way) / speed
+        early = (closing + out_closing / out_near) * number(image.coupling)
+        place = (total - exact(image.first)) * exact(image.rate)
+        whole = dr.floor(place)
+        self.whole = lib.Float(dr.clip(whole, -1e6, 1e9))
+        self.fraction = lib.Float(place - whole) - early * number(image.rate)
+        turns = total * exact(image.frequency)
+        self.phase = lib.Float(turns - dr.round(turns))
+        turned = [powered(time, 3 + k) + number(receivers.rotation.ravel()[k]) for k in range(9)]
+        self.body = [axis[0] * turned[k] + axis[1] * turned[3 + k] + axis[2] * turned[6 + k] for k in range(3)]
+        self.ahead = self.body[0]
+        forward = sender.rotation[:, 0]
+        self.half_sine = 0.5 * sum(d * number(f) for d, f in zip(out_axis, forward, strict=True)) / out_near
+        self.abreast = sum(b * number(f) for b, f in zip(self.body, image.look, strict=True)) > 0
+        self.loss = out_near * dr.exp2((out_near + self.slant) * number(water.absorption_db / 20 * np.log2(10)))
+
+
+class _Residual:
+    """Residual of the straight line, read from a plane: value, slope over the distance, slope over the depth."""
+
+    def __init__(self, lib: ArrayTypes, plane: Plane, axis: list[Float], depth: Float):
+        rows, columns = plane.values.shape[:2]
+        self.across = dr.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
+        values = upload(lib.Float, plane.values)
+        step = dr.opaque(lib.Float, plane.range[1])
+        x = (self.across - dr.opaque(lib.Float, plane.range[0])) / step
+        y = (depth - dr.opaque(lib.Float, plane.depth[0])) / dr.opaque(lib.Float, plane.depth[1])
+        x = held(x, 0, dr.opaque(lib.Float, columns - 1.001))
+        y = held(y, 0, dr.opaque(lib.Float, rows - 1.001))
+        column, row = lib.UInt32(x), lib.UInt32(y)
+        x, y = x - lib.Float(column), y - lib.Float(row)
+        width = dr.opaque(lib.UInt32, columns)
+        at = row * width + column
+        a, b, c, d = (dr.gather(lib.Array2f, values, at + k) for k in (0, 1, width, width + 1))
+        near, far = dr.lerp(a[0], c[0], y), dr.lerp(b[0], d[0], y)
+        self.value = dr.lerp(near, far, x)
+        self.by_range = (far - near) / step
+        self.by_depth = dr.lerp(dr.lerp(a[1], c[1], y), dr.lerp(b[1], d[1], y), x)

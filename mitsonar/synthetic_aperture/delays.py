@@ -1,0 +1,126 @@
+"""Travel times from points to moving elements, as what they differ by from those of straight lines.
+
+    c₀ T = R (1 + r(ρ, z, z_s)),      dr/dz_s = c₀ (dT/dz_s / R - T (dR/dz_s) / R²),      dT/dz_s = -sin(θ_s) / c(z_s)
+
+R, ρ -> slant and horizontal distance, z -> the point's depth, z_s -> the element's, c₀ -> ``sound_speed`` of reference,
+θ_s -> the exact eigenray's launch angle, down. r is smooth: exact eigenrays give it and dr/dz_s for some z_s, ρ and z;
+cubic splines lead through ρ, cubic Hermite polynomials through z_s (Hermite needs just the value and its slope).
+`TravelTables.at` gives a plane of r and dr/dz_s over (z, ρ) for an element's depth, which the device reads linearly.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..propagation import eigenray
+from ..water import SoundSpeedProfile
+
+__all__ = ["Plane", "TravelTables", "bends"]
+
+NODES = 129                        # of an eigenray table over the distance, even in asinh(ρ/H)
+SOURCE_STEP = 0.2                  # [m] of the elements' depths
+POINT_STEP = 0.1                   # [m] of the points' depths
+RANGE_STEP = 0.04                  # [m] of the planes
+MOST_DEPTHS = 256
+LEVEL = 1e-3                       # [m] that a level grid's depths may differ by
+SHALLOWEST = 0.5                   # [m], scale of distances where element and point are at one depth
+
+
+def bends(profile: SoundSpeedProfile) -> bool:
+    """Tell whether a profile has more than one sound speed."""
+    return bool(np.ptp(profile.sound_speed) > 0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plane:
+    """Residuals for one depth of an element.
+
+    Attributes
+    ----------
+    values : float32 (Z, N, 2)
+        r, and its derivative with the element's depth [1/m].
+    depth, range : (float, float) [m]
+        First node and step of z, and of ρ.
+    """
+
+    values: np.ndarray
+    depth: tuple[float, float]
+    range: tuple[float, float]
+
+
+class TravelTables:
+    """Residuals of the straight line, made where they are asked for.
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+    sound_speed : float [m/s]
+        c₀.
+    depths : (float, float) [m]
+        Least and largest of the points'.
+    ranges : (float, float) [m]
+        Least and largest horizontal distance.
+    """
+
+    def __init__(self, profile: SoundSpeedProfile, sound_speed: float, depths: tuple[float, float],
+                 ranges: tuple[float, float]):
+        self.profile, self.sound_speed = profile, sound_speed
+        low, high = depths
+        if high - low < LEVEL:
+            low, high = 0.5 * (low + high) - LEVEL, 0.5 * (low + high) + LEVEL
+        count = int(np.clip(np.ceil((high - low) / POINT_STEP), 1, MOST_DEPTHS)) + 1
+        self.depth = np.linspace(low, high, count)
+        first = max(ranges[0] - RANGE_STEP, 0.0)
+        self.range = first + RANGE_STEP * np.arange(int(np.ceil((ranges[1] - first) / RANGE_STEP)) + 2)
+        self._known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def at(self, source_depth: float) -> Plane:
+        """Give the residuals for an element's depth [m].
+
+        Raises
+        ------
+        ValueError
+            If no ray reaches any of the points.
+        """
+        number = int(np.floor(source_depth / SOURCE_STEP))
+        share = source_depth / SOURCE_STEP - number
+        (a, da), (b, db) = self._node(number), self._node(number + 1)
+        h = SOURCE_STEP
+        value = a + share * share * (3 - 2 * share) * (b - a) + h * share * (1 - share) * (
+            (1 - share) * da - share * db)
+        slope = 6 * share * (1 - share) * (b - a) / h + (1 - share) * (1 - 3 * share) * da + share * (3 * share - 2) * db
+        for old in [one for one in self._known if abs(one - number) > 50]:
+            del self._known[old]
+        return Plane(values=np.stack([value, slope], -1).astype(np.float32),
+                     depth=(float(self.depth[0]), float(self.depth[1] - self.depth[0])),
+                     range=(float(self.range[0]), RANGE_STEP))
+
+    def _node(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Give r and dr/dz_s (Z, N) for the depth number · `SOURCE_STEP`."""
+        if number not in self._known:
+            self._known[number] = self._traced(number * SOURCE_STEP)
+        return self._known[number]
+
+    def _traced(self, source: float) -> tuple[np.ndarray, np.ndarray]:
+        height = self.depth - source
+        scale = np.maximum(np.abs(height), SHALLOWEST)
+        tables = []
+        for z, h, unit in zip(self.depth, height, scale, strict=True):
+            ends = np.arcsinh(self.range[[0, -1]] / unit)
+            nodes = np.linspace(ends[0], ends[1], NODES)
+            across = unit * np.sinh(nodes)
+            rays = eigenray(self.profile, source, z, across)
+            slant = np.maximum(np.hypot(across, h), 1e-6)
+            residual = self.sound_speed * rays.travel_time / slant - 1
+            fall = -np.sin(rays.launch_angle) / self.profile.at(source)
+            slope = self.sound_speed * (fall / slant + rays.travel_time * h / slant ** 3)
+            kept = np.isfinite(residual)
+            if np.count_nonzero(kept) < 4:
+                raise ValueError(f"no ray leads from {source:g} m of depth to points at {z:g} m; move the grid, or give "
+                                 "another profile")
+            at = np.clip(np.arcsinh(self.range / unit), nodes[kept][0], nodes[kept][-1])
+            tables.append(CubicSpline(nodes[kept], np.stack([residual[kept], slope[kept]], -1))(at))
+        both = np.stack(tables)
+        return both[..., 0], both[..., 1]
