@@ -1,4 +1,8 @@
-"""Ends of paths connected with each other, with point targets and with the sonar: symbols as in `multipath`."""
+"""Ends of paths connected with each other, with point targets and with the sonar: symbols as in `multipath`.
+
+What a bed throws on to a target in one phase is heard as such (`bed_mirror`), and is no part of what is scattered
+between the two: strengths of beds are multiplied there by what is left of their mirror's power, 1 - |V/R|².
+"""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -6,11 +10,16 @@ from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from ..device.arrays import upload
 from ..device.chance import Salt, pair, salted, uniform
-from ..scene.materials import bistatic_strength
+from ..scene.labels import SEABED
+from ..scene.materials import bistatic_strength, coherent_reflection, reflects
 from ..tracing.connection import Connection, Connector
+from ..tracing.hits import Hits
 from ..tracing.launch import Strata
+from .bed_planes import first_zone
 from .chosen_partners import CANDIDATES
 from .ghosts import Ghosts, joined
 from .path_ends import Ends, Origins, TargetEnds, computed, image_of
@@ -22,6 +31,8 @@ from .sonar_equation import (
 )
 
 __all__ = ["ConnectedEnds"]
+
+NOTHING_ROUGH = 1e12               # [rad/m]
 
 
 class ConnectedEnds:
@@ -40,6 +51,7 @@ class ConnectedEnds:
         self._connector, self._water, self._lib = connector, connector.water, connector.lib
         self._frequency, self._max_depth = frequency, max_depth
         self.targets, self._mirror = PointTargets(geometry.targets()), geometry.surface_mirrors
+        self._beds = upload(mi.Bool, geometry.named.label_kinds() == SEABED) if reflects(geometry) else None
 
     def by_the_mirror(self, direct: Ends, folded: Ends, sonar: Origins) -> Iterator[Ghosts]:
         """Yield ghosts of one bounce off a surface, and the mirror before or after it or both."""
@@ -95,6 +107,7 @@ class ConnectedEnds:
                                    folded=folded, short=TARGET_RADIUS)
         active &= way.free
         strength, sine = bistatic_strength(ends.hits, way.launch_direction, active, self._frequency)
+        strength *= self._diffuse(ends.hits, sine, mi.Float(dr.norm(ends.leg.offset)), way.arc_length, active)
         energy = passed_on(scattered(ends.solid_angle, strength, sine) * target.worth,
                            spreading_area=way.spreading_area, patch=ends.patch)
         code = Paths.extended(ends.code, mi.Bool(True)) if folded else ends.code
@@ -108,6 +121,8 @@ class ConnectedEnds:
             way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)
             active = hits.valid & way.free
             strength, sine = bistatic_strength(hits, -way.arrival_direction, active, self._frequency)
+            between = mi.Float(ends.between * hits.sound_speed)
+            strength *= self._diffuse(hits, sine, between, way.arc_length, active)
             energy = echo_energy(solid_angle=ends.solid_angle, strength=strength, sin_grazing=sine,
                                  spreading_area=way.spreading_area,
                                  speed_ratio=speed_ratio(hits.sound_speed, sonar.speed))
@@ -116,6 +131,19 @@ class ConnectedEnds:
             ghosts = Ghosts.of(energy, ends, back, ends.between, code, active)
             yield ghosts
             yield ghosts.reversed(ends, sonar.origin)
+
+    def _diffuse(self, hits: Hits, sine: mi.Float, first: mi.Float, second: mi.Float,
+                 active: mi.Bool) -> mi.Float | float:
+        """What a bed throws on in many phases, of legs of lengths `first` and `second` [m] to and from it."""
+        if self._beds is None:
+            return 1.0
+        active = active & dr.gather(mi.Bool, self._beds, hits.label, active)
+        lowest = (2 * np.pi) / first_zone(mi.Float(hits.sound_speed) / dr.opaque(mi.Float, self._frequency), first,
+                                          second)
+        (a, b), (c, d) = (coherent_reflection(hits, sine, active, self._frequency, cut, smooth_too=False)
+                          for cut in (lowest, mi.Float(NOTHING_ROUGH)))
+        flat = c * c + d * d
+        return dr.select(active & (flat > 0), dr.maximum(1 - (a * a + b * b) / dr.maximum(flat, 1e-20), 0), 1)
 
     def _seen(self, sonar: Origins, point: dr.ArrayBase, normal: mi.Vector3f, active: mi.Bool, folded: bool,
               code: mi.UInt32, short: float = 0.0) -> tuple[Connection, dr.ArrayBase, mi.UInt32]:

@@ -77,7 +77,7 @@ class Ensonification:
         self.lib = arrays_of(mi.Float)
         self.tracer = Tracer(geometry, water, max_range=self.farthest)
         self.connector = Connector(geometry, water)
-        self.sights = Sights(self.connector, max_depth=max_depth)
+        self.sights = Sights(self.connector, max_depth=max_depth, frequency=frequency)
         self.smooth = SmoothTargets(self.sights, frequency=frequency, resolution=resolution, reach=margin,
                                     farthest=self.farthest)
         self.drawn_rays = DrawnRays(water.profile, window=window, rays=rays, pattern=self.pattern,

@@ -1,11 +1,12 @@
 """Point targets: scatterers with a target strength in place of an area, and no chance in their phase.
 
-A target answers with the pressure f = 10^(TS/20) along every leg, straight or by way of a flat surface (`sights`). It
-may lie on a surface, which must not hide it.
+A target answers with the pressure f = 10^(TS/20) along every leg, straight, by way of a flat surface (`sights`) or of
+the bed (`bed_mirror`). It may lie on a surface, which must not hide it.
 """
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +15,7 @@ import numpy as np
 from ..device.arrays import arrays_of, upload
 from ..tracing.tracer import Sources
 from .record import Echoes
+from .sight import path_of, product
 from .sights import Sights
 from .sonar_equation import pressure_along_legs
 
@@ -73,12 +75,13 @@ class PointTargets:
         which : UInt32 (R,)
             Numbers of the targets.
         mirrored : bool
-            Give those by way of the mirror as well, where there is one.
+            Give those by way of the mirror and of the bed as well, where these are.
 
         Yields
         ------
         echoes : Echoes
-            Straight ones, and then those of each way by the mirror. Their pressure is 0 where something hides them.
+            Straight ones, then those of each way by the mirror, then by the bed. Their pressure is 0 where something
+            hides them.
         free : Bool (R,)
             Whether nothing does.
         """
@@ -95,3 +98,26 @@ class PointTargets:
             yield Echoes(out=out.leg, back=home.leg, between=dr.zeros(mi.Float64, dr.width(pressure)),
                          energy=dr.square(pressure), amplitude=(pressure, nothing),
                          path=("b", "bs", "sbs")[there + back]), free
+        if mirrored and sights.bed is not None:
+            yield from self._by_the_bed(sights, sources, origin, source, which, point, strength)
+
+    def _by_the_bed(self, sights, sources, origin, source, which, point, strength):
+        """Echoes by way of the bed, there, back or both."""
+        nothing, seen = mi.Vector3f(0, 0, 0), {}
+        for there, back in sights.bed_ways():
+            for by in (there, back):
+                if by == "b" and by not in seen:
+                    seen[by] = sights.bed.see(sources, origin, source, point, nothing, self.label(which),
+                                              short=TARGET_RADIUS)
+                elif by not in seen:
+                    seen[by] = sights.see(sources, origin, source, point, nothing, folded=by == "s",
+                                          short=TARGET_RADIUS)
+            out, home = seen[there], seen[back]
+            (real, imaginary), later = product(out, home)
+            pressure = pressure_along_legs(strength, out.gain, home.gain) * (-1.0 if "s" in there + back else 1.0)
+            free = out.way.free & home.way.free & dr.isfinite(pressure)
+            amplitude = tuple(dr.select(free, pressure * part, 0) for part in (real, imaginary))
+            leg = home.leg if there != back else replace(home.leg)        # another one: the time between counts
+            energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
+            yield Echoes(out=out.leg, back=leg, between=later, energy=energy, amplitude=amplitude,
+                         path=path_of(there, back)), free

@@ -6,12 +6,11 @@ An echo of a point under a mirror went out by one of the two and comes back by o
 
 m ways by the mirror, whose reflection is -1, f the point's pressure at 1 m from the one towards the other, g the gain
 of a leg (`sonar_equation`). By way of the mirror the sonar stands at its image, in water unfolded about the surface
-(`tracing.water`).
+(`tracing.water`). By way of the bed it is seen by `bed_mirror`.
 """
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
@@ -19,29 +18,14 @@ import mitsuba as mi
 from ..device.arrays import arrays_of
 from ..tracing.connection import Connection, Connector
 from ..tracing.tracer import Sources
+from .bed_mirror import BedMirror
 from .record import Echoes, Leg
+from .sight import Sight
 from .sonar_equation import leg_gain, mirrored_overhead, speed_ratio
 
-__all__ = ["Sight", "Sights"]
+__all__ = ["Sights"]
 
 JUST_BELOW = 1e-4                  # [m] where the surface is met from below
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sight:
-    """How points are seen, one an entry.
-
-    Attributes
-    ----------
-    way : Connection
-    leg : Leg
-    gain : Float (R,) [1/m²]
-        g.
-    """
-
-    way: Connection
-    leg: Leg
-    gain: mi.Float
 
 
 class Sights:
@@ -52,17 +36,23 @@ class Sights:
     connector : Connector
     max_depth : int
         Bounces that an echo may have made.
+    frequency : float or None [Hz]
+        None: targets are not seen by way of the bed.
 
     Attributes
     ----------
     mirror : bool
         Whether the surface is flat and mirrors.
+    bed : BedMirror or None
+        How targets are seen by way of the bed; None: not at all.
     """
 
-    def __init__(self, connector: Connector, *, max_depth: int):
+    def __init__(self, connector: Connector, *, max_depth: int, frequency: float | None = None):
         self.connector, self.max_depth = connector, max_depth
         self.geometry, self.water = connector.geometry, connector.water
         self.lib, self.mirror = arrays_of(mi.Float), connector.geometry.surface_mirrors
+        bed = BedMirror(connector, frequency) if frequency is not None and max_depth > 1 else None
+        self.bed = bed if bed is not None and bed.planes else None
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
             normal: mi.Vector3f, *, folded: bool = False, short: float = 0.0) -> Sight:
@@ -101,6 +91,16 @@ class Sights:
             for there, back in ((False, True), (True, False), (True, True)):
                 if bounces + there + back <= self.max_depth:
                     yield there, back, 1.0 if there == back else -1.0
+
+    def bed_ways(self, bounces: int = 1) -> Iterator[tuple[str, str]]:
+        """How an echo of so many bounces may go by the bed: what it goes by there and back, "", "s" or "b"."""
+        if self.bed is None:
+            return
+        others = ("", "s", "b") if self.mirror else ("", "b")
+        for there in others:
+            for back in others:
+                if "b" in there + back and bounces + len(there + back) <= self.max_depth:
+                    yield there, back
 
     def overhead(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32) -> tuple[Echoes, mi.Bool]:
         """The echo of a mirror straight above: half the pressure of a wave that comes from a point there.

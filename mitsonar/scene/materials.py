@@ -15,8 +15,8 @@ import numpy as np
 from ..water.profile import SoundSpeedProfile
 from .geometry import Geometry
 
-__all__ = ["Meeting", "bistatic_strength", "check", "coherence", "loses_coherence", "next_direction", "reflection",
-           "scattering_strength"]
+__all__ = ["Meeting", "bistatic_strength", "check", "coherence", "coherent_reflection", "loses_coherence",
+           "next_direction", "reflection", "reflects", "scattering_strength"]
 
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
@@ -205,6 +205,44 @@ def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Flo
         return material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
 
     return dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed), active)
+
+
+def reflects(geometry: Geometry) -> bool:
+    """Whether a bed's material has a reflection coefficient (`coherent_reflection`)."""
+    return any(getattr(shape.bsdf(), "reflects", False) for shape in geometry.scene.shapes()
+               if geometry.named.of(shape) in geometry.named.seabed)
+
+
+def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, frequency: float,
+                        lowest_wavenumber: mi.Float, *, smooth_too: bool = True) -> tuple[mi.Float, mi.Float]:
+    """What a surface throws on in one phase, as a plane that is rough: real and imaginary part, e^(+iωt).
+
+    Parameters
+    ----------
+    hits : Meeting
+    sin_grazing : Float (R,)
+        On the plane.
+    active : Bool (R,)
+    frequency : float [Hz]
+    lowest_wavenumber : Float (R,) [rad/m]
+        Of what counts as rough.
+    smooth_too : bool
+        Those of smooth materials; else 0.
+
+    Returns
+    -------
+    real, imaginary : Float (R,)
+        0 where the material is one of scattering alone.
+    """
+    si = _interaction(hits, active)
+
+    def law(material, si, sin_grazing, frequency, sound_speed, lowest, active):
+        if not getattr(material, "reflects", False) or getattr(material, "smooth", False) and not smooth_too:
+            return dr.zeros(mi.Float, dr.width(si.wi)), dr.zeros(mi.Float, dr.width(si.wi))
+        return material.coherent_reflection(si, sin_grazing, frequency, sound_speed, lowest, active)
+
+    return dr.dispatch(hits.shape.bsdf(), law, si, sin_grazing, dr.opaque(mi.Float, frequency),
+                       mi.Float(hits.sound_speed), lowest_wavenumber, active)
 
 
 def loses_coherence(geometry: Geometry, pass_number: int) -> bool:

@@ -99,7 +99,8 @@ class EnergyBlock(Generic[RaysOf]):
         # half the two-way time, and what a sonar gains that comes nearer meanwhile
         fastest = float(np.max(survey.profile.sound_speed))
         self._sound = SoundPaths.of(
-            survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)))
+            survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)),
+            rows.frequency)
         self._places = Places(survey, self._sound.tracer, rows.underway, rows.per_ping)
         self._truth = TruthSums(geometry, rows)
         self._others, self._coherent = rows.other_sources(self._sound, seed), rows.coherent(self._sound)

@@ -37,9 +37,9 @@ class SoundPaths:
     sights: Sights
 
     @classmethod
-    def of(cls, survey: Survey, farthest: float) -> SoundPaths:
-        """The ways of a survey out to a range [m]."""
+    def of(cls, survey: Survey, farthest: float, frequency: float | None = None) -> SoundPaths:
+        """The ways of a survey out to a range [m]; without a frequency [Hz], none by way of the bed."""
         tracer = Tracer(survey.geometry, survey.water, max_range=farthest)
         connector = Connector(survey.geometry, survey.water)
         return cls(water=survey.water, tracer=tracer, connector=connector, free_rays=FreeRays(tracer),
-                   sights=Sights(connector, max_depth=survey.max_depth))
+                   sights=Sights(connector, max_depth=survey.max_depth, frequency=frequency))

@@ -44,11 +44,14 @@ class Material(mi.BSDF):
         By which the strength varies from place to place.
     coherence : float or mi.Texture
         Of scatterers between any two passes.
+    reflects : bool
+        Whether it has `coherent_reflection`.
     """
 
     textured = False
     patches = None
     coherence: float | mi.Texture = 1.0
+    reflects = False
 
     def __init__(self, props: mi.Properties, *, flags: mi.BSDFFlags | int | None = None) -> None:
         super().__init__(props)
@@ -96,9 +99,29 @@ class Material(mi.BSDF):
 
     def coherence_at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
         """Give the coherence of what scatters at interactions between any two passes, 0 to 1."""
-        if isinstance(self.coherence, float):
-            return dr.full(mi.Float, self.coherence, dr.width(si.p))
-        return dr.clip(self.coherence.eval_1(si, active), 0, 1)
+        if isinstance(self.coherence, mi.Texture):
+            return dr.clip(self.coherence.eval_1(si, active), 0, 1)
+        return dr.full(mi.Float, self.coherence, dr.width(si.p))
+
+    def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+                            sound_speed: mi.Float, lowest_wavenumber: mi.Float,
+                            active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
+        """Give what is reflected in one phase, in the convention e^(+iωt).
+
+        Parameters
+        ----------
+        si : SurfaceInteraction3f
+        sin_grazing, frequency, sound_speed : Float [-], [Hz], [m/s]
+            The last of the water at the surface.
+        lowest_wavenumber : Float (R,) [rad/m]
+            Of the roughness: what is longer is the shape of the surface.
+        active : Bool (R,)
+
+        Returns
+        -------
+        real, imaginary : Float (R,)
+        """
+        raise NotImplementedError(f"{type(self).__name__} lacks the method coherent_reflection")
 
     def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
                         sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:

@@ -86,6 +86,7 @@ class SedimentBed(Material):
     """
 
     law, bounds, declared = Sediment, BOUNDS, ATTRIBUTES
+    reflects = True
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, self.declared)
@@ -155,6 +156,18 @@ class SedimentBed(Material):
             factor = lobe_factor(dr, self.log_lobe, *seen)
         amplitude = below.amplitude(sin_i, sin_s, -(wi.x * wo.x + wi.y * wo.y))
         return dr.select(active, power(amplitude) * factor + below.volume_strength(sin_i, sin_s), 0)
+
+    def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+                            sound_speed: mi.Float, lowest_wavenumber: mi.Float,
+                            active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
+        """R of the flat half-space times exp(-2 (k h sin θ)²), h² = 2π w2 K^(2 - γ) / (γ - 2) of what is rough."""
+        below, w2, gamma = self._at(si, active)
+        lowest = dr.maximum(lowest_wavenumber, self.cut) if self.mesh_resolution else lowest_wavenumber
+        height = (2 * np.pi) * w2 * dr.exp((2 - gamma) * dr.log(lowest)) / (gamma - 2)
+        kept = dr.exp(-2 * height * dr.square(_wavenumber(frequency, sound_speed) * sin_grazing))
+        # the half-spaces are those of e^(-iωt)
+        flat = below.reflection(dr.clip(sin_grazing, 0, 1))
+        return dr.select(active, flat.real * kept, 0), dr.select(active, -flat.imag * kept, 0)
 
     # ---- drawing: the lobe about the specular direction, by `lobe_directions`, or a cosine for the volume
     def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,

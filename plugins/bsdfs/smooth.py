@@ -11,7 +11,7 @@ from .material import Material
 class Smooth(Material):
     """A smooth surface; subclasses say how it reflects."""
 
-    smooth = True
+    smooth = reflects = True
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props, flags=mi.BSDFFlags.DeltaReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
@@ -20,6 +20,12 @@ class Smooth(Material):
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """None in any direction."""
         return dr.zeros(mi.Float, dr.width(wi))
+
+    def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+                            sound_speed: mi.Float, lowest_wavenumber: mi.Float,
+                            active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
+        """R: nothing is rough."""
+        return self.reflection(si, sin_grazing, frequency, sound_speed, active)
 
     def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                    sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:

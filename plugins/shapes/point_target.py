@@ -1,7 +1,8 @@
 """Point target (`point_target`): a small target of known strength, whose echo has a phase but no chance in it.
 
 It has no body: rays pass it, and nothing lies in its shadow. Its echo adds to those of the bed and of other targets as
-pressures do: in a sidescan's speckle its amplitudes are Rice's.
+pressures do: in a sidescan's speckle its amplitudes are Rice's. With `max_depth` 2 or more it has an image in beds of
+`sediment`, `elastic` or a smooth material, unless it lies within 2 cm of them.
 
 .. code-block:: xml
 

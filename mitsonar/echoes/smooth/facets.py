@@ -82,6 +82,8 @@ class SmoothFacets:
         n that the surface's bend asks for, of parts over which phases are linear, and of cells that are lit as a whole.
     outward : (F,) int
         1 where the normal leads out of a closed body, -1 where into one, 0 where the shape is open.
+    label : (F,) uint32
+        Of the instances.
     convex : bool
         Nothing smooth can be seen from anything smooth: there is one shape, and it is bent outwards everywhere.
     """
@@ -128,6 +130,7 @@ class SmoothFacets:
         facts = np.concatenate([np.stack(np.broadcast_arrays(
             index, np.arange(len(corner)), geometry.named.of_faces(shape, len(corner)), 0), 1)
             for corner, _, index, shape in parts])
+        self.label = facts[:, 2].astype(np.uint32)
         table = np.zeros((max(index for index, *_ in rows) + 1, 4), np.uint32)
         for index, row, is_grid in rows:
             table[index] = row, 1, is_grid, 0

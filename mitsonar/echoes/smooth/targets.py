@@ -15,7 +15,8 @@ optics has it, until they meet the next smooth facet. There the tube's footprint
 footprint, and so on. Legs in between are straight. All orders of facets are there, for all are lit: a dihedral's two,
 a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas Propag. 25, 406.)
 
-Under a flat surface all of it is seen straight and by way of the mirror (`sights`).
+Under a flat surface all of it is seen straight and by way of the mirror (`sights`), over a bed that reflects single
+facets by way of that (`bed_mirror`).
 """
 from __future__ import annotations
 
@@ -35,6 +36,7 @@ from ...tracing.occlusion import LIFT
 from ...tracing.tracer import Sources
 from ..cells import divisions
 from ..record import Echoes, Leg
+from ..sight import path_of, product
 from ..sights import Sights
 from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
@@ -149,14 +151,20 @@ class SmoothTargets:
         yield from self._single(sources, place, choose)
         for there, back, sign in self.sights.ways():
             if there <= back:                        # the others are these the other way round
-                yield from self._single(sources, place, choose, there, back, sign)
+                yield from self._single(sources, place, choose, "s" * there, "s" * back, sign)
+        for there, back in self.sights.bed_ways():
+            if there <= back:
+                yield from self._single(sources, place, choose, there, back, -1.0 if "s" in there + back else 1.0)
         if self.bounces > 1 and not self.facets.convex:
             yield from self._several(sources, place, choose, False)
             if self.sights.mirror and self.bounces > 2:
                 yield from self._several(sources, place, choose, True)
 
     def edges(self, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Longest side of cells of every facet as seen from an origin (3,), (F,) [m], and which facets may be."""
+        """Longest side of cells of every facet, (F,) [m], and which facets may be seen.
+
+        `origin` (3,) or (F, 3) [m] is where they are seen from.
+        """
         facets = self.facets
         towards = facets.centre - origin
         distance = np.linalg.norm(towards, axis=1)
@@ -173,17 +181,18 @@ class SmoothTargets:
         """Lists of cells as (place, facet, s, n, m): to be lit as a whole and integrated over in m² parts.
 
         Those that `tubes` start from are smaller, and of one part. `views` are those that they are seen in, straight
-        or by way of the mirror.
+        ("") or by way of the mirror ("s") or the bed ("b").
         """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
             edge, seen = np.full(len(facets), np.inf), np.ones(len(facets), bool)
-            for folded in views:
-                image = np.array([1, 1, -1 if folded else 1])
-                there, visible = self.edges(origin * image)
+            for by in views:
+                there, visible = self.edges(self._image(origin, by))
                 edge, seen = np.minimum(edge, there), seen & visible
+                if by == "b" and self.sights.bed is not None:
+                    seen &= self.sights.bed.planes.table[facets.label, 4] > 0
                 if choose is not None:
-                    seen &= choose(number, facets.centre * image, facets.radius)
+                    seen &= choose(number, self._image(facets.centre, by), facets.radius)
             seen = np.flatnonzero(seen)
             if tubes:
                 bent = facets.bent[seen]
@@ -206,14 +215,25 @@ class SmoothTargets:
                 yield from _listed(np.concatenate(runs))
                 runs = []
 
-    def _single(self, sources, places, choose, there=False, back=False, sign=1.0):
-        """Echoes of one facet, seen straight or by way of the mirror."""
-        path = {0: "b", 1: "bs", 2: "sbs"}[there + back]
+    def _image(self, point, by):
+        """Where points (F, 3), or one (3,), appear to lie by way of something; of the bed, that under each facet."""
+        if by == "b" and self.sights.bed is not None:
+            return self.sights.bed.planes.image(point, self.facets.label)
+        return point * np.array([1, 1, -1 if by == "s" else 1])
+
+    def _seen(self, sources, places, number, cells, by):
+        """Cells as they are seen by way of something."""
+        origin, source = places.at(number)
+        if by == "b" and self.sights.bed is not None:
+            return self.sights.bed.see(sources, origin, source, cells.point, cells.normal,
+                                       self.facets.facts(cells.facet)[2], smooth=True)
+        return self.sights.see(sources, origin, source, cells.point, cells.normal, folded=by == "s")
+
+    def _single(self, sources, places, choose, there="", back="", sign=1.0):
+        """Echoes of one facet, seen straight, by way of the mirror or of the bed."""
         for number, facet, s, n, parts in self._blocks(places, False, choose, {there, back}):
             cells = self.facets.cells(facet, s, n)
-            origin, source = places.at(number)
-            sights = [self.sights.see(sources, origin, source, cells.point, cells.normal, folded=folded)
-                      for folded in sorted({there, back})]
+            sights = [self._seen(sources, places, number, cells, by) for by in sorted({there, back})]
             ways = [sight.way for sight in sights]
             active = mi.Bool(True)
             for way in ways:
@@ -228,14 +248,20 @@ class SmoothTargets:
             factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
                        for way, (direction, _) in zip(ways, waves)]
             factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
-            for out, home in [(0, None)] if len(sights) == 1 else [(0, 1), (1, 0)]:
-                yield from _sent(number, self.facets.facts(facet)[2], sights[out].leg,
-                                 None if home is None else sights[home].leg, dr.zeros(mi.Float64, dr.width(s)),
-                                 _turned(factor, mean, pressure), path, active)
+            amplitude, later = _turned(factor, mean, pressure), dr.zeros(mi.Float64, dr.width(s))
+            if "b" in there + back:
+                (real, imaginary), later = product(sights[0], sights[-1])
+                amplitude = (amplitude[0] * real - amplitude[1] * imaginary,
+                             amplitude[0] * imaginary + amplitude[1] * real)
+            for out, home in [(0, -1)] if len(sights) == 1 else [(0, 1), (1, 0)]:
+                # by way of the bed on both legs these are two, for the time between to count
+                leg = None if there == back != "b" else replace(sights[home].leg)
+                yield from _sent(number, self.facets.facts(facet)[2], sights[out].leg, leg, later, amplitude,
+                                 path_of(there, back), active)
 
     def _several(self, sources, places, choose, folded):
         """Echoes of more facets, of tubes that start straight or by way of the mirror."""
-        for number, facet, s, n, _ in self._blocks(places, True, choose, {folded}):
+        for number, facet, s, n, _ in self._blocks(places, True, choose, {"s" * folded}):
             cells = self.facets.cells(facet, s, n)
             origin, source = places.at(number)
             sight = self.sights.see(sources, origin, source, cells.point, cells.normal, folded=folded)
