@@ -31,7 +31,7 @@ from ..scene.labels import SEABED
 from ..scene.materials import coherent_reflection
 from ..tracing.connection import Connection, Connector
 from ..tracing.hits import Hits
-from ..tracing.tracer import Sources
+from ..tracing.tracer import Sources, registry_index
 from .bed_planes import BedPlanes, Planes, first_zone
 from .record import Leg
 from .sight import Sight
@@ -122,8 +122,7 @@ class BedMirror:
         start = mi.Point3f(met + self._lib.Float64(lift) * wide(flat))
         ray = mi.Ray3f(mi.Ray3f(start, -flat), 2 * lift)
         si = self._geometry.scene.ray_intersect(ray, active)
-        kind = dr.gather(mi.UInt32, self._geometry.kinds, dr.reinterpret_array(mi.UInt32, dr.select(
-            si.instance != None, si.instance, si.shape)), si.is_valid())                 # noqa: E711  (element-wise)
+        kind = dr.gather(mi.UInt32, self._geometry.kinds, registry_index(si), si.is_valid())
         active = active & si.is_valid() & (kind == SEABED)
         point = wide(start) - self._lib.Float64(si.t) * wide(flat)
         return active, Hits.on_surface(valid=active, point=dr.select(active, point, met), normal=mi.Vector3f(si.n),

@@ -116,7 +116,7 @@ class PointTargets:
             (real, imaginary), later = product(out, home)
             pressure = pressure_along_legs(strength, out.gain, home.gain) * (-1.0 if "s" in there + back else 1.0)
             free = out.way.free & home.way.free & dr.isfinite(pressure)
-            amplitude = tuple(dr.select(free, pressure * part, 0) for part in (real, imaginary))
+            amplitude = dr.select(free, pressure * real, 0), dr.select(free, pressure * imaginary, 0)
             leg = home.leg if there != back else replace(home.leg)        # another one: the time between counts
             energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
             yield Echoes(out=out.leg, back=leg, between=later, energy=energy, amplitude=amplitude,

@@ -206,7 +206,7 @@ class Tracer:
         return point, normal, smooth, uv, face[3], pi.shape
 
 
-def registry_index(pi: mi.PreliminaryIntersection3f) -> mi.UInt32:
+def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -> mi.UInt32:
     """Give the row of `Geometry.rows` and `Geometry.kinds` of what was hit: of an instance, the instance's."""
     solid = dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
     return cast(mi.UInt32, dr.reinterpret_array(mi.UInt32, solid))

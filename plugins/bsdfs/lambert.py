@@ -52,7 +52,7 @@ class Lambert(Material):
         """σ of the law; neither frequency nor sound speed plays a part."""
         sin_i, sin_s = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
         if isinstance(self.mu_db, mi.Texture):
-            strength = dr.exp(float(np.log(10) / 10) * self.mu_db.eval_1(si, active))
+            strength = dr.exp(float(np.log(10) / 10) * self.mu_db.eval_1(si, mi.Bool(active)))
             strength = dr.minimum(strength, lambert.STRONGEST)
         else:
             strength = self.strength

@@ -100,7 +100,7 @@ class Material(mi.BSDF):
     def coherence_at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
         """Give the coherence of what scatters at interactions between any two passes, 0 to 1."""
         if isinstance(self.coherence, mi.Texture):
-            return dr.clip(self.coherence.eval_1(si, active), 0, 1)
+            return dr.clip(self.coherence.eval_1(si, mi.Bool(active)), 0, 1)
         return dr.full(mi.Float, self.coherence, dr.width(si.p))
 
     def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
