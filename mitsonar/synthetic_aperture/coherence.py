@@ -25,8 +25,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["aperture_coherence", "baseline_coherence", "delay_deviation", "noise_coherence", "phase_deviation",
-           "shift_coherence"]
+__all__ = ["aperture_coherence", "baseline_coherence", "beam_spread", "delay_deviation", "noise_coherence",
+           "phase_deviation", "shift_coherence"]
 
 DIRECTIONS = 4001                  # of the quadrature over the half circle
 LEAST = 1e-6                       # coherence: below, a phase is anything
@@ -66,14 +66,15 @@ def aperture_coherence(displacement: ArrayLike, tx_length: float, rx_length: flo
     array [-]
         1 at no displacement; for two elements of one length L nearly the cubic B-spline of 2 d / L.
     """
-    if not (tx_length > 0 and rx_length > 0 and wavelength > 0):
-        raise ValueError(f"elements of {tx_length:g} and {rx_length:g} m at a wavelength of {wavelength:g} m are "
-                         "asked for; give lengths above 0")
-    angle = (np.arange(DIRECTIONS) + 0.5) * np.pi / DIRECTIONS - 0.5 * np.pi
-    sine = np.sin(angle)
-    power = (np.sinc(tx_length * sine / wavelength) * np.sinc(rx_length * sine / wavelength)) ** 2
+    sine, power = _beam(tx_length, rx_length, wavelength)
     phase = (4 * np.pi / wavelength) * np.asarray(displacement, float)[..., None] * sine
     return np.cos(phase) @ power / power.sum()
+
+
+def beam_spread(tx_length: float, rx_length: float, wavelength: float) -> float:
+    """Give the rms sine of the directions along the track that echoes come from; arguments as `aperture_coherence`."""
+    sine, power = _beam(tx_length, rx_length, wavelength)
+    return float(np.sqrt(np.sum(sine ** 2 * power) / power.sum()))
 
 
 def baseline_coherence(frequency: float, bandwidth: float, grazing_angle: ArrayLike, view_change: ArrayLike
@@ -119,6 +120,15 @@ def delay_deviation(coherence: ArrayLike, looks: ArrayLike, frequency: float) ->
         The carrier of a delay told by phase, the rms bandwidth (B / √12 of a flat spectrum) of one told by envelopes.
     """
     return phase_deviation(coherence, looks) / (2 * np.pi * _positive("frequency", frequency))
+
+
+def _beam(tx_length: float, rx_length: float, wavelength: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sines of directions along the track in even steps of their angle, and the power that comes from there."""
+    if not (tx_length > 0 and rx_length > 0 and wavelength > 0):
+        raise ValueError(f"elements of {tx_length:g} and {rx_length:g} m at a wavelength of {wavelength:g} m are "
+                         "asked for; give lengths above 0")
+    sine = np.sin((np.arange(DIRECTIONS) + 0.5) * np.pi / DIRECTIONS - 0.5 * np.pi)
+    return sine, (np.sinc(tx_length * sine / wavelength) * np.sinc(rx_length * sine / wavelength)) ** 2
 
 
 def _positive(name: str, value: float) -> float:
