@@ -241,8 +241,8 @@ STROKES = {"S": [(0, 0, 1, 0), (1, 0, 1, 0.5), (1, 0.5, 0, 0.5), (0, 0.5, 0, 1),
            "R": [(0, 0, 0, 1), (0, 1, 1, 1), (1, 1, 1, 0.5), (1, 0.5, 0, 0.5), (0.3, 0.5, 1, 0)]}
 
 
-def letters(word="SONAR", size=(0.5, 0.9), apart=0.78, thick=0.1, high=0.1):
-    """Bars of concrete laid out as a word: letters 0.9 m high that one reads from the west, the first in the north."""
+def letters(word="SONAR", size=(0.75, 1.3), apart=1.1, thick=0.12, high=0.1):
+    """Bars of concrete laid out as a word: letters 1.3 m high that one reads from the south, the first in the west."""
     bars = []
     for number, letter in enumerate(word):
         for x0, y0, x1, y1 in STROKES[letter]:
@@ -251,8 +251,7 @@ def letters(word="SONAR", size=(0.5, 0.9), apart=0.78, thick=0.1, high=0.1):
             side = 0.5 * thick * along[::-1] * (-1, 1)
             start, end = start - 0.5 * thick * along, end + 0.5 * thick * along
             outline = np.array([start - side, end - side, end + side, start + side]) + (number * apart, 0)
-            # to the right of the word is south, up is east
-            ground = np.column_stack((outline[:, 1] - 0.5 * size[1], 0.5 * apart * len(word) - outline[:, 0]))
+            ground = outline - (0.5 * (apart * (len(word) - 1) + size[0]), 0.5 * size[1])
             bars.append(loft([np.column_stack((ground, np.full(4, z))) for z in (-0.05, high)]))
     return join(bars)
 

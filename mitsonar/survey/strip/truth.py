@@ -41,6 +41,7 @@ STRAIGHT = np.deg2rad(30.0)        # that headings may differ by in all
 ROWS = 256                         # of points at once
 RAYS_PER_BIN = 64
 FEWEST_RAYS = 4096
+BEYOND = 0.04                      # of the image's times, by which its sidescan listens longer
 KEPT = ("label", "class", "share", "hidden", "object_shadow", "layover", "seabed_x", "seabed_y", "seabed_depth",
         "shadow")
 LOOKS = 24                         # pings of a circle that are asked what they see
@@ -114,7 +115,8 @@ def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, 
     time = 2 * eigenray(survey.profile, -feet[..., 2].ravel(), depth.ravel(),
                         np.hypot(x - feet[..., 0], y - feet[..., 1]).ravel()).travel_time.reshape(x.shape)
     step = max(float(np.min(np.abs(np.diff(time, axis=1)), initial=np.inf)), 1e-7) if x.shape[1] > 1 else 1e-5
-    first, last = float(time.min()) - step, float(time.max()) + step
+    # rays are sparse at the very end of a window
+    first, last = float(time.min()) - step, float(time.max()) + max(4 * step, BEYOND * float(np.ptp(time)))
     bins = max(int(np.ceil((last - first) / step)), 2)
     spacing = float(np.hypot(x[1, 0] - x[0, 0], y[1, 0] - y[0, 0])) if len(x) > 1 else 0.05
     sidescan = _sidescan(survey, line, feet[:, feet.shape[1] // 2], (first, last), bins, spacing)
