@@ -60,6 +60,8 @@ class Salt:
     PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4
     # of a scatterer: what it has of one pass alone; and the seed of a pass, for what is not fixed to the ground
     OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1
+    # of a cell in the side lobes: whether it exists for a ping
+    SIDE_LOBES, BESIDE_SIDE_LOBES = 0x4E6B5A73, 0x27D4EB2F
     # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
     THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43
     PATCH = 0x6A09E667             # the strength of a patch of seabed

@@ -30,6 +30,7 @@ from .pieces import Pieces, pieces_in_reach
 from .record import Echoes, Leg
 from .scatterers import Cells, Scatterers
 from .sights import Sights
+from .side_lobes import SideLobes
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 from .surface_ghosts import ArrayGhosts
@@ -64,13 +65,16 @@ class Ensonification:
         Ranges that are told apart; cells of smooth surfaces are smaller.
     max_depth : int
         Bounces that an echo may have made.
+    thin_below : float [-]
+        Two-way intensity of the beams below which cells are thinned; 0: none are.
     """
 
     def __init__(self, scatterers: Scatterers, water: DeviceWater, *, frequency: float, window: tuple[float, float],
                  margin: float, method: str, rays: int, beams: ElementBeams | None, resolution: float = np.inf,
-                 max_depth: int = 1):
+                 max_depth: int = 1, thin_below: float = 0.0):
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
+        self.side_lobes = SideLobes(scatterers=scatterers, below=thin_below) if thin_below and beams else None
         geometry = scatterers.geometry
         self.nearest = 0.5 * window[0] * water.slowest - margin
         self.farthest = 0.5 * window[1] * water.fastest + margin
@@ -139,11 +143,11 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach = [(path, self._in_beams(sources, start, rotation, pieces))
+            within_reach = [(path, *self._in_beams(sources, start, rotation, pieces))
                             for path, pieces in self.pieces(origin)]
-            total, done = max(sum(int(count.sum()) for _, (_, (_, _, count)) in within_reach), 1), 0
-            for path, (aim, runs) in within_reach:
-                for facet, s in self.scatterers.listed(runs, CELLS_PER_BLOCK):
+            total, done = max(sum(int(pieces.cells.sum()) for _, _, pieces, _ in within_reach), 1), 0
+            for path, aim, pieces, bound in within_reach:
+                for facet, s in self._cells(pieces, bound):
                     yield from self._echoes(sources, start, rotation, facet, s, path, aim=aim)
                     done += dr.width(facet)
                     if progress is not None:
@@ -202,33 +206,50 @@ class Ensonification:
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
     def _in_beams(self, sources, origin, rotation, pieces):
-        """Whether cells have to be asked one by one if the beams make them negligible, and runs of those that may not.
+        """Whether cells have to be asked one by one what beams leave of them; pieces that may count, and their bounds.
 
         Where few would have to be, all are taken: less work than to ask.
         """
         if self.beams is None:
-            return False, pieces.runs()
-        found = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation)
-        pieces, doubtful = pieces.chosen(found >= 0), found[found >= 0] == 0
+            return False, pieces, None
+        enough = max(NEGLIGIBLE, self.side_lobes.below) if self.side_lobes else NEGLIGIBLE
+        found, bound = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation, enough)
+        pieces, bound, doubtful = pieces.chosen(found >= 0), bound[found >= 0], found[found >= 0] == 0
+        if self.side_lobes:
+            return bool(doubtful.any()), pieces, bound
         cells = pieces.cells
-        return bool(cells[doubtful].sum() > WORTH_ASKING * cells.sum()), pieces.runs()
+        return bool(cells[doubtful].sum() > WORTH_ASKING * cells.sum()), pieces, bound
+
+    def _cells(self, pieces, bound):
+        """Cells of pieces, block by block; of those in side lobes only such as may exist."""
+        if self.side_lobes is None:
+            return self.scatterers.listed(pieces.runs(), CELLS_PER_BLOCK)
+        return self.side_lobes.listed(pieces, bound, CELLS_PER_BLOCK)
 
     def _echoes(self, sources, origin, rotation, facet, s, path, brought=None, aim=True):
         """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought.
 
-        Those that beams make negligible are left out if they are to `aim` at cells.
+        Those that beams make negligible are left out if they are to `aim` at cells, and those in side lobes thinned.
         """
+        share = None
         if self.beams is not None and aim:
             # where the rays leave for: the straight line there may lie in another lobe
             point = self.scatterers.at(facet, s).point
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
             distance = mi.Float(dr.norm(point - origin))
-            index = compressed(self.beams.bound(direction, distance, rotation) > NEGLIGIBLE)
+            bound = self.beams.bound(direction, distance, rotation)
+            counts = bound > NEGLIGIBLE
+            if self.side_lobes is not None and brought is None:
+                share = self.side_lobes.share(bound)
+                counts &= self.side_lobes.exist(facet, s, share)
+                dr.eval(counts, share)
+            index = compressed(counts)
             if not dr.width(index):
                 return
             facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
             brought = brought and [dr.gather(mi.Float, column, index) for column in brought]
-            dr.eval(facet, s, brought)
+            share = None if share is None else dr.gather(mi.Float, share, index)
+            dr.eval(facet, s, brought, share)
         cells = self.scatterers.at(facet, s)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
                                      occlusion=brought is None, coarse=True)
@@ -236,10 +257,10 @@ class Ensonification:
         if brought is not None:
             energy, area = brought
         else:
-            area = cells.area
+            area = cells.area if share is None else cells.area / share
             strength, sin_grazing = scattering_strength(cells.hits(way), reached, self.frequency)
             gain = self.sights.along(sources, origin, mi.UInt32(0), cells.point, way).gain
-            energy = along_legs(strength * cells.area, gain, gain)
+            energy = along_legs(strength * area, gain, gain)
             reached &= sin_grazing > GRAZING
         root = dr.sqrt(dr.maximum(energy, 0))
         reached &= (root > 0) & dr.isfinite(root)

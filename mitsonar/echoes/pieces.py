@@ -56,7 +56,7 @@ class Pieces:
     @property
     def cells(self) -> np.ndarray:
         """How many cells each has, (P,) int64."""
-        piece, _, count = self._of_rows()
+        piece, _, count = self.rows()
         return np.bincount(piece, weights=count, minlength=len(self.facet)).astype(np.int64)
 
     def runs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,11 +66,11 @@ class Pieces:
         -------
         facet, first, count : (S,) uint32, int64, int64
         """
-        piece, first, count = self._of_rows()
+        piece, first, count = self.rows()
         return self.facet[piece], first, count
 
-    def _of_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Piece, first cell and number of cells of runs: a whole facet is one, a block has one of each of its rows."""
+    def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give runs as their piece's number, their first cell and how many: a block has one of each of its rows."""
         whole = self.side == self.cuts
         rows = np.where(whole, 1, np.minimum(self.side, self.cuts - self.row))
         piece = np.repeat(np.arange(len(rows)), rows)

@@ -5,7 +5,7 @@ that of the ray to its middle: bent water spreads them. With `ElementBeams.bound
 to what the bound allows for, or taken from it,
 
     b(+) negligible       no cell counts
-    b(-) not negligible   all cells count
+    b(-) large enough     all cells count
     else                  each cell is looked at
 """
 from __future__ import annotations
@@ -29,7 +29,7 @@ FEWEST_CELLS = 4                   # and all of them if they have fewer each
 
 
 def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, sources: Sources, origin: dr.ArrayBase,
-                    rotation: np.ndarray) -> np.ndarray:
+                    rotation: np.ndarray, enough: float = NEGLIGIBLE) -> tuple[np.ndarray, np.ndarray]:
     """Sort pieces of facets by what the beams make of them.
 
     Parameters
@@ -41,14 +41,18 @@ def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, s
         As of `Connector.connect`.
     rotation : (3, 3)
         Body to scene.
+    enough : float [-]
+        Two-way intensity above which cells count.
 
     Returns
     -------
-    int (P,)
+    found : (P,) int
         -1: negligible, 1: all count, 0: each cell has to be looked at.
+    bound : (P,) [-]
+        Two-way intensity that no cell of a piece exceeds.
     """
     if not len(pieces.facet) or pieces.cells.sum() < FEWEST_CELLS * len(pieces.facet):
-        return np.zeros(len(pieces.facet), int)
+        return np.zeros(len(pieces.facet), int), np.ones(len(pieces.facet))
     lib = arrays_of(mi.Float)
     point = lib.Array3f64(*(upload(mi.Float64, column) for column in pieces.centre.T))
     distance = dr.norm(point - origin)
@@ -58,5 +62,5 @@ def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, s
     most, least = (beams.bound(direction, mi.Float(distance), rotation, wider) for wider in (angle, -angle))
     small = angle < WIDER * LARGEST
     dr.eval(small, most, least)
-    inside, outside = ((small & decided).numpy() for decided in (least > NEGLIGIBLE, most <= NEGLIGIBLE))
-    return inside.astype(int) - outside
+    inside, outside = ((small & decided).numpy() for decided in (least > enough, most <= NEGLIGIBLE))
+    return inside.astype(int) - outside, np.where(small.numpy(), most.numpy(), 1.0)

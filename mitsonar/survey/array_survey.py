@@ -48,6 +48,8 @@ class ArraySurvey(Survey):
         vector that its elements tell apart. None: by nothing.
     sending : (P,) int or None
         Number of the transmit element that sends alone at each ping; None: all send together.
+    thin_below : float [-]
+        Two-way intensity of the elements' beams below which cells are thinned, their mean energy kept; 0: none are.
     absorption_db : callable or None
         Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
 
@@ -73,6 +75,7 @@ class ArraySurvey(Survey):
     noise: ElementNoise | None = None
     steering: np.ndarray | None = None
     sending: np.ndarray | None = None
+    thin_below: float = 0.0
     absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
     @cached_property

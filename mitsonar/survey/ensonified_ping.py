@@ -38,7 +38,7 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
-        resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
+        thin_below=survey.thin_below, resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
 
 
 class EnsonifiedPing:

@@ -32,7 +32,7 @@ import numpy as np
 from mitsonar.sonar import Array, element_array, length_for_beam_width
 from mitsonar.sonar.presets import presets
 from mitsonar.sonar.shading import window_weights
-from mitsonar.units import hertz_from_khz
+from mitsonar.units import hertz_from_khz, power_from_db
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Text
 from .array_attributes import MOST_ELEMENTS
@@ -69,6 +69,9 @@ ATTRIBUTES = (
            text="of the middle of the transmitters from that of the receivers"),
     Angle("vertical_beam_width_deg", default=PRESET, minimum=0.5, maximum=180,
           text="full width at -3 dB one way, of transmitters and receivers; 180: all directions alike"),
+    Number("thin_below_db", default=-30.0, minimum=-80, maximum=0, unit="dB",
+           text="two-way, re the axis: of cells that side lobes leave less of only so many are taken, each the "
+                "stronger, that they bring the energy of all; -80: all are"),
     Integer("overlap", default=None, minimum=0, maximum=MOST_ELEMENTS, otherwise="as the range allows",
             text="receivers whose places along the aperture two pings have in common: sets the ping rate"),
     Choice("image_grid", default="ground", choices=GRIDS, text="where `mitsonar.render` focuses: points of a level "
@@ -99,6 +102,7 @@ class SyntheticAperture(SonarSensor):
         self.bank = np.repeat(np.arange(attributes.banks), attributes.receivers)
         self.grid, self.grid_spacing = attributes.image_grid, attributes.image_spacing
         self.windows = tuple(_window(attributes, name) for name in ("image_window", "range_window"))
+        self.thin_below = float(power_from_db(attributes.thin_below_db))
         self.route = _paced(attributes, self.route)
 
     def to_string(self) -> str:

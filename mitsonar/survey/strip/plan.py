@@ -38,6 +38,8 @@ class StripSensor(Sensor, Protocol):
     windows : (str, str)
         Over the aperture's angles and the pulse's band.
     self_noise_db : float or None [dB re 1 µPa²/Hz]
+    thin_below : float [-]
+        As of `ArraySurvey`.
     """
 
     preset: str
@@ -50,6 +52,7 @@ class StripSensor(Sensor, Protocol):
     grid_spacing: float | None
     windows: tuple[str, str]
     self_noise_db: float | None
+    thin_below: float
 
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float) -> StripSurvey:
@@ -73,7 +76,7 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: floa
     senders = sensor.transmit.elements
     return StripSurvey(
         **{**{one.name: getattr(survey, one.name) for one in fields(ArraySurvey)},
-           "samples": longer, "sending": np.arange(track.pings) % senders},
+           "samples": longer, "sending": np.arange(track.pings) % senders, "thin_below": sensor.thin_below},
         bank=sensor.bank, look=sensor.receive.normal[0], bed_depth=_bed_depth(survey, sensor), grid=sensor.grid,
         grid_spacing=sensor.grid_spacing, aperture_window=sensor.windows[0], range_window=sensor.windows[1],
         preset=sensor.preset)
