@@ -14,7 +14,7 @@ __all__ = ["add"]
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
     labels = commands.add_parser("labels", help="write pictures with masks, boxes and polygons to train on")
-    images = labels.add_argument("images", nargs="+", metavar="IN.exr|SWEEP", help="EXR files and folders of sweeps")
+    images = labels.add_argument("images", nargs="+", metavar="IN.exr|nc|SWEEP", help="files and folders of sweeps")
     complete_with(images, FILES)
     labels.add_argument("-o", "--output", metavar="FOLDER", help="default, for one input: its name with _labels")
     labels.add_argument("--coco", action="store_true", help="annotations.json: boxes and polygons of COCO")
@@ -30,14 +30,14 @@ def add(commands: Commands) -> None:
     labels.add_argument("--classes", metavar="NAMES",
                         help="of objects, numbered in this order; default: those of the images; \"cylinder, tyre\"")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
-                        help="cut the pictures, as 512x512; of arrays BINSxBEAMS, Cartesian ROWSxCOLUMNS")
+                        help="cut the pictures, as 512x512; of arrays BINSxBEAMS, in metres ROWSxCOLUMNS")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
     labels.add_argument("--drop-empty", action="store_true", help="leave out pictures and tiles without annotations")
     labels.add_argument("--cartesian", action="store_true",
                         help="pictures of fans and rotating heads in metres; default: a column per beam")
     labels.add_argument("--cell", type=float, metavar="M", help="side of their elements; default: what fits 1024")
     labels.add_argument("--tvg", default="seabed", choices=("seabed", "target", "recorder", "none"),
-                        help="display gain over range")
+                        help="display gain over range; focused images have none")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels with their gain [dB]; default: found for each image; --window=60,90")
     labels.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")

@@ -1,4 +1,4 @@
-"""A finished sweep, or any EXR files of mitsonar, as data: NumPy, xarray, PyTorch.
+"""A finished sweep, or any files of images of mitsonar, as data: NumPy, xarray, PyTorch.
 
     images = mitsonar.dataset.open("sweep")      len(images), images[3], images.parameters["range"], images.stack()
 """

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from ..imaging.focused import bin_dims
 from ..imaging.raster import bearings, cartesian
-from ..io import exr
 from ..io.files import FilePath
 from ..io.records import SonarImage
 from .labels import deal, find_sources, groups_of, read_shares
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Images", "open"]
 
-RENAMED = {"range": "slant_range"}  # a coordinate that differs from image to image cannot be its dimension's
+COMPLEX = "complex_image"          # a focused image's variable ``image``, whose name the dimension has
+# a coordinate that differs from image to image cannot be its dimension's
+RENAMED = {"range": "slant_range", "along_track": "along_track_distance", "across_track": "across_track_distance"}
 
 
 def open(places: FilePath | Iterable[FilePath], *, form: Form | None = None, cell: float | None = None) -> "Images":
@@ -29,7 +31,7 @@ def open(places: FilePath | Iterable[FilePath], *, form: Form | None = None, cel
     Parameters
     ----------
     places : str or path, or list of them
-        Folders of sweeps, whose finished images are taken, and EXR files.
+        Folders of sweeps, whose finished images are taken, EXR and netCDF files.
     form : {'polar', 'cartesian', None}
         None: an image is a record as it was rendered. Else it is a frame of a fan or a rotating head: one ping, or one
         turn, as recorded or in metres (`mitsonar.imaging.cartesian`).
@@ -193,13 +195,14 @@ class Images:
         Parameters
         ----------
         names : sequence of str or None
-            Variables; None: all over the dimensions of ``level``.
+            Variables; None: all over the dimensions of ``level``, of a focused image also those without ``bank``.
 
         Returns
         -------
         xarray.Dataset
-            With coordinates of the images over (image, ...), ``range`` as ``slant_range``; ``name``, ``seed``,
-            ``seabed``, and scene parameters as ``parameter_NAME``.
+            With coordinates of the images over (image, ...), ``range`` as ``slant_range``, ``along_track`` and
+            ``across_track`` with ``_distance`` at the end; the variable ``image`` of focused images as
+            ``complex_image``; ``name``, ``seed``, ``seabed``, and scene parameters as ``parameter_NAME``.
 
         Raises
         ------
@@ -212,7 +215,8 @@ class Images:
 
         first = self[0]
         if names is None:
-            names = [str(name) for name, variable in first.data_vars.items() if variable.dims == first["level"].dims]
+            names = [str(name) for name, variable in first.data_vars.items()
+                     if variable.dims in (first["level"].dims, bin_dims(first))]
         inner = [str(name) for name, coordinate in first.coords.items() if coordinate.dtype.kind in "fiub"
                  and set(coordinate.dims) <= set(first["level"].dims) and (name in RENAMED or name not in first.dims)]
         reads = [delayed(_read)(source, self.form, self.cell) for source in self.sources]
@@ -228,7 +232,7 @@ class Images:
         coords |= {RENAMED.get(name, name): lazily(name) for name in inner}
         coords |= {"name": ("image", self.names), "seed": ("image", self.seeds), "seabed": ("image", self.seabeds)}
         coords |= {f"parameter_{name}": ("image", values) for name, values in self.parameters.items()}
-        return xarray.Dataset({name: lazily(name) for name in names}, coords)
+        return xarray.Dataset({COMPLEX if name == "image" else name: lazily(name) for name in names}, coords)
 
     def torch(self, *, image: "str | Callable[[xr.Dataset], Any]" = "level",
               target: "str | Callable[[xr.Dataset], Any] | None" = "class",
@@ -239,8 +243,9 @@ class Images:
         ----------
         image : str or callable(xarray.Dataset)
             A variable: float32 (channels, rows, columns), rows and columns as in the pictures of `mitsonar labels`, of
-            a sidescan and of a frame one channel, of a whole record of an array its pings; outside a Cartesian fan
-            -200 of levels, else 0; or what gives an array.
+            a sidescan and of a frame one channel, of a whole record of an array its pings, of a focused image its
+            banks, of its complex ``image`` real and imaginary part of each; outside a Cartesian fan -200 of levels,
+            else 0; or what gives an array.
         target : str, callable(xarray.Dataset) or None
             A variable: the same as int64 (of counts; ``class`` by the set's ``classes``) or float32; ``boxes``: boxes,
             labels and masks as torchvision's detectors want them, labels by the set's ``object_classes``; or what gives
@@ -286,7 +291,7 @@ class Images:
 
 def _read(source: Source, form: Form | None, cell: float | None) -> SonarImage:
     """Read an image: a record or one of its frames."""
-    record = exr.read(source.path)
+    record = source.read()
     if form is None or source.frame is None:
         return record
     frame = record.isel(ping=bearings(record)[1][source.frame])

@@ -1,4 +1,4 @@
-"""Which images there are: EXR files by name, and the finished renders of sweeps by their manifests.
+"""Which images there are: EXR and netCDF files by name, and the finished renders of sweeps by their manifests.
 
 What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines that are damaged holds here too.
 """
@@ -9,9 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..imaging.raster import bearings
-from ..io import exr
+from ..io import exr, netcdf
 from ..io.files import FilePath
+from ..io.reading import is_netcdf
+from ..io.records import SonarImage
 from ..sweep import manifest
 from ..sweep.manifest import MANIFEST
 
@@ -25,7 +29,7 @@ class Source:
     Attributes
     ----------
     path : pathlib.Path
-        Of its EXR.
+        Of its EXR or netCDF file.
     name : str
         Unlike that of every other: of the file, without folders and suffix, and of the frame.
     parameters : dict
@@ -50,6 +54,27 @@ class Source:
     object_classes: tuple[str, ...]
     frame: int | None = None
 
+    def read(self) -> SonarImage:
+        """Read the record.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError
+            As `mitsonar.io.exr.read`; or if a netCDF file holds no image.
+        """
+        if not is_netcdf(self.path):
+            return exr.read(self.path)
+        return _image(netcdf.read(self.path), self.path)
+
+    def outline(self) -> SonarImage:
+        """Read coordinates and attributes; errors as of `read`."""
+        if not is_netcdf(self.path):
+            return exr.outline(self.path)
+        with netcdf.opened(self.path) as record:
+            level = _image(record, self.path)["level"]
+            nothing = np.broadcast_to(np.zeros((), level.dtype), level.shape)
+            return SonarImage({"level": (level.dims, nothing)}, record.coords.to_dataset().load().coords, record.attrs)
+
 
 def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     """Find all images in files and sweeps.
@@ -57,7 +82,7 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     Parameters
     ----------
     places : str or path, or list of them
-        EXR files and folders of sweeps.
+        EXR and netCDF files, and folders of sweeps.
 
     Returns
     -------
@@ -79,7 +104,7 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
         else:
             found.append((place, place.stem, place.resolve().parent.name))
     if not found:
-        raise ValueError("there are no images; give EXR files or folders of sweeps.")
+        raise ValueError("there are no images; give EXR or netCDF files, or folders of sweeps.")
     twice = [path for path, count in Counter(path.resolve() for path, *_ in found).items() if count > 1]
     if twice:
         raise ValueError(f"the image {twice[0]} is given twice; leave one out.")
@@ -108,7 +133,7 @@ def frames_of(sources: Iterable[Source]) -> list[Source]:
     found = []
     for source in sources:
         try:
-            count = len(bearings(exr.outline(source.path))[1])
+            count = len(bearings(source.outline())[1])
         except ValueError as error:
             raise ValueError(f"{source.path} has no frames: {error}") from None
         found += [replace(source, frame=frame, name=source.name if count == 1 else f"{source.name}_frame{frame:04d}")
@@ -117,24 +142,38 @@ def frames_of(sources: Iterable[Source]) -> list[Source]:
 
 
 def _source(path, name):
-    attributes = exr.attributes(path)
+    attributes = _attributes(path)
     objects = (attributes.get("objects") or {}).values()
     return Source(path=path, name=name, parameters=attributes.get("parameters") or {}, seed=attributes.get("seed"),
                   seabed=attributes.get("seabed"), classes=tuple(sorted((attributes.get("classes") or {}).values())),
                   object_classes=tuple(sorted({entry["class"] for entry in objects})))
 
 
+def _attributes(path):
+    if not is_netcdf(path):
+        return exr.attributes(path)
+    with netcdf.opened(path) as record:
+        return dict(_image(record, path).attrs)
+
+
+def _image(record, path):
+    """The image in a netCDF file."""
+    if not isinstance(record, SonarImage) or "level" not in record:
+        raise ValueError(f"{path} holds no image: it has no variable level; give what `mitsonar render` writes.")
+    return record
+
+
 def _finished(folder):
     """The files that a sweep's manifest calls done."""
     path = folder / MANIFEST
     if not path.is_file():
-        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give its EXR files "
+        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give its files "
                          "by name.")
     entries = manifest.read(path)[0]
     paths = [folder / output for output, entry in sorted(entries.items()) if entry.status == "ok"]
     outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]
     if outside:
-        raise ValueError(f"{path} names the file {outside[0]}, which is outside its folder; give the EXR files by "
+        raise ValueError(f"{path} names the file {outside[0]}, which is outside its folder; give the files by "
                          "name.")
     missing = [path for path in paths if not path.is_file()]
     if missing:

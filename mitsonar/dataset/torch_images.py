@@ -7,6 +7,7 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]  mitsonar does not ask for it
 import torch.utils.data  # pyright: ignore[reportMissingImports]  nor for its parts
 
+from ..imaging.focused import bin_dims
 from ..imaging.raster import LEVELS
 from .labels.annotations import HIGHLIGHT, annotations
 from .labels.frames import Frame
@@ -63,13 +64,17 @@ class TorchImages(torch.utils.data.Dataset):
         """A variable as (channels, rows, columns)."""
         dataset, frames = drawn
         path = self.images.sources[number].path
-        if name not in dataset.data_vars or set(dataset[name].dims) != set(dataset["level"].dims):
-            raise ValueError(f"{path} has no variable {name} over {', '.join(map(str, dataset['level'].dims))}.")
-        values = dataset[name].transpose(*dataset["level"].dims).values
-        if name in LEVELS:
-            return np.stack([np.nan_to_num(frame.levels(values), nan=NOTHING_DB) for frame in frames])
-        zero = np.zeros((), values.dtype)
-        return np.stack([np.where(frame.seen(), frame.lay(values), zero) for frame in frames])
+        dims = dataset["level"].dims
+        if name not in dataset.data_vars or set(dataset[name].dims) not in ({*dims}, {*bin_dims(dataset)}):
+            raise ValueError(f"{path} has no variable {name} over {', '.join(map(str, dims))}.")
+        variable = dataset[name].transpose(*(dim for dim in dims if dim in dataset[name].dims))
+        laid = []
+        for values in _channels(variable):
+            zero = np.zeros((), values.dtype)
+            for frame in frames:
+                laid.append(np.clip(np.nan_to_num(frame.levels(values), nan=NOTHING_DB), NOTHING_DB, None)
+                            if name in LEVELS else np.where(frame.seen(), frame.lay(values), zero))
+        return np.stack(laid)
 
     def _target(self, drawn, number):
         if self.target == "boxes":
@@ -99,3 +104,9 @@ class TorchImages(torch.utils.data.Dataset):
         labels = np.array([1 + self.images.object_classes.index(each.class_name) for each in found], np.int64)
         return {"boxes": torch.as_tensor(boxes), "labels": torch.as_tensor(labels), "masks": torch.as_tensor(masks),
                 "image_id": number}
+
+
+def _channels(variable):
+    """Values of every bank, and of complex ones the real and the imaginary part."""
+    banks = variable.values if "bank" in variable.dims else variable.values[None]
+    return [part for bank in banks for part in ((bank.real, bank.imag) if np.iscomplexobj(bank) else (bank,))]

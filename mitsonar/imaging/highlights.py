@@ -3,7 +3,8 @@
 A bin's mean echo must be no weaker than the noise and, in a shadow, no more than 10 dB weaker than the bed is at that
 range. Beams hear by their side lobes too, all around where no bed drowns them: a bin is such an echo if another beam of
 the same ping, or turn of a head, hears the object 15 dB louder at the same range. Where a fan has no ``mean_level``, an
-object's mean echo is that of the powers of its own bins, over 3 beams by 5 ranges.
+object's mean echo is that of the powers of its own bins, over 3 beams by 5 ranges. Of a focused image the same holds
+over 5 by 5 points of its first bank; its level is a strength, which the noise of an attribute says nothing of.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,13 +14,14 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from .focused import GROUND, bin_dims, is_focused
 from .raster import bearings
 
 __all__ = ["Highlights", "Patch", "largest_beside", "pieces_of"]
 
 FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
 LOBE_DB = 15.0                     # below an object's strongest bin at the same range: a side lobe's
-AROUND = {"beam": 3, "range": 5}   # bins that a mean is taken over
+AROUND = {"beam": 3, "range": 5, **dict.fromkeys(GROUND, 5)}      # bins that a mean is taken over
 NOTHING = 1e-20                    # power of what cannot be heard
 
 
@@ -57,7 +59,7 @@ class Highlights:
     Attributes
     ----------
     dims : tuple of str
-        Of ``level``, and of all that follows.
+        Of the bins, and of all that follows.
     share : float array (shape, ...)
         Of each shape.
     threshold : float
@@ -83,12 +85,13 @@ class Highlights:
     @classmethod
     def of(cls, dataset: xr.Dataset, labels: Sequence[int], threshold: float, above_noise_db: float) -> "Highlights":
         """Take what is needed from a record; arguments as of `mitsonar.imaging.objects.object_bins`."""
-        dims = tuple(map(str, dataset["level"].dims))
+        dims, focused = bin_dims(dataset), is_focused(dataset)
         share = dataset["share"].transpose("shape", *dims).values
-        name = "mean_level" if "mean_level" in dataset else "level" if "beam" in dims else None
-        level = None if name is None else dataset[name].transpose(*dims).values
+        name = "mean_level" if "mean_level" in dataset else "level" if focused or "beam" in dims else None
+        shown = None if name is None else dataset[name].isel(bank=0, missing_dims="ignore")
+        level = None if shown is None else shown.transpose(*dims).values
         hidden = dataset["hidden"].transpose(*dims).values if "hidden" in dataset else None
-        noise_db = dataset.attrs.get("noise_db")
+        noise_db = None if focused else dataset.attrs.get("noise_db")
         return cls(dims=dims, share=share, threshold=threshold, level=level, speckled=name == "level",
                    floor=_floor(share, labels, level, hidden,
                                 -np.inf if noise_db is None else noise_db + above_noise_db),
@@ -128,7 +131,7 @@ def pieces_of(mask: np.ndarray, dims: Sequence[str]) -> tuple[np.ndarray, int]:
         From 1; 0 elsewhere.
     count : int
     """
-    rows = "beam" if "beam" in dims else "ping"
+    rows = next((dim for dim in ("beam", GROUND[0]) if dim in dims), "ping")
     neighbours = ndimage.generate_binary_structure(mask.ndim, 1)
     for axis, dim in enumerate(dims):
         if dim not in (rows, dims[-1]):

@@ -16,17 +16,19 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from .focused import bin_dims, is_focused
 from .highlights import Highlights, Patch, largest_beside, pieces_of
 
 __all__ = ["ObjectBins", "check_labelled", "object_bins"]
 
 NEEDED = ("level", "share", "object_shadow")
+FROM_ABOVE = ("level", "label")    # of an image that is seen from all sides
 SPECK_SHARE = 0.05                 # of the largest piece
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectBins:
-    """An object of a record and the bins that show it, over the dimensions of ``level``.
+    """An object of a record and the bins that show it, over the dimensions of ``level`` without the banks.
 
     Attributes
     ----------
@@ -51,7 +53,8 @@ def check_labelled(dataset: xr.Dataset, name: str = "the dataset") -> None:
     ValueError
         If a variable or attribute is missing; ``name`` is what a person calls the dataset.
     """
-    missing = [needed for needed in NEEDED if needed not in dataset.data_vars]
+    needed = FROM_ABOVE if is_focused(dataset) and "share" not in dataset else NEEDED
+    missing = [name for name in needed if name not in dataset.data_vars]
     missing += ["attribute objects"] * ("objects" not in dataset.attrs)
     if missing:
         raise ValueError(f"{name} has no {', no '.join(missing)}, from which objects are labelled; give an image that "
@@ -89,7 +92,9 @@ def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: 
     check_labelled(dataset)
     if not 0 <= threshold < 1:
         raise ValueError(f"the threshold is {threshold:g}; give a share of at least 0 and below 1, such as 0.5.")
-    dims = dataset["level"].dims
+    if "share" not in dataset:
+        dataset = _from_above(dataset)
+    dims = bin_dims(dataset)
     objects = sorted((int(number), entry["class"]) for number, entry in dataset.attrs["objects"].items())
     highlights = Highlights.of(dataset, [label for label, _ in objects], threshold, above_noise_db)
     hidden_by = dataset["object_shadow"].transpose(*dims).values
@@ -107,6 +112,16 @@ def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: 
             Patch(where=where, mask=hidden_by[where] == label), dims, smallest).within(shape)
         yield ObjectBins(label=label, name=str(dataset["shape"].values[label - 1]), class_name=class_name,
                          highlight=_without_specks(lit[label], dims, smallest).within(shape), shadow=shadow)
+
+
+def _from_above(dataset):
+    """A focused image with shares: a point is all its label's, and in no object's shadow."""
+    dims, label = bin_dims(dataset), dataset["label"]
+    names = dataset.attrs.get("labels") or {}
+    count = max(map(int, names), default=0)
+    share = (label.transpose(*dims).values == np.arange(1, count + 1).reshape(-1, 1, 1)).astype(np.float32)
+    return dataset.assign(share=(("shape", *dims), share), object_shadow=xr.zeros_like(label)).assign_coords(
+        shape=[names.get(str(number), "") for number in range(1, count + 1)])
 
 
 def _without_specks(patch, dims, smallest):

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from .focused import is_focused
 from .raster_map import FanGrid, FanMap, fan_grid, fan_map, reach
 
 __all__ = ["Sweep", "bearings", "cartesian", "looks_down", "sweeps"]
@@ -150,6 +151,8 @@ def bearings(dataset: xr.Dataset) -> tuple[np.ndarray, list[slice]]:
         name, turn = "bearing", coords["turn"].values if "turn" in coords else np.zeros(dataset.sizes["ping"])
         ends = [0, *(1 + np.flatnonzero(np.diff(turn))).tolist(), dataset.sizes["ping"]]
         pings = [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)]
+    elif is_focused(dataset):
+        raise ValueError("a focused image has no fans: its points are in metres of its own grid; take it as it is.")
     else:
         raise ValueError(f"the levels are over {', '.join(map(str, dims))}; a Cartesian picture is made of (ping, "
                          "beam, range), or of (ping, range) with a bearing for each ping.")

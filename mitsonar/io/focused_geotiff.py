@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from ..imaging.focused import even_grid
 from ..imaging.georeference import named_system, system
 from ..synthetic_aperture.record import check_image
 from . import geotiff
@@ -27,7 +28,6 @@ __all__ = ["write"]
 
 TAGS = ("sonar", "frequency", "seed", "window", "range_window", "file")
 PLACE = ("x", "y")
-EVEN = 0.01                        # of a cell: what a point may lie off its place in an even grid
 MOST_LABEL = 1 << 24               # the last whole number that float32 tells from its neighbours
 
 
@@ -93,15 +93,10 @@ def _transform(image: xr.Dataset) -> Affine:
     if min(rows, columns) < 2:
         raise ValueError(f"a GeoTIFF places a grid of at least 2 x 2 points, and this image has {rows} x {columns}; "
                          "write .exr, .nc or .h5.")
-    place = np.stack([image[name].values for name in PLACE]).astype(float)
-    first = place[:, 0, 0]
-    ahead, abeam = (place[:, -1, 0] - first) / (rows - 1), (place[:, 0, -1] - first) / (columns - 1)
-    even = (first[:, None, None] + ahead[:, None, None] * np.arange(rows)[:, None]
-            + abeam[:, None, None] * np.arange(columns))
-    cell = min(float(np.hypot(*ahead)), float(np.hypot(*abeam)))
-    if not np.abs(place - even).max() <= EVEN * cell:                  # NaN is not even either
+    grid = even_grid(image)
+    if grid is None:
         raise ValueError("the points of this image are no even grid on the map, as those of a slant grid or about a "
                          "circle may not be; focus on a ground grid, or write .exr, .nc or .h5.")
     origin = np.asarray(image.attrs.get("local_origin") or (0.0, 0.0), float)[:2]
-    corner = origin + first + (rows - 0.5) * ahead - 0.5 * abeam
-    return Affine(abeam[0], -ahead[0], corner[0], abeam[1], -ahead[1], corner[1])
+    corner = origin + grid.first + (rows - 0.5) * grid.ahead - 0.5 * grid.abeam
+    return Affine(grid.abeam[0], -grid.ahead[0], corner[0], grid.abeam[1], -grid.ahead[1], corner[1])

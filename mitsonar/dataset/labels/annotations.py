@@ -101,7 +101,7 @@ def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: floa
         As `object_bins`.
     """
     found = [[] for _ in frames]
-    bins = dataset["range"].values
+    bins = dataset["range"].values if "range" in dataset.coords else np.zeros(0)
     near_is_cut = bins.size > 1 and bins[0] > bins[1] - bins[0]
     edge_of = functools.cache(lambda number: frames[number].edge(near_is_cut))
     for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db, smallest=smallest):

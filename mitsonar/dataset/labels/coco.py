@@ -3,6 +3,7 @@
 Format: https://cocodataset.org/#format-data. A box is [left, upper, width, height] in picture elements from the upper
 left corner of the first one. Segmentations are polygons, filled again exactly the mask; ``area`` counts its elements.
 Beyond the format an image has ``source``, ``row``, ``column``, ``ping``, ``seabed``, ``window_db`` and ``parameters``,
+one in metres ``cell_x``, ``cell_y``, ``left`` and ``top``, a focused one also its place in the scene (`FocusedFrame`);
 an annotation ``instance``, ``side``, ``truncated`` and ``visible``, a category its ``supercategory``.
 """
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,9 @@
 They are the way up that previews are. A sidescan is one picture: a row per ping, the newest on top; port mirrored, then
 starboard. Of an array every ping is a picture, of a rotating head every turn or sector. Polar ones have a row per
 range, the farthest on top, or at the bottom where the fan looks down; a column per beam, in their order, or per bearing
-from left to right. Cartesian ones are in metres (`mitsonar.imaging.raster`). An element of a Cartesian picture is a
-square, of others a bin.
+from left to right. Cartesian ones are in metres (`mitsonar.imaging.raster`). A focused image is one picture, of its
+first bank, for all share their truth: a row per point along the track, the farthest ahead on top; columns to starboard.
+An element of a Cartesian picture is a square, of others a bin.
 """
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -14,11 +15,13 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from ...imaging.focused import GROUND, EvenGrid, even_grid, to_starboard
 from ...imaging.raster import Sweep, bearings, looks_down, sweeps
 from ...imaging.raster_map import in_order
 from ...io.files import FilePath
 
-__all__ = ["FORMS", "CartesianFrame", "Form", "Frame", "Part", "PolarFrame", "Tile", "Waterfall", "frames", "tiles"]
+__all__ = ["FORMS", "CartesianFrame", "FocusedFrame", "Form", "Frame", "Part", "PolarFrame", "Tile", "Waterfall",
+           "frames", "tiles"]
 
 Form = Literal["polar", "cartesian"]
 FORMS = ("polar", "cartesian")
@@ -47,14 +50,14 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame(ABC):
-    """One picture of a record: a `Waterfall`, a `PolarFrame` or a `CartesianFrame`.
+    """One picture of a record: a `Waterfall`, a `PolarFrame`, a `CartesianFrame` or a `FocusedFrame`.
 
     Attributes
     ----------
     name : str
         What tells it from other pictures of its record, such as ``ping0003``; empty where there is one only.
     ping : int or None
-        Which ping of an array, or the first of a turn; None for all of a sidescan.
+        Which ping of an array, or the first of a turn; None for all of a sidescan or a focused image.
     parts : tuple of Part
         From left to right.
     height, width : int
@@ -88,7 +91,7 @@ class Frame(ABC):
         return edge
 
     def metres(self, row: int, column: int) -> dict[str, float]:
-        """Give, of a Cartesian picture, the steps and the upper left corner of an element [m]; of others nothing."""
+        """Give, of a picture in metres, the steps and the upper left corner of an element [m]; of others nothing."""
         return {}
 
 
@@ -173,6 +176,68 @@ class CartesianFrame(Frame):
         return {name: round(float(value), 9) for name, value in found.items()}
 
 
+@final
+@dataclass(frozen=True, kw_only=True)
+class FocusedFrame(Frame):
+    """A focused image.
+
+    Attributes
+    ----------
+    rows, columns : slice
+        That bring its points into the picture's order.
+    along, across : (float, float) [m]
+        Of its grid: ``along_track`` and ``across_track`` of the upper left point, and the step to the next.
+    grid : EvenGrid or None
+        From the upper left point on; None where points lie unevenly.
+    """
+
+    rows: slice
+    columns: slice
+    along: tuple[float, float]
+    across: tuple[float, float]
+    grid: EvenGrid | None
+
+    @classmethod
+    def of(cls, image: xr.Dataset) -> "FocusedFrame":
+        """Give the picture of an image over (bank, along_track, across_track)."""
+        known = {dim: image[dim].values if dim in image.coords else np.arange(image.sizes[dim])
+                 for dim in ("along_track", "across_track")}
+        upwards = slice(None, None, 1 if _rises(known["along_track"]) else -1)
+        starboard = to_starboard(image.isel(along_track=upwards))
+        drawn = {"along_track": slice(None, None, -upwards.step),
+                 "across_track": slice(None, None, 1 if starboard else -1)}
+        along, across = (_axis(known[dim][where]) for dim, where in drawn.items())
+        near_left = abs(across[0]) < abs(across[0] + (known["across_track"].size - 1) * across[1])
+        height, width = (values.size for values in known.values())
+        return cls(ping=None, parts=(Part(name="", start=0, stop=width, near="left" if near_left else "right"),),
+                   height=height, width=width, rows=drawn["along_track"], columns=drawn["across_track"], along=along,
+                   across=across, grid=even_grid(image.isel(drawn)))
+
+    def lay(self, values: np.ndarray) -> np.ndarray:
+        """See `Frame.lay`; of banks the first."""
+        own = values if values.ndim == 2 else values[0]
+        return own[self.rows, self.columns]
+
+    def edge(self, near: bool) -> np.ndarray:
+        """See `Frame.edge`; a grid ends on all sides."""
+        return super().edge(True)
+
+    def metres(self, row: int, column: int) -> dict[str, float]:
+        """See `Frame.metres`: ``across_track`` grows by ``cell_x`` a column, ``along_track`` by ``cell_y`` a row.
+
+        Of an even grid also where the element's corner lies in the scene, ``x`` and ``y``, and the steps there:
+        ``x_column``, ``y_column`` of a column, ``x_row``, ``y_row`` of a row.
+        """
+        found = {"cell_x": self.across[1], "cell_y": self.along[1],
+                 "left": self.across[0] + (column - 0.5) * self.across[1],
+                 "top": self.along[0] + (row - 0.5) * self.along[1]}
+        if self.grid is not None:
+            down, right = self.grid.ahead, self.grid.abeam
+            x, y = self.grid.first + (row - 0.5) * down + (column - 0.5) * right
+            found |= {"x": x, "y": y, "x_column": right[0], "y_column": right[1], "x_row": down[0], "y_row": down[1]}
+        return {name: round(float(value), 9) for name, value in found.items()}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Tile:
     """A rectangle of a picture: its first row and column, its height and width."""
@@ -190,11 +255,11 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "po
     Parameters
     ----------
     dataset : xarray.Dataset
-        With ``level`` over (ping, side, range), (ping, range) or (ping, beam, range).
+        With ``level`` over (ping, side, range), (ping, range) or (ping, beam, range), or a focused image's.
     name : str
         What a person calls it.
     form : {'polar', 'cartesian'}
-        Of fans and rotating heads; sidescans have the former only.
+        Of fans and rotating heads; sidescans and focused images have the former only.
     cell : float or None [m]
         Side of a Cartesian picture's element; see `mitsonar.imaging.cartesian`.
 
@@ -210,6 +275,8 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "po
     dims, shape = dataset["level"].dims, dataset["level"].shape
     if form == "cartesian":
         return _in_metres(dataset, name, cell)
+    if dims in (("bank", *GROUND), GROUND):
+        return [FocusedFrame.of(dataset)]
     if dims == ("ping", "beam", "range"):
         return _in_beams(dataset, [np.arange(shape[1])] * shape[0], list(range(shape[0])), "ping")
     if dims == ("ping", "range") and "bearing" in dataset.coords:
@@ -267,6 +334,15 @@ def _in_metres(dataset, name, cell) -> list[Frame]:
         name=f"{kind}{number:04d}", ping=sweep.pings.start, sweep=sweep, height=sweep.grid.y.size,
         width=sweep.grid.x.size, parts=(Part(name="", start=0, stop=sweep.grid.x.size, near=near),))
         for number, sweep in enumerate(found)]
+
+
+def _rises(values):
+    return values.size < 2 or values[-1] >= values[0]
+
+
+def _axis(values):
+    """The first of a grid's numbers, and their mean step."""
+    return float(values[0]), float((values[-1] - values[0]) / max(values.size - 1, 1))
 
 
 def _starts(whole, length, overlap):

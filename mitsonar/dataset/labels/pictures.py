@@ -2,7 +2,8 @@
 
     grey = 255 (level + gain - low) / (high - low), cut off at 0 and 255
 
-Black and white are found where there is a bed to be shown: where its mean level says so, else from its first return on.
+Black and white are found where there is a bed to be shown: where its mean level says so, else from its first return on;
+in a focused image where something is seen. Its levels are strengths, to which no gain is added.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from ...imaging.focused import bin_dims, is_focused
 from ...io.files import FilePath
 from ...plots.gain import Tvg, display_gain, display_window
 from .frames import CartesianFrame, Frame
@@ -17,7 +19,9 @@ from .frames import CartesianFrame, Frame
 __all__ = ["Greys", "grey", "greys", "write_png"]
 
 NOTHING_DB = -199.0                # at or below: the level of a bin with no echo and no noise
+UNIT = "dB re 1 µPa"               # of a level that does not say
 SILENCE_DB = -1000.0               # stands for it in means of powers
+HALF = 0.5                         # share of the pings
 MOST_LOOKED_AT = 8                 # Cartesian frames in which black and white are looked for
 
 
@@ -28,16 +32,19 @@ class Greys:
     Attributes
     ----------
     level : float array
-        With the gain, over the dimensions of the record's ``level`` [dB]; -1000 where no echo arrives.
+        With the gain, over the dimensions of the record's bins [dB]; -1000 where no echo arrives.
     window : (float, float) [dB]
         Black and white.
     words : str
         What was added to the level, for people.
+    unit : str
+        Of the level.
     """
 
     level: np.ndarray
     window: tuple[float, float]
     words: str
+    unit: str = UNIT
 
     def draw(self, frame: Frame) -> np.ndarray:
         """Draw one picture of the record: uint8 (height, width), 0 also where no echo arrives."""
@@ -60,7 +67,7 @@ def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
     Returns
     -------
     grey : uint8 array
-        Over the dimensions of ``level``; 0 also where no echo arrives.
+        Over the dimensions of ``level``, of a focused image of its first bank; 0 also where no echo arrives.
     window : (float, float) [dB]
     words : str
         What was added to the level, for people.
@@ -68,7 +75,7 @@ def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
     Raises
     ------
     ValueError
-        If the window is empty or ``tvg`` unknown.
+        If the window is empty or ``tvg`` unknown, or a focused image is to have a gain over range.
     """
     found = greys(dataset, [], tvg=tvg, window=window)
     return _scaled(found.level, found.window), found.window, found.words
@@ -95,8 +102,8 @@ def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
     ValueError
         As `grey`.
     """
-    level = dataset["level"].values.astype(float)
-    gain, words = display_gain(dataset, tvg)
+    level = dataset["level"].isel(bank=0, missing_dims="ignore").values.astype(float)
+    gain, words = _gain(dataset, tvg)
     shown = np.where(level > NOTHING_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)
     if window is None:
         bed = _bed(dataset, shown)
@@ -109,7 +116,8 @@ def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
     low, high = window
     if not low < high:
         raise ValueError(f"black is {low:g} dB and white {high:g} dB; white must be above black.")
-    return Greys(level=shown, window=(float(low), float(high)), words=f"level{words}")
+    return Greys(level=shown, window=(float(low), float(high)), words=f"level{words}",
+                 unit=str(dataset["level"].attrs.get("units") or UNIT))
 
 
 def write_png(image: np.ndarray, path: FilePath) -> None:
@@ -131,10 +139,24 @@ def _scaled(level, window):
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
 
+def _gain(dataset, tvg):
+    """The gain over range and its words; nothing where levels are strengths already."""
+    if not is_focused(dataset):
+        return display_gain(dataset, tvg)
+    if tvg not in (None, "seabed"):
+        raise ValueError(f"the gain {tvg!r} is of echoes, and levels of a focused image are strengths of what lies "
+                         "there; leave the gain out.")
+    return np.zeros((1, 1)), ""
+
+
 def _bed(dataset, shown):
     """The bins in which black and white are looked for."""
     echoes = shown > NOTHING_DB
     bed = echoes
+    if is_focused(dataset):
+        if "shadow" in dataset:
+            bed = echoes & ~(dataset["shadow"].transpose(*bin_dims(dataset)).values > HALF)
+        return bed if bed.any() else echoes
     if "mean_level" in dataset:
         bed = echoes & (dataset["mean_level"].values > NOTHING_DB)
     if "seabed_depth" in dataset and "side" not in dataset.dims:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...imaging.focused import bin_dims, is_focused
 from ...imaging.objects import check_labelled
-from ...io import exr
 from ...io.files import FilePath, check_writable, full_disk_said
 from ..sources import Source, find_sources
 from ..split import deal
@@ -28,6 +28,8 @@ from .rules import Labels
 __all__ = ["groups_of", "write"]
 
 MOST_INSTANCES = 65535             # that masks of 16 bits tell apart
+MOSTLY = 0.5                       # of a focused image's pings, that do not see what is in shadow
+PLACE = ("crs", "local_origin")    # where x = y = 0 is on a map
 MASKS = ("instance", "class", "shadow", "bed_shadow")
 
 
@@ -44,7 +46,7 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     Parameters
     ----------
     places : str or path, or list of them
-        EXR files and folders of sweeps.
+        EXR and netCDF files, and folders of sweeps.
     folder : str or path
         To be made; an empty one may be there.
     labels : Labels
@@ -136,6 +138,15 @@ def _classes(sources, wanted):
     return list(wanted)
 
 
+def _dark(dataset):
+    """The bins in shadow that is no object's, over the dimensions of the truth."""
+    dims = bin_dims(dataset)
+    dark = dataset["shadow"].transpose(*dims).values > (MOSTLY if is_focused(dataset) else 0)
+    if "object_shadow" in dataset:
+        dark &= dataset["object_shadow"].transpose(*dims).values == 0
+    return dark
+
+
 class _Writer:
     def __init__(self, folder, labels, numbers):
         self.folder, self.labels, self.numbers = folder, labels, numbers
@@ -149,7 +160,7 @@ class _Writer:
     def image(self, source, home):
         """Write the pictures of an image for the subset of that name."""
         subset = self.subsets[home]
-        dataset = exr.read(source.path)
+        dataset = source.read()
         check_labelled(dataset, source.path)
         pictures = frames(dataset, source.path, self.labels.form, self.labels.cell)
         shown = greys(dataset, pictures, tvg=self.labels.tvg, window=self.labels.window)
@@ -157,10 +168,12 @@ class _Writer:
                             above_noise_db=self.labels.above_noise_db)
         dark = None
         if self.labels.masks and "shadow" in dataset:
-            dark = (dataset["shadow"].values > 0) & (dataset["object_shadow"].values == 0)
+            dark = _dark(dataset)
         about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
                  "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
-                 "grey": f"{shown.words} [dB re 1 µPa]"}
+                 "grey": f"{shown.words} [{shown.unit}]"}
+        if is_focused(dataset):
+            about |= {name: dataset.attrs[name] for name in PLACE if dataset.attrs.get(name) is not None}
         for frame, own in zip(pictures, found, strict=True):
             picture = shown.draw(frame)
             unheard = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)

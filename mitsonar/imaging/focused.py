@@ -1,0 +1,81 @@
+"""Focused images as pictures: which of their dimensions are points, and where these lie on the map.
+
+    (x, y) = (x_0, y_0) + i (a_x, a_y) + j (b_x, b_y)           of row i and column j of an even grid
+
+x_0, y_0 -> ``first``, a -> ``ahead``, b -> ``abeam``. The banks of an image share its points and their truth.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+__all__ = ["GROUND", "EvenGrid", "bin_dims", "even_grid", "is_focused", "to_starboard"]
+
+BANK, GROUND = "bank", ("along_track", "across_track")
+EVEN = 0.01                        # of a cell: what a point may lie off its place in an even grid
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvenGrid:
+    """Where the points of an even grid lie in the scene.
+
+    Attributes
+    ----------
+    first : (2,) [m]
+        x and y of the first row's first point.
+    ahead, abeam : (2,) [m]
+        From a row to the next, from a column to the next.
+    """
+
+    first: np.ndarray
+    ahead: np.ndarray
+    abeam: np.ndarray
+
+
+def is_focused(dataset: xr.Dataset) -> bool:
+    """Tell whether a dataset is an image over (along_track, across_track)."""
+    return set(GROUND) <= set(dataset.dims)
+
+
+def bin_dims(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Give the dimensions of a record's bins, which its truth has: those of ``level`` without the banks."""
+    return tuple(str(dim) for dim in dataset["level"].dims if dim != BANK)
+
+
+def to_starboard(image: xr.Dataset) -> bool:
+    """Tell whether the columns of a focused image go to starboard of its rows' direction; so where nothing tells."""
+    grid = _corners(image)
+    return grid is None or not grid.ahead[0] * grid.abeam[1] - grid.ahead[1] * grid.abeam[0] > 0
+
+
+def even_grid(image: xr.Dataset) -> EvenGrid | None:
+    """Give the places of a focused image's points; None where they are no even grid, or fewer than 2 x 2.
+
+    Parameters
+    ----------
+    image : xarray.Dataset
+        With ``x`` and ``y`` over (along_track, across_track).
+    """
+    grid = _corners(image)
+    if grid is None:
+        return None
+    rows, columns = image.sizes[GROUND[0]], image.sizes[GROUND[1]]
+    cell = min(float(np.hypot(*grid.ahead)), float(np.hypot(*grid.abeam)))
+    for number, name in enumerate("xy"):
+        even = (grid.first[number] + grid.ahead[number] * np.arange(rows)[:, None]
+                + grid.abeam[number] * np.arange(columns))
+        if not np.abs(image[name].transpose(*GROUND).values - even).max() <= EVEN * cell:     # NaN is not even either
+            return None
+    return grid
+
+
+def _corners(image: xr.Dataset) -> EvenGrid | None:
+    """The grid that the corners of an image span."""
+    rows, columns = image.sizes[GROUND[0]], image.sizes[GROUND[1]]
+    if min(rows, columns) < 2 or not all(name in image and set(image[name].dims) == set(GROUND) for name in "xy"):
+        return None
+    x, y = (image[name].transpose(*GROUND).values for name in "xy")
+    first, last_row, last_column = (np.array([x[at], y[at]], float) for at in ((0, 0), (-1, 0), (0, -1)))
+    return EvenGrid(first=first, ahead=(last_row - first) / (rows - 1), abeam=(last_column - first) / (columns - 1))
