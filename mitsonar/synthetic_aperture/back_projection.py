@@ -1,12 +1,15 @@
 """Back-projection of one ping: every receiver is read where the echo of a point stands, for all points in the beam.
 
-    N(p) += Σ_r w(u_r) R_t R_r 10^(α (R_t + R_r)/20) m_r(τ - (η - 1) f₀/k) e^(i2πf₀τ),     D(p) += Σ_r w(u_r) g(u_r)
-    c₀ τ = R_t (1 + r_t) + R_r (1 + r_r),     u_r = (sin of the angle from abreast, out and back) / 2
+    N(p) += Σ_r v_r w(u_r) R_t R_r 10^(α (R_t + R_r)/20) m_r(τ - (η - 1) f₀/k) e^(i2πf₀τ)
+    D(p) += Σ_r v_r w(u_r) g(u_r)
+    c₀ τ = R_t (1 + r_t) + R_r (1 + r_r),     u_r = (sine of the angle from abreast, out + back) / 2
 
-m -> compressed signals, r -> residuals of `delays`, g -> the beams of the elements' lengths, w -> the aperture's
-weights; N/D 10^(-SL/20) is the image. The transmitter is where the body has it when the pulse's middle leaves, whose
-frequency is the carrier; receivers are where the body has them when that comes in, at τ by iteration. An echo that
-comes compressed in time by η has its sweep of rate k shifted: peaks stand (η - 1) f₀/k too early.
+m -> compressed signals, r -> residuals of `delays`, g -> the beams of the elements' lengths, at u from abreast of the
+body; w -> the aperture's weights, tapered by u from abreast of the way, so that yaw does not move the aperture; v ->
+the receivers' ``shares``. N/D 10^(-SL/20) is the image. The transmitter is where the body has it when the pulse's
+middle leaves, whose frequency is the carrier; receivers are where the body has them when that comes in, at τ by
+iteration. An echo that comes compressed in time by η has its sweep of rate k shifted: peaks stand (η - 1) f₀/k too
+early.
 
 Of a point everything is computed once for the receivers' centre, in float64; a receiver's own way differs by
 ΔR = q / (R + sqrt(R² + q)), q = |a|² - 2 a·p, a its place from the centre and p the point, both in the axes of the body
@@ -41,13 +44,22 @@ class Aperture:
     Attributes
     ----------
     widest : float [-]
-        Largest |u|.
-    weights : float32 (`WEIGHTS`, 2)
-        w and w g at even steps of |u|, from 0 to `widest`.
+        Largest |u| from abreast of the way.
+    taper : float32 (`WEIGHTS`,)
+        W at even steps of |u| from 0 to `widest`.
+    beam_reach : float [-]
+        Largest |u| from abreast of the body.
+    beams : float32 (`WEIGHTS`, 2)
+        w/W and g w/W at even steps of it from 0 to `beam_reach`.
+    fall : float [-]
+        g falls by fall δ² where the angles out and back are u -+ δ instead of u.
     """
 
     widest: float
-    weights: np.ndarray
+    taper: np.ndarray
+    beam_reach: float
+    beams: np.ndarray
+    fall: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +122,7 @@ class BackProjection:
         self.tiles = -(-rows // TILE), -(-columns // TILE)
         self.along, self.ground = upload(lib.Float64, grid.along_track), upload(lib.Float64, grid.ground)
         self.depth = upload(lib.Float, grid.depth)
-        self.table = upload(lib.Float, aperture.weights)
+        self.taper, self.beams = upload(lib.Float, aperture.taper), upload(lib.Float, aperture.beams)
         self.real, self.imaginary, self.weight = (dr.zeros(lib.Float, rows * columns) for _ in range(3))
         self._centres, self._radius = self._tile_places()
 
@@ -132,15 +144,15 @@ class BackProjection:
                                       np.arange(self.tiles[1]) * TILE, 1).ravel() for some in (grid.depth, -grid.depth)]
         return middle, radius + np.maximum(depths[0] - middle[:, 2], depths[1] + middle[:, 2])
 
-    def in_sight(self, sender: Sender, receivers: Moving, places: np.ndarray, sound_speed: float) -> np.ndarray:
+    def in_sight(self, sender: Sender, receivers: Moving, places: np.ndarray, ahead: np.ndarray,
+                 sound_speed: float) -> np.ndarray:
         """Give the numbers of the tiles that the ping may touch: in the beam, abreast, and within the record."""
         away = self._centres - receivers.place
         distance = np.maximum(np.linalg.norm(away, axis=1), TINY)
         out = np.maximum(np.linalg.norm(self._centres - sender.place, axis=1), TINY)
-        reach = np.abs(places[:, 0]).max() + self._radius
-        sine = 0.5 * np.abs(away @ receivers.rotation[:, 0] / distance
-                            + (self._centres - sender.place) @ sender.rotation[:, 0] / out)
-        beam = sine <= self.aperture.widest + reach / distance + 0.02
+        reach = np.linalg.norm(places, axis=1).max() + self._radius
+        sine = 0.5 * np.abs(away @ ahead / distance + (self._centres - sender.place) @ ahead / out)
+        beam = sine <= self.aperture.widest + reach / distance
         abreast = away @ (receivers.rotation @ self.look) > -2 * self._radius
         last = self.first + self.samples / self.rate
         # residuals of the straight line and the array's own extent are far below the margin
@@ -148,7 +160,8 @@ class BackProjection:
         heard = ((distance + out + margin > self.first * sound_speed) & (distance + out - margin < last * sound_speed))
         return np.flatnonzero(beam & abreast & heard).astype(np.uint32)
 
-    def add(self, signals: np.ndarray, sender: Sender, receivers: Moving, places: np.ndarray, water: Water) -> None:
+    def add(self, signals: np.ndarray, sender: Sender, receivers: Moving, places: np.ndarray, shares: np.ndarray,
+            ahead: np.ndarray, water: Water) -> None:
         """Add a ping.
 
         Parameters
@@ -159,19 +172,24 @@ class BackProjection:
             The receivers' centre.
         places : (rx, 3) [m]
             Of the receivers from their centre, body frame.
+        shares : (rx,) [-]
+            Of the receivers, further weights.
+        ahead : (3,)
+            Unit vector of the way, which the aperture's angles are counted from.
         water : Water
         """
-        tiles = self.in_sight(sender, receivers, places, water.sound_speed)
+        tiles = self.in_sight(sender, receivers, places, ahead, water.sound_speed)
         if not len(tiles):
             return
         lib = self.lib
         inside, pixel, point = self._points(tiles)
-        ways = _Ways(lib, point, sender, receivers, water, self)
-        depth = places @ receivers.rotation[2]
+        ways = _Ways(lib, point, sender, receivers, ahead, water, self)
+        further = np.column_stack([places @ receivers.rotation[2], shares, places @ (ahead @ receivers.rotation),
+                                   np.zeros(len(places))])
         elements = upload(lib.Float, np.column_stack([places, (places ** 2).sum(1)]).astype(np.float32))
-        depths = upload(lib.Float, depth.astype(np.float32))
+        others = upload(lib.Float, further.astype(np.float32))
         values = upload(lib.Float, signals.view(np.float32))
-        real, imaginary, weight = self._summed(ways, values, elements, depths, len(places), inside, water)
+        real, imaginary, weight = self._summed(ways, values, elements, others, len(places), inside, water)
         for total, part in ((self.real, real), (self.imaginary, imaginary), (self.weight, weight)):
             dr.scatter(total, dr.gather(lib.Float, total, pixel, inside) + part, pixel, inside)
         dr.eval(self.real, self.imaginary, self.weight)
@@ -195,7 +213,7 @@ class BackProjection:
         z = lib.Float64(dr.gather(lib.Float, self.depth, pixel, inside))
         return inside, pixel, [x + a * s + g * c, y + a * c - g * s, z]
 
-    def _summed(self, ways: _Ways, values: Float, elements: Float, depths: Float, count: int, inside: Any,
+    def _summed(self, ways: _Ways, values: Float, elements: Float, others: Float, count: int, inside: Any,
                 water: Water) -> tuple[Float, Float, Float]:
         """Sum over the receivers, for every thread."""
         lib = self.lib
@@ -203,36 +221,46 @@ class BackProjection:
         row, end = dr.opaque(lib.UInt32, self.samples), dr.opaque(lib.Float, float(self.samples - 1))
         per_metre = dr.opaque(lib.Float, self.rate / water.sound_speed)
         cycles = dr.opaque(lib.Float, self.frequency / water.sound_speed)
-        finest = dr.opaque(lib.Float, (WEIGHTS - 1) / self.aperture.widest)
+        to_taper = dr.opaque(lib.Float, (WEIGHTS - 1) / self.aperture.widest)
+        to_beam = dr.opaque(lib.Float, (WEIGHTS - 1) / self.aperture.beam_reach)
+        fall = dr.opaque(lib.Float, -self.aperture.fall)
         bent = water.receivers is not None
         bx, by, bz = (-2 * part for part in ways.body)
+
+        def fallen(apart: Float) -> Float:
+            return dr.maximum(dr.fma(apart * apart, fall, 1), 0.5)
 
         def body(n: UInt32, real: Float, imaginary: Float, weight: Float) -> tuple:
             a = dr.gather(lib.Array4f, elements, n)
             q = dr.fma(a[0], bx, dr.fma(a[1], by, dr.fma(a[2], bz, a[3])))
             slant = dr.sqrt(dr.fma(ways.slant, ways.slant, q))
             further = q / (slant + ways.slant) * ways.stretch
+            other = dr.gather(lib.Array4f, others, n)
             if bent:
-                further = dr.fma(ways.by_square, q, further)
-                further = dr.fma(ways.by_depth, dr.gather(lib.Float, depths, n), further)
+                bend = dr.fma(dr.fma(ways.by_depth_square, other[0], ways.by_depth), other[0], ways.by_square * q)
+                further += bend
             place = dr.fma(further, per_metre, ways.fraction)
             whole = dr.floor(place)
             share = place - whole
             place = ways.whole + whole
-            sine = dr.abs(dr.fma(0.5, (ways.ahead - a[0]) / slant, ways.half_sine))
-            node = dr.fma(sine, finest, 0.5)
-            on = (place >= 0) & (place < end) & (node < WEIGHTS)
+            per_slant = 0.5 / slant
+            back_sine = (ways.ahead - a[0]) * per_slant
+            node = dr.fma(dr.abs(dr.fma(ways.way_ahead - other[2], per_slant, ways.way_half_sine)), to_taper, 0.5)
+            in_beam = dr.fma(dr.abs(back_sine + ways.half_sine), to_beam, 0.5)
+            on = (place >= 0) & (place < end) & (node < WEIGHTS) & (in_beam < WEIGHTS)
             at = n * row + lib.UInt32(held(place, 0, end))
-            w = dr.gather(lib.Array2f, self.table, lib.UInt32(held(node, 0, WEIGHTS - 1)), on)
+            beam = dr.gather(lib.Array2f, self.beams, lib.UInt32(held(in_beam, 0, WEIGHTS - 1)), on)
+            share_here = other[1] * dr.gather(lib.Float, self.taper, lib.UInt32(held(node, 0, WEIGHTS - 1)), on)
             first = dr.gather(lib.Array2f, values, at, on)
             second = dr.gather(lib.Array2f, values, at + one, on)
             re, im = dr.lerp(first[0], second[0], share), dr.lerp(first[1], second[1], share)
             turn = dr.fma(further, cycles, ways.phase)
             turn -= dr.round(turn)
             s, c = dr.sincos(2 * np.pi * turn)
-            scale = w[0] * slant
+            scale = share_here * beam[0] * slant
             return (n + one, dr.fma(scale, dr.fma(re, c, -im * s), real),
-                    dr.fma(scale, dr.fma(re, s, im * c), imaginary), weight + w[1])
+                    dr.fma(scale, dr.fma(re, s, im * c), imaginary),
+                    dr.fma(beam[1] * fallen(back_sine - ways.half_sine), share_here, weight))
 
         size = dr.width(ways.slant)
         nothing = [dr.zeros(lib.Float, size) for _ in range(3)]
@@ -244,8 +272,8 @@ class BackProjection:
 class _Ways:
     """Of every thread's point: the way out, and the way back to the receivers' centre."""
 
-    def __init__(self, lib: ArrayTypes, point: list[Float64], sender: Sender, receivers: Moving, water: Water,
-                 image: BackProjection):
+    def __init__(self, lib: ArrayTypes, point: list[Float64], sender: Sender, receivers: Moving, ahead: np.ndarray,
+                 water: Water, image: BackProjection):
         def number(value: float) -> Float:
             return dr.opaque(lib.Float, float(value))
 
@@ -293,13 +321,15 @@ class _Ways:
         # who hears later has moved on meanwhile: dτ = dR / (1 + closing)
         self.stretch = 1 / (1 + closing)
         way = slant
-        self.by_square = self.by_depth = number(0)
+        self.by_square = self.by_depth = self.by_depth_square = number(0)
         if water.receivers is not None:
             bend = _Residual(lib, water.receivers, axis, lib.Float(point[2]))
-            value = dr.fma(bend.by_depth, moved[2], bend.value)
+            value = dr.fma(dr.fma(bend.by_square, moved[2], bend.by_depth), moved[2], bend.value)
+            by_depth = dr.fma(2 * bend.by_square, moved[2], bend.by_depth)
             way = slant * (1 + lib.Float64(value))
             self.by_square = self.slant * bend.by_range / (2 * dr.maximum(bend.across, TINY)) * self.stretch
-            self.by_depth = dr.fma(2 * axis[2], self.by_square, self.slant * bend.by_depth * self.stretch)
+            self.by_depth = dr.fma(2 * axis[2], self.by_square, self.slant * by_depth * self.stretch)
+            self.by_depth_square = self.slant * bend.by_square * self.stretch - self.by_square
             self.stretch *= 1 + value
         total = (out_way + way) / speed
         early = (closing + out_closing / out_near) * number(image.coupling)
@@ -313,13 +343,16 @@ class _Ways:
         self.body = [axis[0] * turned[k] + axis[1] * turned[3 + k] + axis[2] * turned[6 + k] for k in range(3)]
         self.ahead = self.body[0]
         forward = sender.rotation[:, 0]
+        way = [number(one) for one in ahead]
+        self.way_ahead = sum(b * w for b, w in zip(axis, way, strict=True))
+        self.way_half_sine = 0.5 * sum(d * w for d, w in zip(out_axis, way, strict=True)) / out_near
         self.half_sine = 0.5 * sum(d * number(f) for d, f in zip(out_axis, forward, strict=True)) / out_near
         self.abreast = sum(b * number(f) for b, f in zip(self.body, image.look, strict=True)) > 0
         self.loss = out_near * dr.exp2((out_near + self.slant) * number(water.absorption_db / 20 * np.log2(10)))
 
 
 class _Residual:
-    """Residual of the straight line, read from a plane: value, slope over the distance, slope over the depth."""
+    """Residual of the straight line, read from a plane: value, slope over the distance; derivatives over the depth."""
 
     def __init__(self, lib: ArrayTypes, plane: Plane, axis: list[Float], depth: Float):
         rows, columns = plane.values.shape[:2]
@@ -334,8 +367,8 @@ class _Residual:
         x, y = x - lib.Float(column), y - lib.Float(row)
         width = dr.opaque(lib.UInt32, columns)
         at = row * width + column
-        a, b, c, d = (dr.gather(lib.Array2f, values, at + k) for k in (0, 1, width, width + 1))
+        a, b, c, d = (dr.gather(lib.Array4f, values, at + k) for k in (0, 1, width, width + 1))
         near, far = dr.lerp(a[0], c[0], y), dr.lerp(b[0], d[0], y)
         self.value = dr.lerp(near, far, x)
         self.by_range = (far - near) / step
-        self.by_depth = dr.lerp(dr.lerp(a[1], c[1], y), dr.lerp(b[1], d[1], y), x)
+        self.by_depth, self.by_square = (dr.lerp(dr.lerp(a[k], c[k], y), dr.lerp(b[k], d[k], y), x) for k in (1, 2))

@@ -1,8 +1,9 @@
 """Raw echoes to a focused image: compression, then back-projection, ping after ping.
 
-    image = 10^(-SL/20) Σ w R_t R_r 10^(α (R_t + R_r)/20) m(τ) e^(i2πf₀τ) / Σ w g              see `back_projection`
+    image = 10^(-SL/20) Σ v w R_t R_r 10^(α (R_t + R_r)/20) m(τ) e^(i2πf₀τ) / Σ v w g          see `back_projection`
 
-g -> sinc(L_t u/λ) sinc(L_r u/λ), the beams of the elements' lengths; w -> the aperture's weights over |u| <= ``aperture``:
+g -> sinc(L_t u/λ) sinc(L_r u/λ), the beams of the elements' lengths; v -> `overlap_shares`, w -> the aperture's weights
+over |u| <= ``aperture``:
 
     window none      w = 1                  the beams themselves taper the aperture
     another          w = W(u / aperture) / g        it is tapered by the window alone
@@ -29,10 +30,12 @@ from .grids import Grid, default_grid
 from .motion import Motion
 from .record import IMAGE_VARIABLES, check_image, check_raw
 
-__all__ = ["Focuser", "focus"]
+__all__ = ["Focuser", "focus", "overlap_shares"]
 
+STEPS = 257                        # of the mean heading
+STRAIGHT = np.deg2rad(20.0)        # that headings may differ by on a straight strip
 WIDEST = 0.9                       # sine of the angle that an aperture may reach to either side
-LEAST_BEAM = 0.05                  # of the elements' beams, that a window divides by
+LEAST_BEAM = 0.15                  # of the elements' beams, that a window divides by
 REACH = 1.02                       # of the tables beyond the grid's farthest point
 
 
@@ -68,8 +71,8 @@ def focus(raw: xr.Dataset, grid: Grid | None = None, profile: SoundSpeedProfile 
     Raises
     ------
     ValueError
-        If `raw` holds no raw echoes or fewer than two pings, numbers are not finite, a window is unknown, the trajectory
-        does not cover the pings, or no ping sees the grid.
+        If `raw` holds no raw echoes or fewer than two pings, numbers are not finite, a window is unknown, the
+        trajectory does not cover the pings, or no ping sees the grid.
     """
     check_raw(raw)
     if raw.sizes["ping"] < 2:
@@ -121,6 +124,11 @@ class Focuser:
         self.aperture = _aperture(raw, wavelength, aperture, window)
         self._tables = self._travel_tables(place)
         self.window = float(self.time[0]), float(self.time[0] + self.compressor.samples / self.compressor.rate)
+        way = self.motion.velocity(np.linspace(self.motion.first, self.motion.last, 1001))
+        speed = max(float(np.median(np.linalg.norm(way, axis=1))), 1e-3)
+        self._sailed = self.aperture.widest * self.sound_speed * 0.5 * self.window[1] / speed
+        heading = (raw if trajectory is None else trajectory)["motion_heading"].values
+        self._straight = bool(np.ptp(heading) < STRAIGHT)
         self._degree = self.motion.degree(self._moved, np.zeros(3))
         sweep = self.pulse.sweep
         coupling = 0.0 if sweep is None else self.frequency * self.pulse.duration / (sweep[1] - sweep[0])
@@ -129,6 +137,8 @@ class Focuser:
             lib, grid, self.aperture, frequency=self.frequency, rate=self.compressor.rate, first=self.window[0],
             samples=self.compressor.samples, coupling=coupling, look=np.asarray(raw.attrs["look"], float))
             for _ in self.banks]
+        self._before: dict[int, np.ndarray] = {}
+        self._waiting: dict[int, tuple[float, np.ndarray]] = {}
         self._about = {name: raw.attrs[name] for name in raw.attrs if name not in ("sampling_rate",)}
         self._about |= {"window": _text(window), "range_window": _text(range_window),
                         "aperture": self.aperture.widest}
@@ -178,10 +188,24 @@ class Focuser:
             heard = np.asarray(signals[ping].values)
             if not np.all(np.isfinite(heard)):
                 raise ValueError(f"ping {ping} holds signals that are not finite; leave it out")
-            self._add(float(start), self.places[1][senders[ping]], heard)
-        self.pings += len(times)
+            self._next(float(start), int(senders[ping]), heard)
 
-    def _add(self, start: float, transmitter: np.ndarray, heard: np.ndarray) -> None:
+    def _next(self, start: float, number: int, heard: np.ndarray) -> None:
+        """Add a ping, once the way from the one before it of its transmitter is known, or for the first to the next."""
+        self.pings += 1
+        place, rotation = self.motion.place(np.array(start)), self.motion.rotation(np.array(start))
+        before = self._before.get(number)
+        self._before[number] = place
+        if before is None:
+            self._waiting[number] = start, heard
+            return
+        step = float(abs((place - before) @ rotation[:, 0]))
+        first = self._waiting.pop(number, None)
+        for one in (first, (start, heard)):
+            if one is not None:
+                self._add(one[0], self.places[1][number], one[1], step)
+
+    def _add(self, start: float, transmitter: np.ndarray, heard: np.ndarray, step: float) -> None:
         sent = start + 0.5 * self.pulse.duration
         at = self.motion.of_point(np.array([sent, sent - 1e-4, sent + 1e-4]), transmitter)
         sender = Sender(place=at[0], velocity=(at[2] - at[1]) / 2e-4, rotation=self.motion.rotation(np.array(sent)))
@@ -193,7 +217,17 @@ class Focuser:
             planes = {} if self._tables is None else {"sender": self._tables.at(float(sender.place[2])),
                                                       "receivers": self._tables.at(float(receivers.place[2]))}
             water = Water(sound_speed=self.sound_speed, absorption_db=self.absorption_db, **planes)
-            image.add(compressed[bank], sender, receivers, places - centre, water)
+            image.add(compressed[bank], sender, receivers, places - centre, overlap_shares(places[:, 0], step),
+                      self._ahead(start), water)
+
+    def _ahead(self, start: float) -> np.ndarray:
+        """Where the body looks ahead on the mean, level: unit vector (3,); of a strip that turns over an aperture."""
+        motion, reach = self.motion, 2 * self._sailed
+        between = (motion.first, motion.last) if self._straight else (
+            max(start - reach, motion.first), min(start + reach, motion.last))
+        forward = motion.rotation(np.linspace(*between, STEPS))[:, :2, 0]
+        forward = np.hanning(STEPS + 2)[1:-1] @ forward if not self._straight else forward.mean(0)
+        return np.append(forward / np.linalg.norm(forward), 0.0)
 
     def image(self) -> xr.Dataset:
         """Give the image of the pings so far; see `focus`.
@@ -203,13 +237,16 @@ class Focuser:
         ValueError
             If no ping saw any of the grid's points.
         """
+        for number, (start, heard) in self._waiting.items():        # alone with its transmitter
+            self._add(start, self.places[1][number], heard, np.inf)
+        self._waiting.clear()
         shape = self.grid.depth.shape
-        values = []
+        values, loudness = [], amplitude_from_db(self.source_level_db)
         for one in self._images:
             weight = one.weight.numpy()
             total = one.real.numpy() + 1j * one.imaginary.numpy()
             seen = weight > 0
-            scale = np.divide(1 / amplitude_from_db(self.source_level_db), weight, out=np.zeros(len(weight)), where=seen)
+            scale = np.divide(1, weight, out=np.zeros(len(weight)), where=seen) / loudness
             values.append((total * scale).astype(np.complex64).reshape(shape))
         if not any(one.weight.numpy().any() for one in self._images):
             raise ValueError(f"none of {self.pings} pings sees the grid within its beam and record; lay the grid where "
@@ -226,6 +263,34 @@ class Focuser:
             "grid_heading": grid.heading, "pings": self.pings})
         check_image(record)
         return record
+
+
+def overlap_shares(along: np.ndarray, step: float) -> np.ndarray:
+    """Give the receivers' weights v that make an even aperture of pings that overlap.
+
+    Parameters
+    ----------
+    along : (rx,) [m]
+        Places along the body.
+    step : float [m]
+        From ping to ping of a transmitter.
+
+    Returns
+    -------
+    (rx,) [-]
+        A trapezoid over the phase centres, (box of `step`) * (box of the rest of what a ping fills): those of pings
+        `step` apart add to a constant. 1 where pings do not overlap.
+    """
+    apart = np.diff(np.unique(np.round(along, 6)))
+    if not len(apart):
+        return np.ones(len(along))
+    spacing = 0.5 * float(np.median(apart))
+    middle = 0.5 * (0.5 * (along.max() + along.min()) - along)
+    filled = 0.5 * float(np.ptp(along)) + spacing
+    if not 1e-3 * spacing < step < filled - 1e-3 * spacing:
+        return np.ones(len(along))
+    shorter = min(step, filled - step)
+    return np.clip((0.5 * filled - np.abs(middle)) / shorter, 0.0, 1.0)
 
 
 def _as_variables(trajectory: xr.Dataset) -> dict[str, tuple[str, np.ndarray]]:
@@ -248,17 +313,19 @@ def _aperture(raw: xr.Dataset, wavelength: float, widest: float | None, window: 
     if widest is None:
         widest = min(0.5 * wavelength / max(*lengths, 1e-9), WIDEST)
     if not 0 < widest <= WIDEST:
-        raise ValueError(f"aperture is {widest}, the sine of the largest angle from abreast; give one above 0 and up to "
-                         f"{WIDEST}")
-    share = np.linspace(0, 1, WEIGHTS)
-    beam = np.sinc(lengths[0] / wavelength * widest * share) * np.sinc(lengths[1] / wavelength * widest * share)
+        raise ValueError(f"aperture is {widest}, the sine of the largest angle from abreast; give one above 0 and up "
+                         f"to {WIDEST}")
+    reach = min(2 * widest, 1.0)
+    sine = np.linspace(0, reach, WEIGHTS) / wavelength
+    beam = np.sinc(lengths[0] * sine) * np.sinc(lengths[1] * sine)
     shape = window_of(window)
-    if shape is None:
-        weight = np.where(np.abs(beam) > LEAST_BEAM, np.sign(beam), 0.0)
-    else:
-        taper = window_weights(shape, 2 * WEIGHTS - 1)[WEIGHTS - 1:]
-        weight = np.divide(taper, beam, out=np.zeros(WEIGHTS), where=np.abs(beam) > LEAST_BEAM)
-    return Aperture(widest=float(widest), weights=np.stack([weight, weight * beam], -1).astype(np.float32))
+    taper = np.ones(WEIGHTS) if shape is None else window_weights(shape, 2 * WEIGHTS - 1)[WEIGHTS - 1:]
+    weight = (beam > LEAST_BEAM).astype(float)
+    if shape is not None:
+        weight /= np.maximum(beam, LEAST_BEAM)
+    return Aperture(widest=float(widest), taper=taper.astype(np.float32), beam_reach=reach,
+                    beams=np.stack([weight, weight * beam], -1).astype(np.float32),
+                    fall=float((np.pi / wavelength) ** 2 * (lengths[0] ** 2 + lengths[1] ** 2) / 6))
 
 
 def _text(window: str | tuple | None) -> str:

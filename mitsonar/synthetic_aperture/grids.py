@@ -3,8 +3,8 @@
     ground    x = x_0 + a sin ψ + g cos ψ,    y = y_0 + a cos ψ - g sin ψ,    g = s
     slant     the same with g = ± sqrt(s² - h²): s is the distance from a straight line at height h over the points
 
-ψ -> ``heading``, (x_0, y_0) -> ``origin``, a -> ``along_track``, s -> ``across_track``, positive to starboard. Above the
-slant grid's bed, |s| < h, points lie straight below the line, in the water.
+ψ -> ``heading``, (x_0, y_0) -> ``origin``, a -> ``along_track``, s -> ``across_track``, positive to starboard. Where
+|s| < h points of a slant grid lie straight below the line, in the water.
 """
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ class Grid:
     def __post_init__(self) -> None:
         shape = len(self.along_track), len(self.across_track)
         if min(shape) < 1 or shape[0] * shape[1] > MOST_POINTS:
-            raise ValueError(f"a grid of {shape[0]} by {shape[1]} points was asked for; give 1 to {MOST_POINTS:,} in all")
+            raise ValueError(f"a grid of {shape[0]} by {shape[1]} points was asked for; give 1 to "
+                             f"{MOST_POINTS:,} in all")
         if self.depth.shape != shape:
             raise ValueError(f"the grid has {shape} points, and its depths have the shape {self.depth.shape}; give one "
                              "for every point")
@@ -192,7 +193,8 @@ def strip_grid(raw: xr.Dataset, *, spacing: tuple[float, float] | float | None =
     nearest, farthest = _ranges(raw, speed)
     height = abs(float(raw.attrs["bed_depth"]) - middle[2])
     if farthest <= height:
-        raise ValueError(f"the record ends at {farthest:.4g} m, above the bed {height:.4g} m below the track; give a grid")
+        raise ValueError(f"the record ends at {farthest:.4g} m, above the bed {height:.4g} m below the track; "
+                         "give a grid")
     side = -1 if raw.attrs["look"][1] < 0 else 1
     depth, lengths = float(raw.attrs["bed_depth"]), (0.0, float(np.ptp(along)))
     if kind == "slant":

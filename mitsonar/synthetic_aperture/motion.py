@@ -1,6 +1,6 @@
 """Where the body is, and how it is held, while the echoes of a ping come in.
 
-    place C(t), attitude R(t):   cubic splines through the record's trajectory, a polynomial in time over a ping's window
+    place C(t), attitude R(t):   cubic splines through the record's trajectory; polynomials in time over a ping's window
 
 The window runs over the delays that a ping's record holds; the polynomial's degree is the least that errs by less than
 `ENOUGH`, found once for a strip. Axes are x east, y north, depth down; R takes the body's axes forward, starboard, down

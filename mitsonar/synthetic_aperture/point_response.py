@@ -5,7 +5,7 @@
 A focused image is limited in band about a carrier that the grid may fold; the spectrum is taken about its own middle,
 so that the sum leads through the points as sinc interpolation does. Widths, side lobes and their energy are those of
 the two cuts through the peak. A boxcar of sines |u| <= U gives 0.886 λ/4U along the track at -3 dB, a sweep of
-bandwidth B 0.886 c/2B across it, over the cosine of the grazing angle on the ground (e.g. Cumming and Wong 2005, ch. 2).
+bandwidth B 0.886 c/2B across it, over the cosine of the grazing angle on the ground (Cumming and Wong 2005, ch. 2).
 """
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ def raw_strip(way: Way, pulse: Pulse, targets: np.ndarray, *, ping_time: np.ndar
         **{f"motion_{name}": ("motion", attitude[:, k]) for k, name in enumerate(("roll", "pitch", "heading"))},
         "cast_depth": ("node", water.depth), "cast_sound_speed": ("node", water.sound_speed),
         **{f"target_{name}": ("target", targets[:, k]) for k, name in enumerate(("x", "y", "depth", "strength_db"))},
-        "target_name": ("target", np.array([f"target_{k}" for k in range(len(targets))]))},
+        "target_name": ("target", np.array([f"target_{k}" for k in range(len(targets))], str))},
         coords={"ping": np.arange(len(ping_time))}, attrs={
             "sonar": "synthetic_aperture", "frequency": pulse.frequency, "sampling_rate": sampling_rate,
             "pulse": pulse.numbers, "source_level_db": source_level_db, "absorption_db": absorption_db,
