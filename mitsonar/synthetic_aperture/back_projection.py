@@ -188,6 +188,7 @@ class BackProjection:
                                    np.zeros(len(places))])
         elements = upload(lib.Float, np.column_stack([places, (places ** 2).sum(1)]).astype(np.float32))
         others = upload(lib.Float, further.astype(np.float32))
+        dr.sync_thread()           # the ping before may still run: no more than one waits, whatever the strip's length
         values = upload(lib.Float, signals.view(np.float32))
         real, imaginary, weight = self._summed(ways, values, elements, others, len(places), inside, water)
         for total, part in ((self.real, real), (self.imaginary, imaginary), (self.weight, weight)):
@@ -300,7 +301,7 @@ class _Ways:
             return value
 
         def when(way: Float64) -> Float:
-            return lib.Float(dr.clip((way / speed - middle) * per_half, -1.05, 1.05))
+            return dr.clip(lib.Float((way / speed - middle) * per_half), -1.05, 1.05)
 
         def back_at(time: Float) -> tuple[list[Float], list[Float64], Float64]:
             moved = [powered(time, k) for k in range(3)]
@@ -335,7 +336,7 @@ class _Ways:
         early = (closing + out_closing / out_near) * number(image.coupling)
         place = (total - exact(image.first)) * exact(image.rate)
         whole = dr.floor(place)
-        self.whole = lib.Float(dr.clip(whole, -1e6, 1e9))
+        self.whole = dr.clip(lib.Float(whole), -1e6, 1e9)
         self.fraction = lib.Float(place - whole) - early * number(image.rate)
         turns = total * exact(image.frequency)
         self.phase = lib.Float(turns - dr.round(turns))
