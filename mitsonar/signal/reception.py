@@ -12,6 +12,7 @@ only. All convolutions are padded: nothing wraps round the ends of a record.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -210,14 +211,14 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     response = response.astype(np.result_type(response, np.complex64), copy=False)
     real, samples = np.real(response).dtype, response.shape[-1]
     probe = np.linspace(-0.5, 0.5, 65) * sampling_rate
-    rate = np.abs(excess_loss_rate(probe, sampling_rate, frequency, absorption_db, sound_speed)).max()
+    rate = np.abs(_kept_rate(probe.tobytes(), sampling_rate, frequency, absorption_db, sound_speed)).max()
     # linear interpolation of exp(-κt) over steps Δ is wrong by (κΔ)²/8 at most, relative to it
     steps = max(1, int(np.ceil(rate * samples / sampling_rate / np.sqrt(8 * INTERPOLATION_ERROR))))
     step = -(-samples // steps)
     triangle = (1 - np.abs(np.arange(2 * step) / step - 1)).astype(real)
     length = fft.next_fast_len(2 * step + 2 * GUARD)
     offset = fft.fftfreq(length, 1 / sampling_rate)
-    rates = excess_loss_rate(offset, sampling_rate, frequency, absorption_db, sound_speed)
+    rates = _kept_rate(offset.tobytes(), sampling_rate, frequency, absorption_db, sound_speed)
     edges = [(0, 0)] * (response.ndim - 1)
     source = np.pad(response, [*edges, (step, 2 * step)])               # begins `step` before the record
     sums = np.zeros((*response.shape[:-1], samples + 3 * step + 2 * GUARD), response.dtype)      # GUARD earlier still
@@ -227,6 +228,15 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
         spectrum = fft.fft(np.pad(cut, [*edges, (GUARD, length - 2 * step - GUARD)])) * loss
         sums[..., first:first + 2 * (step + GUARD)] += fft.ifft(spectrum)[..., :2 * (step + GUARD)]
     return sums[..., step + GUARD:step + GUARD + samples]
+
+
+@lru_cache(maxsize=8)
+def _kept_rate(offset: bytes, sampling_rate: float, frequency: float,
+               absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float) -> np.ndarray:
+    """`excess_loss_rate` of float64 offsets, kept: it is the same for all Doppler classes of a ping."""
+    rates = excess_loss_rate(np.frombuffer(offset), sampling_rate, frequency, absorption_db, sound_speed)
+    rates.setflags(write=False)
+    return rates
 
 
 def excess_loss_rate(offset: np.ndarray, sampling_rate: float, frequency: float,

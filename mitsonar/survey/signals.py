@@ -20,6 +20,7 @@ from ..signal.reception import absorbed, check_record, delayed, received
 from ..sonar.pulses import Pulse
 from ..units import amplitude_from_db
 from .array_survey import ArraySurvey
+from .closing_speeds import closing_speeds
 from .cost import sentence
 from .elements.arrivals import ArrivalCounts
 from .pressure import PressureRecord
@@ -120,13 +121,15 @@ def _echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[
     survey, speed = record.survey, record.survey.sound_speed(ping)
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
     fastest, acceleration = _fastest(survey, ping)
-    pieces = survey.pulse.pieces(pieces_of(survey.pulse, fastest, speed, _nearest(survey, ping), acceleration))
+    nearest = _nearest(survey, ping)
+    pieces = survey.pulse.pieces(pieces_of(survey.pulse, fastest, speed, nearest, acceleration))
+    closing = closing_speeds(survey, ping, fastest=fastest, acceleration=acceleration, nearest=nearest)
     for done, (begin, piece) in enumerate(pieces):
         def within(share: float, before: int = done) -> None:
             progress((before + share) / len(pieces))
 
         glide = glide_of(piece) if len(pieces) == 1 else None
-        for factor, response in record.transmissions(ping, _doppler_factors(piece, fastest, speed, glide),
+        for factor, response in record.transmissions(ping, _doppler_factors(piece, closing, speed, glide),
                                                      piece=(begin, piece), progress=within):
             if survey.absorption_db is not None:
                 # as long as the way, not from the beginning of the pulse on
@@ -199,9 +202,9 @@ def _nearest(survey: ArraySurvey, ping: int) -> float:
     return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), NEAREST)
 
 
-def _doppler_factors(pulse: Pulse, fastest: float, speed: float, glide: Glide | None) -> np.ndarray:
-    """Choose the factors that stand for all echoes of a ping, for elements as fast as `fastest` [m/s]."""
-    if fastest == 0:
+def _doppler_factors(pulse: Pulse, closing: tuple[float, float], speed: float, glide: Glide | None) -> np.ndarray:
+    """Choose the factors that stand for all echoes of a ping, for elements that close in as fast [m/s]."""
+    if not any(closing):
         return np.ones(1)
-    highest = (speed + fastest) / (speed - fastest)
-    return doppler_classes(pulse, 1 / highest, highest, glide=glide)
+    lowest, highest = ((speed + one) / (speed - one) for one in closing)
+    return doppler_classes(pulse, lowest, highest, glide=glide)
