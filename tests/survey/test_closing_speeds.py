@@ -21,8 +21,9 @@ THIN = 1e-3
 @pytest.fixture(scope="module")
 def survey():
     scene = array_sonar({"bed": bed(16.0, size=60.0)}, film={"range": 17.0, "range_min": 14.0},
-                        integrator={"cell": 0.08}, sensor={**SIDE, "speed_knots": 8.0, "pulse": "lfm", "pulse_ms": 4.0, "bandwidth_khz": 20.0,
-                                "frequency_khz": 200.0})
+                        integrator={"cell": 0.08}, sensor={
+                            **SIDE, "speed_knots": 8.0, "pulse": "lfm", "pulse_ms": 4.0, "bandwidth_khz": 20.0,
+                            "frequency_khz": 200.0})
     return scene.integrator().array_survey(scene, scene.sensors()[0])
 
 
