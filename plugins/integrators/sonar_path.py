@@ -42,9 +42,11 @@ ATTRIBUTES = (
            text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
                 "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
     Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",
-           text="longest side of a cell, for signals of elements; by default also at most a fiftieth of the altitude"),
+           text="longest side of a cell, for signals of elements; by default also at most a fiftieth of the altitude, "
+                "and of a synthetic aperture by `scatterers_per_cell`"),
     Number("scatterers_per_cell", default=5.0, minimum=1, maximum=100,
-           text="of an array's picture made in the beam domain: scatterers a resolution cell"),
+           text="of an array's picture made in the beam domain, and of a synthetic aperture: scatterers a resolution "
+                "cell"),
     Choice("fans", default="centre", choices=("centre", "elements", "interpolated"),
            text="from where an array's cells are ensonified: its centre (all transmit elements reach the same points), "
                 "each transmit element, or `fan_count` places along the array, between which elements take both "

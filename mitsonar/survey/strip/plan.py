@@ -76,10 +76,21 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: floa
     senders = sensor.transmit.elements
     return StripSurvey(
         **{**{one.name: getattr(survey, one.name) for one in fields(ArraySurvey)},
-           "samples": longer, "sending": np.arange(track.pings) % senders, "thin_below": sensor.thin_below},
+           "samples": longer, "sending": np.arange(track.pings) % senders, "thin_below": sensor.thin_below,
+           "cell_size": settings.cell_size or _cell_size(sensor, settings, speed)},
         bank=sensor.bank, look=sensor.receive.normal[0], bed_depth=_bed_depth(survey, sensor), grid=sensor.grid,
         grid_spacing=sensor.grid_spacing, aperture_window=sensor.windows[0], range_window=sensor.windows[1],
         preset=sensor.preset)
+
+
+def _cell_size(sensor: StripSensor, settings: RunSettings, sound_speed: float) -> float:
+    """Side of cells of which a resolution cell, half an element by c / 2B, holds as many as the settings ask for.
+
+    A cell is half a square whose diagonal is its longest side.
+    """
+    along = 0.5 * max(sensor.transmit.length, sensor.receive.length)
+    across = 0.5 * sound_speed / sensor.pulse.bandwidth
+    return 2 * float(np.sqrt(along * across / settings.scatterers_per_cell))
 
 
 def _bed_depth(survey: ArraySurvey, sensor: StripSensor) -> float:
