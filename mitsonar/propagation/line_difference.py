@@ -22,9 +22,7 @@ from ..device.types import Float
 
 __all__ = ["NODES", "Line", "polynomial"]
 
-NODES = 5
-PLACES = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
-INVERSE = np.linalg.inv(np.vander(PLACES, increasing=True))
+NODES = 5, 6, 7                    # N, the least that does
 STRAIGHT_WITHIN = 1e-9             # [m]
 
 
@@ -34,6 +32,8 @@ class Line:
     Parameters
     ----------
     offsets : (E, 3) [m]
+    count : int
+        N, one of `NODES`.
 
     Attributes
     ----------
@@ -43,19 +43,20 @@ class Line:
         Offsets of the points that a polynomial is made of.
     """
 
-    def __init__(self, offsets: np.ndarray):
+    def __init__(self, offsets: np.ndarray, count: int = NODES[0]):
         first, last = offsets[0], offsets[-1]
         self.middle, self.half = 0.5 * (first + last), 0.5 * (last - first)
         self.place = (offsets - self.middle) @ self.half / (self.half @ self.half)
-        self.nodes = self.middle + PLACES[:, None] * self.half
+        self.count = count
+        self.nodes = self.middle + _places(count)[:, None] * self.half
 
     @classmethod
-    def through(cls, offsets: ArrayLike) -> Line | None:
+    def through(cls, offsets: ArrayLike, count: int = NODES[0]) -> Line | None:
         """Give the line that elements (E, 3) [m] lie on, the outermost first and last; None if they do not."""
         offsets = np.asarray(offsets, float)
         if not np.any(offsets[-1] - offsets[0]):
             return None
-        line = cls(offsets)
+        line = cls(offsets, count)
         off = np.abs(offsets - line.middle - line.place[:, None] * line.half).max()
         return line if off < STRAIGHT_WITHIN and np.abs(line.place).max() < 1 + 1e-9 else None
 
@@ -71,18 +72,24 @@ class Line:
     def error(self, nearest: float, speed: float) -> float:
         """Give ε [s] for echoes from `nearest` [m] on, sound of a speed [m/s]; infinite for what may lie too near."""
         angle = self.angle(nearest)
-        return float(np.linalg.norm(self.half)) / (2 * speed * angle) * (0.5 * angle) ** NODES if angle < 1 else np.inf
+        length = float(np.linalg.norm(self.half)) / angle
+        return length / (2 * speed) * (0.5 * angle) ** self.count if angle < 1 else np.inf
 
     @staticmethod
     def coefficients(values: Sequence[Float]) -> list[Float]:
         """Give c of echoes from their differences at the nodes, Float (H,) each."""
         rows = []
-        for row in INVERSE:
+        for row in np.linalg.inv(np.vander(_places(len(values)), increasing=True)):
             total = float(row[0]) * values[0]
             for weight, value in zip(row[1:], values[1:]):
                 total = dr.fma(type(value)(float(weight)), value, total)
             rows.append(total)
         return rows
+
+
+def _places(count: int) -> np.ndarray:
+    """Chebyshev's points, u of the nodes (N,)."""
+    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 def polynomial(coefficients: Sequence[Float], at: Float) -> Float:

@@ -1,6 +1,6 @@
 """Delays along a line of elements by a polynomial against the straight vectors that it is made of, and its bound.
 
-Closed form: δ = (√(R² + 2 R s x + x²) - R) / c. The bound ε = (R / 2c) (h / 2R)^5 may not be passed but by rounding.
+Closed form: δ = (√(R² + 2 R s x + x²) - R) / c. The bound ε = (R / 2c) (h / 2R)^N may not be passed but by rounding.
 """
 import drjit as dr
 import numpy as np
@@ -19,10 +19,11 @@ def line_of(half, count=33):
     return np.outer(half * step, [0.6, 0.8, 0]) + [0.001, -0.002, 0.0]
 
 
-@pytest.mark.parametrize("half, nearest", [(0.08, 4.0), (0.5, 20.0), (0.5, 5.0)])
-def test_the_polynomial_keeps_its_bound(half, nearest, rng):
+@pytest.mark.parametrize("half, nearest, count", [(0.08, 4.0, 5), (0.5, 20.0, 5), (0.5, 5.0, 5), (0.5, 5.0, 6),
+                                                  (1.0, 5.0, 7)])
+def test_the_polynomial_keeps_its_bound(half, nearest, count, rng):
     offsets = line_of(half)
-    line = Line.through(offsets)
+    line = Line.through(offsets, count)
     direction = rng.normal(size=(500, 3))
     place = direction / np.linalg.norm(direction, axis=1, keepdims=True) * rng.uniform(nearest, 60, (500, 1))
 

@@ -15,6 +15,8 @@ FACES = {
     "a baffle": {"receive_baffle": "hard"},
     "faces in a baffle": {"receive_pattern": "rectangular", "receive_element_length": 0.004,
                           "receive_element_height": 0.008, "receive_baffle": "hard"},
+    "long faces": {"receive_pattern": "rectangular", "receive_element_length": 0.05, "receive_element_height": 0.008,
+                   "receive_baffle": "hard", "receive_pitch": 0.02},
     "cardioid discs": {"receive_pattern": "circular", "receive_element_length": 0.004, "receive_baffle": "cardioid"},
 }
 

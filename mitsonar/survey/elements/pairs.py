@@ -9,12 +9,13 @@ curvature of its wavefront there and d the element's offset, that is (n - d/R) /
 Elements of one face, all of which look one way, hear nothing of what comes from behind their rigid baffle: that is
 asked once an echo. Along a level line of such elements delay and gain are polynomials, each echo's own, as long as
 their bounds are small (`line_difference`); the pressure of a face of the side L towards directions that differ by up to
-β leaves 2 (x/2)^N / ((N + 1) N!), x = π β L / λ, at five points 7e-6 for the largest x that is allowed.
+β leaves 2 (x/2)^N / ((N + 1) N!), x = π β L / λ. As many points are taken as leave `PATTERN_ERROR`.
 """
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import factorial
 from typing import TypeAlias
 
 import drjit as dr
@@ -37,7 +38,7 @@ CURVATURE = 6                      # where 1/R stands among `straight_vectors.hi
 SAME_PLANE = 1e-9                  # [m]
 FEWEST_ON_A_LINE = 16              # elements for which polynomials pay,
 LINE_ERROR = 1e-11                 # [s] the most by which their delays may be off,
-MOST_TURNED = 0.6                  # and x
+PATTERN_ERROR = 6.75e-6            # and their pressures: of five points x = 0.6
 
 OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
 
@@ -97,9 +98,11 @@ class ReceivedEchoes:
         view, receive = self.view, self.receive
         offsets = view.offsets(receive)[rows]
         difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
-        line = Line.through(offsets) if difference is level_difference and len(offsets) >= FEWEST_ON_A_LINE else None
-        if line is not None and self._smooth(line, nearest, speed):
-            return self._along(line, difference)
+        if difference is level_difference and len(offsets) >= FEWEST_ON_A_LINE:
+            for count in NODES:
+                line = Line.through(offsets, count)
+                if line is not None and self._smooth(line, nearest, speed):
+                    return self._along(line, difference)
         fields = ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile)
         faces = [] if self._alike else [*(receive.normal[rows] @ view.rotation.T).T,
                                         *(receive.along[rows] @ view.rotation.T).T]
@@ -115,8 +118,9 @@ class ReceivedEchoes:
         if line.error(nearest, speed) > LINE_ERROR:
             return False
         side = max(self.receive.length, self.receive.height) / self.wavelength
+        half, many = 0.5 * np.pi * side * line.angle(nearest), line.count
         return self._alike or (self.flat and self.baffle in ("none", "cardioid")
-                               and np.pi * side * line.angle(nearest) < MOST_TURNED)
+                               and 2 * half ** many / ((many + 1) * factorial(many)) < PATTERN_ERROR)
 
     def _each(self, difference: OfPair, elements: list[np.ndarray], fields: int) -> Pairs:
         """Every pair by itself; so many of the elements' fields are those of the difference."""
@@ -151,8 +155,8 @@ class ReceivedEchoes:
         delays, gains = (Line.coefficients([of_pair(exact.hits, node) for node in nodes])
                          for of_pair in (exact.delay, exact.gain))
         return Pairs(hits=[*delays, *gains], elements=[line.place],
-                     delay=lambda hit, at: polynomial(hit[:NODES], at[0]),
-                     gain=lambda hit, at: polynomial(hit[NODES:], at[0]))
+                     delay=lambda hit, at: polynomial(hit[:line.count], at[0]),
+                     gain=lambda hit, at: polynomial(hit[line.count:], at[0]))
 
 
 def _one_face(array: Array) -> bool:
