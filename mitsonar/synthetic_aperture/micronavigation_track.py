@@ -15,6 +15,7 @@ from .poses import MOTION, Poses, poses_of
 
 __all__ = ["PARTS", "compare", "increments", "integrated", "nearness", "since", "step_record"]
 
+BENDS = 6                          # rounds, each a tenth of the last one's correction or less
 PARTS = ("surge", "sway", "heave", "yaw")
 
 
@@ -88,7 +89,12 @@ def integrated(steps: xr.Dataset, believed: xr.Dataset, poses: Poses) -> xr.Data
     place = first + np.concatenate([np.zeros((1, 3)), np.cumsum(moved, 0)])
     was = 0.5 * (poses.spline(sent) + poses.spline(sent + delay))[:, :3]
     time = believed["motion_time"].values
-    correction = _joined(sent + 0.5 * delay, place - was, time, delay)
+    # the mean of two moments is not the middle one's where a way bends: nodes give way until their means are right
+    node, wanted = place - was, place - was
+    for _ in range(BENDS):
+        means = 0.5 * sum(_joined(sent + 0.5 * delay, node, moment, delay) for moment in (sent, sent + delay))
+        node = node + wanted - means
+    correction = _joined(sent + 0.5 * delay, node, time, delay)
     turn = _joined(sent + delay, heading - poses.heading(sent + delay), time, delay)
     added = {"motion_x": correction[:, 0], "motion_y": correction[:, 1], "motion_depth": correction[:, 2],
              "motion_heading": turn}
