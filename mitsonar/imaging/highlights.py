@@ -4,7 +4,8 @@ A bin's mean echo must be no weaker than the noise and, in a shadow, no more tha
 range. Beams hear by their side lobes too, all around where no bed drowns them: a bin is such an echo if another beam of
 the same ping, or turn of a head, hears the object 15 dB louder at the same range. Where a fan has no ``mean_level``, an
 object's mean echo is that of the powers of its own bins, over 3 beams by 5 ranges. Of a focused image the same holds
-over 5 by 5 points of its first bank; its level is a strength, which the noise of an attribute says nothing of.
+over 5 by 5 points of its first bank; its level is a strength, which the noise of an attribute says nothing of. Points
+that no ping sees have shares of side lobes alone, and no label: they are no highlight.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -92,9 +93,10 @@ class Highlights:
         level = None if shown is None else shown.transpose(*dims).values
         hidden = dataset["hidden"].transpose(*dims).values if "hidden" in dataset else None
         noise_db = None if focused else dataset.attrs.get("noise_db")
-        return cls(dims=dims, share=share, threshold=threshold, level=level, speckled=name == "level",
-                   floor=_floor(share, labels, level, hidden,
-                                -np.inf if noise_db is None else noise_db + above_noise_db),
+        floor = _floor(share, labels, level, hidden, -np.inf if noise_db is None else noise_db + above_noise_db)
+        if focused and "label" in dataset:
+            floor = np.where(dataset["label"].transpose(*dims).values > 0, floor, np.inf)
+        return cls(dims=dims, share=share, threshold=threshold, level=level, speckled=name == "level", floor=floor,
                    looks=tuple(bearings(dataset)[1]) if "beam" in dims or "bearing" in dataset.coords else ())
 
     def patch(self, label: int) -> Patch:

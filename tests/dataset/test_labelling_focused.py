@@ -98,6 +98,16 @@ def test_the_dark_side_of_an_object_is_shadow_and_what_no_ping_sees_is_the_bed_s
     assert box.shadow[10:16, 36:50].all() and box.shadow.sum() == 6 * 14
 
 
+def test_side_lobes_in_the_lee_of_a_ripple_are_no_highlight():
+    """No ping sees the lee: what shares say there is of side lobes, and label and shadow say that nothing is seen."""
+    image = labelled_focus(rectangles=[])
+    lee = np.s_[5:15, 20:30]
+    image["share"].values[(slice(None), *lee)] = (np.arange(3) == 1)[:, None, None]
+    assert next(object_bins(image)).highlight.sum() == 100
+    image["label"].values[lee], image["class"].values[lee], image["shadow"].values[lee] = 0, 0, 1
+    assert not next(object_bins(image)).highlight.any()
+
+
 def test_shadows_of_the_bed_have_a_mask(tmp_path):
     image = labelled_focus()
     image["shadow"].values[2:6, 5:20] = 1
