@@ -2,24 +2,47 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-import xarray as xr
-
 if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
     from ..synthetic_aperture.grids import Grid
 
-__all__ = ["chosen_grid"]
+__all__ = ["WINDOW", "Usual", "chosen_grid"]
+
+WINDOW = "taylor 4 30"
 
 
-def chosen_grid(arguments: argparse.Namespace, trajectory: xr.Dataset, raw: xr.Dataset, times: np.ndarray) -> Grid:
+@dataclass(frozen=True, kw_only=True)
+class Usual:
+    """What holds where an option is left out: of a scene what its sensor says.
+
+    Attributes
+    ----------
+    grid : {"ground", "slant"}
+    spacing : float or None [m]
+        None: half the resolution.
+    window, range_window : str
+    """
+
+    grid: str = "ground"
+    spacing: float | None = None
+    window: str = WINDOW
+    range_window: str = WINDOW
+
+
+def chosen_grid(arguments: argparse.Namespace, usual: Usual, trajectory: xr.Dataset, raw: xr.Dataset,
+                times: np.ndarray) -> Grid:
     """Lay the grid.
 
     Parameters
     ----------
     arguments : argparse.Namespace
         Of the command: grid, spacing, along, across, depth.
+    usual : Usual
     trajectory : xarray.Dataset
         With ``motion_time`` and so on.
     raw : xarray.Dataset
@@ -32,6 +55,8 @@ def chosen_grid(arguments: argparse.Namespace, trajectory: xr.Dataset, raw: xr.D
     ValueError
         If an option is no number, or there is no such grid.
     """
+    import numpy as np
+
     from ..synthetic_aperture.grids import default_grid, ground_grid, slant_grid
 
     motion = {name: variable for name, variable in trajectory.variables.items() if str(name).startswith("motion_")}
@@ -39,20 +64,24 @@ def chosen_grid(arguments: argparse.Namespace, trajectory: xr.Dataset, raw: xr.D
     if arguments.depth is not None:
         known = known.assign_attrs(bed_depth=arguments.depth)
     spacing = _spacing(arguments.spacing)
-    usual = default_grid(known, spacing=spacing, kind=arguments.grid, ping_time=times)
+    whole = default_grid(known, spacing=usual.spacing if spacing is None else spacing,
+                         kind=arguments.grid or usual.grid, ping_time=times)
+    if arguments.grid == "slant" and whole.kind != "slant":
+        raise ValueError("a slant grid lies beside a straight line, and this track is a circle; leave out --grid "
+                         "slant.")
     if arguments.along is None and arguments.across is None:
-        return usual
+        return whole
     step = tuple(float(np.diff(axis[:2])[0]) if len(axis) > 1 else 1.0
-                 for axis in (usual.along_track, usual.across_track)) if spacing is None else spacing
-    along = _between(arguments.along, usual.along_track)
-    across = _between(arguments.across, usual.across_track)
-    place = {"origin": usual.origin, "heading": usual.heading}
-    if usual.kind == "ground":
+                 for axis in (whole.along_track, whole.across_track)) if spacing is None else spacing
+    along = _between(arguments.along, whole.along_track)
+    across = _between(arguments.across, whole.across_track)
+    place = {"origin": whole.origin, "heading": whole.heading}
+    if whole.kind == "ground":
         return ground_grid(along, across, (step[0], step[1]), known.attrs["bed_depth"], **place)
-    farthest = int(np.argmax(np.abs(usual.across_track)))
-    depth = float(usual.depth[0, farthest])
-    height = np.sqrt(usual.across_track[farthest] ** 2 - usual.ground[farthest] ** 2)
-    side = 1 if usual.across_track[farthest] > 0 else -1
+    farthest = int(np.argmax(np.abs(whole.across_track)))
+    depth = float(whole.depth[0, farthest])
+    height = np.sqrt(whole.across_track[farthest] ** 2 - whole.ground[farthest] ** 2)
+    side = 1 if whole.across_track[farthest] > 0 else -1
     if min(side * across[0], side * across[1]) < 0:
         raise ValueError(f"--across is {across[0]:g} to {across[1]:g} m; slant ranges to "
                          f"{'starboard are not below' if side > 0 else 'port are not above'} 0.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from .arguments import Commands, add_scene, number, parameters, set_up, whole
 from .completion import FILES, complete_with
+from .focus_grid import WINDOW, Usual, chosen_grid
 from .progress import Progress, duration
 from .words import announce, warn
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["add"]
 
-WINDOW = "taylor 4 30"
 WIDEST_ANGLE = 64.0                # [degrees]
 WORTH_SAYING = 10.0                # [s]; less is a moment
 
@@ -32,10 +32,11 @@ def add(commands: Commands) -> None:
     add_scene(command, ", or a file of raw echoes")
     complete_with(command.add_argument("-o", "--output", required=True, metavar="OUT.exr|nc|h5|tif"), FILES)
     complete_with(command.add_argument("--preview", metavar="OUT.png", help="also draw it"), FILES)
-    command.add_argument("--grid", default="ground", choices=("ground", "slant"),
-                         help="points of a level plane (default), or even in slant range")
+    command.add_argument("--grid", choices=("ground", "slant"),
+                         help="points of a level plane, or even in slant range; default: as the scene says, or ground")
     command.add_argument("--spacing", metavar="M|ALONGxACROSS", help="of its points, such as 0.02 or 0.03x0.01; "
-                                                                     "default: half the resolution")
+                                                                     "default: as the scene says, or half the "
+                                                                     "resolution")
     command.add_argument("--along", nargs=2, type=number, metavar=("FROM", "TO"),
                          help="metres along the track from the first ping; default: to the last")
     command.add_argument("--across", nargs=2, type=number, metavar=("FROM", "TO"),
@@ -44,9 +45,9 @@ def add(commands: Commands) -> None:
     complete_with(command.add_argument("--profile", metavar="CAST|M/S",
                                        help="water to focus with: the file of a cast, or one sound speed; default: "
                                             "that of the echoes"), FILES)
-    command.add_argument("--window", default=WINDOW, help=f"over the aperture's angles: \"{WINDOW}\" (default), hann, "
-                                                          "boxcar ..., or none: the elements' own beams")
-    command.add_argument("--range-window", default=WINDOW, help="over the pulse's band, likewise")
+    command.add_argument("--window", help=f"over the aperture's angles: \"{WINDOW}\", hann, boxcar ..., or none: the "
+                                          "elements' own beams; default: as the scene says, or the first")
+    command.add_argument("--range-window", help="over the pulse's band, likewise")
     command.add_argument("--angle", type=number, metavar="DEG",
                          help="widest angle from abreast that is used; default: what the elements' lengths resolve")
     complete_with(command.add_argument("--trajectory", metavar="TRACK.nc",
@@ -64,9 +65,6 @@ def _focus(arguments: argparse.Namespace) -> None:
 
     check_writable(arguments.output)
     suffix = os.path.splitext(arguments.output)[1].lower()
-    if suffix in reading.GEOTIFF and arguments.grid == "slant":
-        raise ValueError("a slant grid is not even on a map, and a GeoTIFF is; leave out --grid slant, or write .exr, "
-                         ".nc or .h5.")
     if arguments.angle is not None and not 0 < arguments.angle <= WIDEST_ANGLE:
         raise ValueError(f"--angle is {arguments.angle:g} degrees from abreast; give one above 0 and up to "
                          f"{WIDEST_ANGLE:g}.")
@@ -102,7 +100,7 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
     with raw_echoes.opened(arguments.scene) as record:
         first, last = _pings(arguments, record.sizes["ping"])
         chosen = record.isel(ping=slice(first, last + 1))
-        return _focused(arguments, chosen["ping_time"].values, raw_echoes.pings(chosen))
+        return _focused(arguments, Usual(), chosen["ping_time"].values, raw_echoes.pings(chosen))
 
 
 def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
@@ -110,33 +108,33 @@ def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     from ..io import scenes
     from ..scene.loading import load_file
     from ..strip_verbs import raw_pings, strip_survey
-    from ..survey.strip.truth import strip_truth
+    from ..survey.strip.image import with_truth
 
     scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
     survey = strip_survey(scene, sensor=arguments.sensor)
     first, last = _pings(arguments, survey.track.pings)
     made = raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=first)
     times = survey.track.time[first:last + 1]
-    image = _focused(arguments, times, (one for _, one in zip(times, made, strict=False)))
-    truth = strip_truth(survey, image["x"].values, image["y"].values, image["depth"].values, arguments.seed)
-    named = {name: truth.attrs[name] for name in ("labels", "classes") if name in truth.attrs}
-    return image.assign(truth.data_vars).assign_coords(truth.coords).assign_attrs(named)
+    usual = Usual(grid=survey.grid, spacing=survey.grid_spacing, window=survey.aperture_window,
+                  range_window=survey.range_window)
+    image = _focused(arguments, usual, times, (one for _, one in zip(times, made, strict=False)))
+    return with_truth(image, survey, arguments.seed)
 
 
-def _focused(arguments: argparse.Namespace, times: np.ndarray, pings: Iterator[xr.Dataset]) -> xr.Dataset:
+def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pings: Iterator[xr.Dataset]) -> xr.Dataset:
     """The image of pings, of which one is held at a time."""
     import math
 
     from ..io.records import SonarImage
     from ..synthetic_aperture.focusing import Focuser
-    from .focus_grid import chosen_grid
 
+    navigated, profile = _trajectory(arguments.trajectory), _profile(arguments.profile)
+    _check_even(arguments, usual)
     one = next(pings)
-    navigated = _trajectory(arguments.trajectory)
-    grid = chosen_grid(arguments, one if navigated is None else navigated, one, times)
+    grid = chosen_grid(arguments, usual, one if navigated is None else navigated, one, times)
     sine = None if arguments.angle is None else math.sin(math.radians(arguments.angle))
-    focuser = Focuser(one, grid, _profile(arguments.profile), window=arguments.window,
-                      range_window=arguments.range_window, trajectory=navigated, aperture=sine)
+    focuser = Focuser(one, grid, profile, window=arguments.window or usual.window,
+                      range_window=arguments.range_window or usual.range_window, trajectory=navigated, aperture=sine)
     total, began = len(times), time.monotonic()
     with Progress(verb="focusing") as progress:
         for done, ping in enumerate(itertools.chain([one], pings), 1):
@@ -147,6 +145,15 @@ def _focused(arguments: argparse.Namespace, times: np.ndarray, pings: Iterator[x
                 warn(f"{total} pings onto {' x '.join(map(str, grid.depth.shape))} points: at most about "
                      f"{duration(seconds)}; a coarser --spacing, or a part --along and --across, is faster")
     return SonarImage.of(focuser.image())
+
+
+def _check_even(arguments: argparse.Namespace, usual: Usual) -> None:
+    """Refuse a slant grid in a GeoTIFF before there is one."""
+    from ..io.reading import GEOTIFF
+
+    if (arguments.grid or usual.grid) == "slant" and os.path.splitext(arguments.output)[1].lower() in GEOTIFF:
+        raise ValueError("a slant grid is not even on a map, and a GeoTIFF is; focus with --grid ground, or write "
+                         ".exr, .nc or .h5.")
 
 
 def _pings(arguments: argparse.Namespace, count: int) -> tuple[int, int]:

@@ -48,11 +48,14 @@ def test_scenes_and_files_of_their_echoes_give_the_same_image(here, capfd):
     assert np.array_equal(one["image"].values, other["image"].values) and (here / "b.png").exists()
     assert peak(one) == (pytest.approx(18, abs=0.01), pytest.approx(0.3, abs=0.02), pytest.approx(-5.1, abs=0.5))
     assert "label" in other and "label" not in one and set(other.attrs["labels"].values()) == {"bed", "ball"}
+    given = mitsonar.focus("strip.xml")
+    assert set(given.variables) == set(other.variables) and given.attrs == other.attrs
+    assert all(np.array_equal(given[name].values, other[name].values) for name in ("image", "label", "shadow"))
 
 
 def test_options_lay_the_grid(here, capfd):
-    assert cli.main(["focus", "raw.nc", "-o", "a.tif", "--across", "17.5", "18.5", "--along", "-0.2", "0.8", "--spacing",
-                     "0.05x0.01"]) == 0
+    assert cli.main(["focus", "raw.nc", "-o", "a.tif", "--across", "17.5", "18.5", "--along", "-0.2", "0.8",
+                     "--spacing", "0.05x0.01"]) == 0
     import rasterio
 
     with rasterio.open("a.tif") as raster:
@@ -92,7 +95,7 @@ def test_water_windows_and_trajectory_are_those_asked_for(here, capfd):
     (("raw.nc", "-o", "e.exr", "--spacing", "a"), "--spacing is 'a'; give metres"),
     (("raw.nc", "-o", "e.exr", "--spacing", "1e-9"), "points"),
     (("raw.nc", "-o", "e.exr", "--across", "900", "1000"), "pings sees the grid"),
-    (("raw.nc", "-o", "e.exr", "--grid", "slant", "--across", "-21", "21"), "slant ranges to starboard are not below 0"),
+    (("raw.nc", "-o", "e.exr", "--grid", "slant", "--across", "-21", "21"), "slant ranges to starboard"),
     (("raw.nc", "-o", "e.exr", "--window", "taylo"), 'did you mean "taylor"'),
     (("raw.nc", "-o", "e.exr", "--angle", "89"), "--angle is 89 degrees from abreast"),
     (("raw.nc", "-o", "e.exr", "--profile", "none.csv"), "cannot read the cast none.csv: there is no such file"),
@@ -107,6 +110,14 @@ def test_what_cannot_be_focused_is_said_in_a_sentence(here, capfd, options, word
     out, err = capfd.readouterr()
     assert out == "" and err.startswith("mitsonar: ") and err.count("\n") == 1 and words in err, err
     assert {path: path.read_bytes() for path in here.iterdir()} == before
+
+
+def test_a_scene_says_what_is_not_asked_for(here, capfd):
+    text = (here / "strip.xml").read_text(encoding="utf-8")
+    (here / "slant.xml").write_text(text.replace('name="pings" value="$pings"/>', 'name="pings" value="$pings"/> '
+                                                 '<string name="image_grid" value="slant"/>'), encoding="utf-8")
+    assert cli.main(["focus", "slant.xml", "-o", "a.tif"]) == 2
+    assert "a slant grid is not even on a map" in capfd.readouterr().err and not (here / "a.tif").exists()
 
 
 def test_longer_work_is_told_after_the_first_ping(here, capfd, monkeypatch):
