@@ -79,7 +79,7 @@ class Errors:
 
 
 def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
-           at_rest: Measured | None = None) -> tuple[Located, Errors]:
+           at_rest: Measured | None = None, refracted: Measured | None = None) -> tuple[Located, Errors]:
     """Give soundings as they come out, and their errors by cause.
 
     Parameters
@@ -92,6 +92,8 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
         Its depth (...) [m].
     at_rest : Measured or None
         What arrays at rest would have measured, where it is another: the first two stages go by it.
+    refracted : Measured or None
+        What the second stage goes by, where the head's sound speed makes it another.
 
     Returns
     -------
@@ -99,9 +101,10 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
         With what is used.
     Errors
     """
-    refracted = replace(true, profile=used.profile, head_speed=used.head_speed, node=used.node)
+    bent = replace(true, profile=used.profile, head_speed=used.head_speed, node=used.node)
     first = measured if at_rest is None else at_rest
-    stages = [true.located(first), refracted.located(first), used.located(measured)]
+    second = first if refracted is None else refracted
+    stages = [true.located(first), bent.located(second), used.located(measured)]
     true_depth = [np.asarray(bed(one.x, one.y), float) for one in stages]
     detection, refraction, motion = (one.depth - depth for one, depth in zip(stages, true_depth))
     return stages[-1], Errors(true_depth=true_depth[-1], error=motion, error_detection=detection,

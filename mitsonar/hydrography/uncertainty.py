@@ -30,7 +30,7 @@ import xarray as xr
 
 from .record import check, variable
 
-__all__ = ["Accuracies", "budget", "with_uncertainty"]
+__all__ = ["Accuracies", "Deviations", "budget", "with_uncertainty"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,24 @@ class Accuracies:
                 raise ValueError(f"accuracies: {one.name} is {value!r}; give a finite number of 0 or more.")
 
 
-def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None) -> xr.Dataset:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """Standard deviations of what each sounding of a record was measured by, where detection knows them.
+
+    Attributes
+    ----------
+    time : array (ping, beam) [s]
+        In place of the record's quality.
+    angle : array (ping, beam) [rad]
+        In place of the steering's.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+
+
+def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None,
+                     deviations: Deviations | None = None) -> xr.Dataset:
     """Add ``uncertainty`` and ``horizontal_uncertainty`` to a record, by the square root of all causes.
 
     Parameters
@@ -84,24 +101,27 @@ def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None
     soundings : xarray.Dataset
     accuracies : Accuracies or None
         None: its defaults.
+    deviations : Deviations or None
 
     Returns
     -------
     xarray.Dataset
     """
-    causes = budget(soundings, accuracies or Accuracies()).values()
+    causes = budget(soundings, accuracies or Accuracies(), deviations).values()
     sums = [np.sqrt(sum(np.square(one[side]) for one in causes)) for side in (0, 1)]
     return soundings.assign(uncertainty=variable("uncertainty", sums[0]),
                             horizontal_uncertainty=variable("horizontal_uncertainty", sums[1]))
 
 
-def budget(soundings: xr.Dataset, accuracies: Accuracies) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def budget(soundings: xr.Dataset, accuracies: Accuracies,
+           deviations: Deviations | None = None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Give vertical and horizontal standard deviations [m] by cause.
 
     Parameters
     ----------
     soundings : xarray.Dataset
     accuracies : Accuracies
+    deviations : Deviations or None
 
     Returns
     -------
@@ -128,12 +148,13 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies) -> dict[str, tuple[np.
     tilt = (soundings["ping_roll"].values + soundings["receive_mounting"].values[0])[:, None]
     steered = soundings["angle"].values
     turn = np.abs(np.sin(tilt) / (np.cos(steered) * np.cos(steered - tilt))) * accuracies.head / head
-    span = 0.5 * head * _time(soundings, accuracies)
+    span = 0.5 * head * (_time(soundings, accuracies) if deviations is None else deviations.time)
+    steering = accuracies.angle if deviations is None else deviations.angle
     heave = np.abs(soundings["ping_depth"].values - soundings["motion_depth"].values.mean())[:, None]
     off = accuracies.profile / head
     causes = {
         "detection": (h / distance * span, level / distance * span),
-        "angle": (accuracies.angle * y, accuracies.angle * h), "roll": roll, "pitch": pitch,
+        "angle": (steering * y, steering * h), "roll": roll, "pitch": pitch,
         "heading": (still, heading),
         "heave": (still + np.maximum(accuracies.heave, accuracies.heave_share * heave), still),
         "draught": (still + accuracies.draught, still), "position": (still, still + accuracies.position),

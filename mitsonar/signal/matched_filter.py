@@ -15,7 +15,7 @@ from scipy import fft
 from ..sonar.pulse import Pulse, Window
 from .reception import band_filter, check_record, padded_length
 
-__all__ = ["compression", "matched_filter"]
+__all__ = ["compression", "matched_filter", "rms_bandwidth"]
 
 
 def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
@@ -77,3 +77,17 @@ def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:
     gain = np.mean(through)
     return (float(np.mean(through ** 2) / gain ** 2 / sampling_rate),
             float(np.mean(spectrum) / gain ** 2 * sampling_rate))
+
+
+def rms_bandwidth(pulse: Pulse, sampling_rate: float) -> float:
+    """Give the root mean square [Hz] of the frequencies of a compressed pulse's power; of an even band B it is B / √12.
+
+    Parameters
+    ----------
+    pulse : Pulse
+    sampling_rate : float [Hz]
+    """
+    length = padded_length(1, pulse.duration, sampling_rate)
+    frequency = fft.fftfreq(length, 1 / sampling_rate)
+    through = np.abs(pulse.spectrum(sampling_rate, length)) ** 2 * band_filter(frequency, sampling_rate)
+    return float(np.sqrt(np.sum(frequency ** 2 * through ** 2) / np.sum(through ** 2)))
