@@ -21,11 +21,10 @@ from .scene.errors import as_exception
 from .scene.loading import load_file, prepare
 from .signal.impulses import KERNELS, make_kernel
 from .spelling import meant
-from .survey.kinds import KINDS, kind_of
+from .survey.kinds import sounder_kind_of
 from .survey.pressure import PressureRecord
 from .survey.signals import LEAD, pair_responses, received_signals
 from .survey.survey import Survey
-from .survey.swath.soundings import SoundingLine
 from .water.profile import SoundSpeedProfile
 
 __all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "frames", "impulse_response", "opened", "pings",
@@ -217,7 +216,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
 def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
               sensor: int | str = 0, column: bool = False, snippets: int = 0,
               progress: Callable[[int, int], None] | None = None) -> SonarImage:
-    """Sound the bed of a scene with its multibeam echo sounder.
+    """Sound the bed of a scene with its multibeam echo sounder, or its interferometric sidescan.
 
     Parameters
     ----------
@@ -241,7 +240,7 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     Raises
     ------
     FileNotFoundError, ValueError, TypeError
-        As `render`, or if the sensor is no multibeam echo sounder, or the profile's file no cast.
+        As `render`, or if the sensor makes no soundings, or the profile's file is no cast.
     """
     total: list[int] = []
     pings = []
@@ -279,13 +278,11 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     if profile is not None and not isinstance(profile, SoundSpeedProfile):
         profile = casts.read(profile).profile
     scene, sonar, integrator = opened(scene, sensor)
-    if kind_of(sonar) is not KINDS["multibeam"]:
-        raise ValueError(f"soundings are made by a multibeam echo sounder, and this sensor is a {sonar.kind}; give the "
-                         "scene a <sensor type=\"multibeam\"/>")
+    kind = sounder_kind_of(sonar)
     try:
         survey = integrator.survey(scene, sonar)
-        line = SoundingLine(survey, sonar.own_seed(seed), profile=profile, column=column,
-                             snippets=_samples(snippets))
+        line = kind.sounding_line(survey, sonar.own_seed(seed), profile=profile, column=column,
+                                  snippets=_samples(snippets))
     except RuntimeError as error:
         raise as_exception(error) from error
     if count is not None:

@@ -21,10 +21,10 @@ LOCK = threading.RLock()            # of registration, and of setting the varian
 
 BASES = ("bsdfs.material", "bsdfs.smooth", "sensors.sonar_sensor")         # what plugins of a kind share
 PLUGINS = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "bsdfs.sediment", "bsdfs.elastic", "bsdfs.empirical",
-           "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance", "bsdfs.windy_sea", "sensors.sidescan", "sensors.array_sonar",
-           "sensors.forward_looking", "sensors.sector_scan", "sensors.multibeam", "sensors.synthetic_aperture",
-           "integrators.sonar_path",
-           "shapes.seabed", "shapes.bathymetry", "shapes.capped_cylinder", "shapes.point_target", "shapes.sea_surface",
+           "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance", "bsdfs.windy_sea", "sensors.sidescan",
+           "sensors.array_sonar", "sensors.forward_looking", "sensors.sector_scan", "sensors.multibeam",
+           "sensors.interferometric", "sensors.synthetic_aperture", "integrators.sonar_path", "shapes.seabed",
+           "shapes.bathymetry", "shapes.capped_cylinder", "shapes.point_target", "shapes.sea_surface",
            "shapes.targets")
 MODULES = (*BASES, *PLUGINS)
 

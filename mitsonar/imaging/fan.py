@@ -22,7 +22,7 @@ from ..sonar.pulses import Pulse
 from . import truth
 from .energy_record import EnergyRecord
 
-__all__ = ["STEPS", "fan_directions", "formed", "image", "levels"]
+__all__ = ["NOTHING_DB", "SHORTEST_SHADOW", "STEPS", "fan_directions", "formed", "image", "levels", "runs_of"]
 
 STEPS = ("angle", "sine")          # what grows by equal steps from beam to beam
 NOTHING_DB = -200.0                # level of a sample without any echo or noise
@@ -138,7 +138,7 @@ def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction
         "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
         **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
     rays, share = record.echoes_in_beam, record.truth.share
-    empty = _runs_of(rays == 0, SHORTEST_SHADOW)
+    empty = runs_of(rays == 0, SHORTEST_SHADOW)
     shadow = (empty & np.logical_or.accumulate(rays > 0, -1)).astype(np.uint8)
     # bins between others that no ray happened to reach take the label of what the picture shows there
     label = np.where(empty | ~share.any(-2), 0, share.argmax(-2) + 1).astype(np.uint32)
@@ -159,8 +159,8 @@ def levels(beams: np.ndarray) -> np.ndarray:
     return 20 * np.log10(np.maximum(np.abs(beams), 10 ** (NOTHING_DB / 20)))
 
 
-def _runs_of(flags: np.ndarray, shortest: int) -> np.ndarray:
-    """Flags (..., N) without their runs that are shorter."""
+def runs_of(flags: np.ndarray, shortest: int) -> np.ndarray:
+    """Give flags (..., N) without their runs that are shorter."""
     from scipy.ndimage import binary_opening
 
     return binary_opening(flags, np.ones((1,) * (flags.ndim - 1) + (shortest,), bool))

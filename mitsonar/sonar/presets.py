@@ -12,7 +12,7 @@ else:
 __all__ = ["TABLES", "motions", "presets"]
 
 TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
-          "sector_scan": "sector_scan.toml", "multibeam": "multibeam.toml",
+          "sector_scan": "sector_scan.toml", "multibeam": "multibeam.toml", "interferometric": "interferometric.toml",
           "synthetic_aperture": "synthetic_aperture.toml"}            # by kind of sonar
 
 

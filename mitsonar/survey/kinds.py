@@ -16,12 +16,15 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from . import array, forward_looking, multibeam, sector_scan, sidescan, synthetic_aperture
+from ..water.profile import SoundSpeedProfile
+from . import array, forward_looking, interferometric, multibeam, sector_scan, sidescan, synthetic_aperture
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .survey import Survey
+from .swath.soundings import SoundingLine
 
-__all__ = ["FRAMES", "KINDS", "FrameKind", "Kind", "frame_kind_of", "kind_of"]
+__all__ = ["FRAMES", "KINDS", "SOUNDERS", "FrameKind", "Kind", "SounderKind", "frame_kind_of", "kind_of",
+           "sounder_kind_of"]
 
 
 class Kind(Protocol):
@@ -47,7 +50,7 @@ class Kind(Protocol):
 
 KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking,
                           "sector_scan": sector_scan, "multibeam": multibeam,
-                          "synthetic_aperture": synthetic_aperture}
+                          "synthetic_aperture": synthetic_aperture, "interferometric": interferometric}
 
 
 class FrameKind(Kind, Protocol):
@@ -59,6 +62,33 @@ class FrameKind(Kind, Protocol):
 
 
 FRAMES: dict[str, FrameKind] = {"array": array, "forward_looking": forward_looking, "multibeam": multibeam}
+
+
+class SounderKind(Kind, Protocol):
+    """A kind of sonar that makes soundings."""
+
+    def sounding_line(self, survey: Any, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
+                      snippets: int) -> SoundingLine:
+        """Make what makes the soundings of a line; arguments as of `mitsonar.soundings`."""
+        ...
+
+
+SOUNDERS: dict[str, SounderKind] = {"multibeam": multibeam, "interferometric": interferometric}
+
+
+def sounder_kind_of(sensor: Any) -> SounderKind:
+    """Give the kind of sonar that a sensor is, if it makes soundings.
+
+    Raises
+    ------
+    ValueError
+        If it is none such.
+    """
+    kind_of(sensor)
+    if sensor.kind not in SOUNDERS:
+        raise ValueError(f"soundings are made by a multibeam echo sounder or an interferometric sidescan, and this "
+                         f"sensor is a {sensor.kind}; give the scene a <sensor type=\"multibeam\"/>")
+    return SOUNDERS[sensor.kind]
 
 
 def frame_kind_of(sensor: Any) -> FrameKind:

@@ -7,12 +7,13 @@ from ..imaging.sidescan import speckle_gates
 from .array_survey import ArraySurvey
 from .sidescan_survey import SidescanSurvey
 
-__all__ = ["check_beams", "check_sidescan", "check_soundings"]
+__all__ = ["check_beams", "check_rows", "check_sidescan", "check_soundings"]
 
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
 BYTES_PER_LABEL = 13               # and of each shape's share,
 BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made
 BYTES_PER_PATH = 12                # and of each path where there is more than one
+BYTES_PER_SOUNDING = 130           # of those with phases and errors beside each
 BYTES_PER_SAMPLE = 60              # of a beam, while a ping is sounded
 BINS_PER_PULSE = 10_000
 MOST_GATES = 1 << 19               # of speckle, up to the end of the range: far below where float32 ends to count
@@ -71,6 +72,22 @@ def check_soundings(survey: ArraySurvey, beams: int) -> None:
     if needed > there:
         raise ValueError(f"a ping of {beams} beams with {survey.samples} samples takes {needed / 1e9:.0f} GB to sound, "
                          f"more than the {there / 1e9:.0f} GB of this machine; take fewer beams or a shorter range")
+
+
+def check_rows(survey: ArraySurvey, bins: int, *, pings: int) -> None:
+    """Refuse a record of rows of receivers with so many bins and pings if it does not fit into memory.
+
+    Raises
+    ------
+    ValueError
+    """
+    rows, labels = survey.receive.elements, len(survey.labels)
+    needed = BYTES_PER_SAMPLE * rows * survey.samples + bins * (labels * BYTES_PER_SUM + pings * (
+        BYTES_PER_BIN + BYTES_PER_SOUNDING + BYTES_PER_LABEL * labels))
+    if needed > _memory():
+        raise ValueError(f"a record of {pings} pings with {bins} bins of {rows} rows and {labels} shapes takes "
+                         f"{needed / 1e9:.0f} GB, more than the {_memory() / 1e9:.0f} GB of this machine; take fewer "
+                         "pings or bins, a shorter range or pulse, or let shapes share an id")
 
 
 def _memory() -> float:

@@ -18,15 +18,18 @@ from ..imaging import fan
 from ..imaging.energy_record import EnergyRecord, gathered, joined
 from ..scene import objects
 from ..scene.labels import classes_of
+from ..water.profile import SoundSpeedProfile
 from . import limits
 from .array_survey import ArraySurvey
 from .sensor import RunSettings
 from .signals import ping_attributes, ping_coordinates
 from .swath.beams import sector_beams
+from .swath.instrument import Multibeam
 from .swath.plan import MultibeamSensor, plan
+from .swath.soundings import SoundingLine
 from .swath.survey import SwathSurvey
 
-__all__ = ["frames", "picture", "plan", "plan_elements", "rows"]
+__all__ = ["frames", "picture", "plan", "plan_elements", "rows", "sounding_line"]
 
 
 def plan_elements(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
@@ -65,6 +68,12 @@ def frames(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Iterator[
 def rows(level: np.ndarray) -> np.ndarray:
     """Levels (ping, beam, sample) as rows of one picture, ping after ping."""
     return level.reshape(-1, level.shape[-1])
+
+
+def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
+                  snippets: int) -> SoundingLine:
+    """Make what makes the soundings of a line; arguments as of `mitsonar.soundings`."""
+    return SoundingLine(survey, Multibeam(survey, seed, column=column, snippets=snippets), seed, profile=profile)
 
 
 class _Pictures:

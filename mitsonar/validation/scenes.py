@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from ..water import SoundSpeedProfile
 
-__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "lambert", "multibeam", "point_target",
-           "sector_scan", "sediment", "sidescan", "water_of"]
+__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "interferometric", "lambert", "multibeam",
+           "point_target", "sector_scan", "sediment", "sidescan", "water_of"]
 
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
@@ -81,6 +81,14 @@ def synthetic_aperture(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor
                             "pulse_ms": 1.0, "pings": 4, "noise": False},
                    {**_still(depth), "speed_knots": 3.0}, sensor, water,
                    {"range_min": 20.0, "range": 30.0, **(film or {})}, integrator or {"cell": 0.25})
+
+
+def interferometric(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+                    water: Attributes | None = None, film: Attributes | None = None,
+                    integrator: Attributes | None = None) -> "mi.Scene":
+    """Load a scene of an interferometric sidescan, by default of 250 kHz and 500 bins to 50 m; as `sidescan`."""
+    return _loaded(shapes, {"type": "interferometric", "preset": "four_rows_250khz", "pings": 1}, _still(depth), sensor,
+                   water, {"range": 50.0, "bins": 500, **(film or {})}, integrator or {})
 
 
 def sector_scan(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,

@@ -31,16 +31,16 @@ What the instrument believes may differ from what is there: ``head_speed_error``
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.hydrography.motion_errors import MotionErrors
 from mitsonar.sonar import PULSES, Array, length_for_beam_width, line_array
 from mitsonar.sonar.presets import presets
 from mitsonar.sonar.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
 from mitsonar.sonar.track import mounting_matrix
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Group, Integer, Number, Numbers, Text
+from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Text
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
+from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
@@ -51,21 +51,6 @@ MOST_SECTORS = 16
 STEEPEST_DEG = 89.0
 FARTHEST = 1000.0                  # [m] of a line from the sonar: longer than any ship
 LISTS = ("source_level_db", "pulse_ms", "bandwidth_khz", "sector_tilt_deg", "sector_delay_ms")
-
-MOTION_ERRORS = Group(title="What the motion sensors say", module="sensors.multibeam", attributes=(
-    Angle("roll_bias_deg", default=0.0, minimum=-10, maximum=10, text="that the roll sensor, or the head's mounting, "
-                                                                      "is thought to be more than it is"),
-    Angle("pitch_bias_deg", default=0.0, minimum=-10, maximum=10, text="likewise, pitch"),
-    Angle("heading_bias_deg", default=0.0, minimum=-10, maximum=10, text="likewise, heading"),
-    Number("latency_ms", default=0.0, minimum=-1000, maximum=1000, unit="ms", text="by which attitude and heave are "
-                                                                                  "those of an earlier time"),
-    Angle("attitude_noise_deg", default=0.0, minimum=0, maximum=5, text="of roll and pitch, root mean square"),
-    Angle("heading_noise_deg", default=0.0, minimum=0, maximum=10, text="of the heading, likewise"),
-    Number("heave_noise", default=0.0, minimum=0, maximum=5, unit="m", text="of the heave, likewise"),
-    Number("position_noise", default=0.0, minimum=0, maximum=50, unit="m", text="of x and of y, likewise"),
-    Number("noise_correlation", default=5.0, above=0, maximum=1000, unit="s", text="time over which these noises keep "
-                                                                                  "about what they are"),
-))
 
 ATTRIBUTES = (
     Choice("preset", default="shallow_400khz", choices=tuple(PRESETS),
@@ -112,9 +97,7 @@ ATTRIBUTES = (
     Boolean("yaw_stabilised", default=False, text="and that plane stays across the course, by sectors"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
            text="that the head's own sensor of sound speed says too much"),
-    Numbers("depth_gate", default=None, count=2, unit="m", text='"from, to" below the sonar, where the bed is looked '
-                                                                "for"),
-    SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
+    DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
 )
 
 
@@ -130,7 +113,7 @@ class Multibeam(SonarSensor):
         self.stabilised = (attributes.roll_stabilised, attributes.pitch_stabilised, attributes.yaw_stabilised)
         self.receive_flaws = attributes.receive_flaws
         self.head_speed_error = attributes.head_speed_error
-        self.depth_gate = _gate(attributes)
+        self.depth_gate = depth_gate(attributes)
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         for name, most, unit in (("transmit_place", FARTHEST, "m"), ("receive_place", FARTHEST, "m"),
                                  ("mounting_deg", 360.0, "degrees")):
@@ -144,26 +127,10 @@ class Multibeam(SonarSensor):
         highest = max(sector.pulse.frequency for sector in self.sectors)
         self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
         self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place
-        self.motion_errors = MotionErrors(
-            roll_bias=attributes.roll_bias_deg, pitch_bias=attributes.pitch_bias_deg,
-            heading_bias=attributes.heading_bias_deg, latency=attributes.latency_ms / 1000,
-            attitude_noise=attributes.attitude_noise_deg, heading_noise=attributes.heading_noise_deg,
-            heave_noise=attributes.heave_noise, position_noise=attributes.position_noise,
-            correlation=attributes.noise_correlation)
+        self.motion_errors = motion_errors(attributes)
 
     def to_string(self) -> str:
         return f"Multibeam[{self.frequency / 1000:g} kHz, {sum(len(one.beams) for one in self.sectors)} beams]"
-
-
-def _gate(attributes: Attributes) -> tuple[float, float] | None:
-    """Depths [m] between which the bed is looked for."""
-    gate = attributes.depth_gate
-    if gate is None:
-        return None
-    if not 0 <= gate[0] < gate[1]:
-        raise attributes.error(f"depth_gate is {gate[0]:g} to {gate[1]:g} m; the first must be 0 or more, and less "
-                               "than the second.")
-    return float(gate[0]), float(gate[1])
 
 
 def _sectors(attributes: Attributes) -> tuple[Sector, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...device.arrays import upload
 
-__all__ = ["Blur"]
+__all__ = ["Blur", "OneBeam"]
 
 PARTS = 4                          # directions in a beam that its pattern is averaged over
 FAINTEST = 3e-5                    # of M's largest, below which it is left out
@@ -74,6 +74,35 @@ class Blur:
             beside = dr.gather(mi.Float, mixed, mi.UInt32(mi.Int32(index) + k), inside)
             total += dr.opaque(mi.Float, float(weight)) * beside
         return total.numpy().reshape(beams, bins)
+
+
+class OneBeam:
+    """Blur energies of a single beam that tells no sines apart: by the compressed pulse alone. See `Blur`.
+
+    Parameters
+    ----------
+    widest : float [-]
+        Sine that it hears up to.
+    bandwidth_share : float [-]
+        The pulse's bandwidth times a bin's length.
+    """
+
+    beams = 1
+
+    def __init__(self, widest: float, bandwidth_share: float):
+        self.edges = np.array([-widest, widest])
+        spread = np.sinc(max(bandwidth_share, 1.0 / REACH) * np.arange(-REACH, REACH + 1)) ** 2
+        # a bin longer than the pulse keeps what comes into it
+        self._spread = np.array([1.0]) if bandwidth_share >= 1 else spread / spread.sum()
+
+    def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
+        """Give the box that a box's energies reach."""
+        aside = len(self._spread) // 2
+        return 0, 1, max(box[2] - aside, 0), min(box[3] + aside, bins)
+
+    def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
+        """Give what the picture makes of energies (1, t): float32 (1, t)."""
+        return np.convolve(energy[0], self._spread, "same")[None, :energy.shape[1]].astype(np.float32)
 
 
 def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:

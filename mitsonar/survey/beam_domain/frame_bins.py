@@ -31,10 +31,12 @@ class FrameBins:
         Sines that part the beams, rising.
     lead, bins : int
         Samples of the record before the picture's; T.
+    per_bin : int
+        Samples of a bin.
     """
 
-    def __init__(self, edges: np.ndarray, *, lead: int, bins: int):
-        self.beams, self.bins, self._lead = len(edges) - 1, bins, lead
+    def __init__(self, edges: np.ndarray, *, lead: int, bins: int, per_bin: int = 1):
+        self.beams, self.bins, self._lead, self._per_bin = len(edges) - 1, bins, lead, per_bin
         places = PER_BEAM * self.beams
         first, last = float(edges[0]), float(edges[-1])
         # the beam in which each place of the table begins: a few steps from there lead to the right one
@@ -57,6 +59,8 @@ class FrameBins:
         sine = held(echoes.sine, first, last)
         beam = _beam(self._table, self._edges, mi.UInt32(held((sine - first) * per_sine, 0.0, self._places)), sine)
         bin = dr.round(echoes.column) - dr.opaque(mi.Float, self._lead)
+        if self._per_bin > 1:
+            bin = dr.floor((bin + 0.5) * dr.opaque(mi.Float, 1 / self._per_bin))
         inside = (echoes.sine >= first) & (echoes.sine < last) & (bin >= 0) & (
             bin < dr.opaque(mi.Float, self.bins)) & (echoes.energy > 0)
         cell = beam * dr.opaque(mi.UInt32, self.bins) + mi.UInt32(dr.select(inside, bin, 0))

@@ -53,10 +53,14 @@ class PingEchoes:
         Beams look from the body's origin; else from the middle of the receive array.
     beside : PingEchoes or None
         As of `Ground`.
+    lobe : ((3,), float) or None
+        Of elements that are long across the line: the axis they are long along, body frame, and the sines along it that
+        they tell apart, wavelength / length.
     """
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
-                 beside: PingEchoes | None = None):
+                 beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float] | None = None):
+        self._long = lobe
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
@@ -114,7 +118,7 @@ class PingEchoes:
         return Density(origin=survey.track.position[ping], axis=reception.rotation @ self.line.axis,
                        per_cell=self.per_cell, range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth),
                        sine_cell=survey.wavelength / self.line.length, nearest=self.ground.nearest,
-                       farthest=self.ground.farthest, lobe=self._lobe(reception))
+                       farthest=self.ground.farthest, lobe=self._lobe(reception) or self._lobe_of_elements(reception))
 
     def _lobe(self, reception: Reception) -> TransmitLobe | None:
         """Where a transmitting line that is steered ping by ping sends to."""
@@ -123,6 +127,12 @@ class PingEchoes:
             return None
         return TransmitLobe(axis=reception.rotation @ axis, sine=float(reception.steering @ axis),
                             cell=self.survey.wavelength / self.patterns.transmit_length)
+
+    def _lobe_of_elements(self, reception: Reception) -> TransmitLobe | None:
+        """Where elements send and hear that are long across the line."""
+        if self._long is None:
+            return None
+        return TransmitLobe(axis=reception.rotation @ self._long[0], sine=0.0, cell=self._long[1])
 
     def _useful(self, ping: int) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
         """Whether directions are looked into: not those that the beams make negligible."""

@@ -22,7 +22,7 @@ from ...imaging.energy_record import EnergyRecord
 from ...imaging.truth import HALF, BinTruth
 from ...scene.labels import ShapeLabels
 from ..ground import FREE
-from .blur import Blur
+from .blur import Blur, OneBeam
 from .frame_bins import FrameBins
 from .record import GridEchoes, TargetEchoes
 
@@ -51,6 +51,7 @@ class _Ground:
 
     seabed: list[_Plane]
     place: np.ndarray
+    depth: np.ndarray
     layover: np.ndarray
     rays: np.ndarray
     objects: list[_Plane]
@@ -62,16 +63,22 @@ class FrameTruth:
 
     Parameters
     ----------
-    blur : Blur
+    blur : Blur or OneBeam
         Of the beams.
     lead, bins : int
-        Samples of the record before the picture's, and of the picture.
+        Samples of the record before the picture's, and bins of the picture.
     named : ShapeLabels
+    per_bin : int
+        Samples of a bin.
+    of_objects : bool
+        The record's depth is that of all echoes of scatterers, not of the seabed's alone.
     """
 
-    def __init__(self, blur: Blur, *, lead: int, bins: int, named: ShapeLabels):
+    def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1,
+                 of_objects: bool = False):
         self._blur, self._labels, self._seabed = blur, len(named), sorted(named.seabed)
-        self._bins = FrameBins(blur.edges, lead=lead, bins=bins)
+        self._bins = FrameBins(blur.edges, lead=lead, bins=bins, per_bin=per_bin)
+        self._of_objects = of_objects and len(self._seabed) < self._labels
         self._is_seabed = upload(mi.Bool, np.isin(np.arange(len(named) + 1), self._seabed))
         dr.eval(self._is_seabed)
 
@@ -115,7 +122,7 @@ class FrameTruth:
                 best[plane.where] = np.maximum(best[plane.where], part)
         dark, object_shadow = self._shadows(ground, total)
         return EnergyRecord(
-            intensity=total * np.float32(source_power), depth=ground.place[..., 2], rays=ground.rays,
+            intensity=total * np.float32(source_power), depth=ground.depth, rays=ground.rays,
             rays_in_beam=ground.rays,
             truth=BinTruth(label=label, share=share, hidden=dark, object_shadow=object_shadow, layover=ground.layover,
                            seabed_place=ground.place))
@@ -123,7 +130,8 @@ class FrameTruth:
     def _nothing(self, shape: tuple[int, int]) -> _Ground:
         """A frame without scatterers."""
         return _Ground(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8),
-                       rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32))
+                       rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32),
+                       depth=np.full(shape, np.nan, np.float32))
 
     def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], origin: np.ndarray,
                 depth_below: float, farthest: float) -> _Ground:
@@ -133,6 +141,7 @@ class FrameTruth:
         free = inside & (echoes.state == FREE)
         on_bed = free & dr.gather(mi.Bool, self._is_seabed, echoes.label)
         energy, place = bins.ground(echoes, cell, on_bed, origin)
+        depth = bins.ground(echoes, cell, free, origin)[1][..., 2] if self._of_objects else place[..., 2]
         layover, rays = bins.counted(echoes, cell, free, depth_below, farthest)
         whole = 0, bins.beams, 0, bins.bins
         seabed = []
@@ -154,7 +163,7 @@ class FrameTruth:
                 lost = list(self._planes(dr.gather(mi.UInt32, cell, number).numpy(),
                                          dr.gather(mi.Float, echoes.energy, number).numpy(),
                                          dr.gather(mi.UInt32, hider, some).numpy()))
-        return _Ground(seabed=seabed, place=place, layover=layover, rays=rays, objects=objects, lost=lost)
+        return _Ground(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays, objects=objects, lost=lost)
 
     def _planes(self, cell: np.ndarray, energy: np.ndarray, label: np.ndarray) -> Iterator[_Plane]:
         """Energies of echoes, instance by instance."""

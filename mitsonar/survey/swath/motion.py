@@ -9,7 +9,7 @@ from ...device.chance import sonar_seed
 from ...hydrography.attitude import Motion
 from ...hydrography.errors import disturbed
 from ...sonar.trajectory import Trajectory
-from .survey import SwathSurvey
+from .survey import SoundedSurvey
 
 __all__ = ["RATE", "said_motion", "true_motion"]
 
@@ -17,10 +17,10 @@ RATE = 100.0                       # [Hz] of the sensors
 MARGIN = 0.1                       # [s] before the first transmission and after the last reception
 
 
-def true_motion(survey: SwathSurvey, *, earlier: float = 0.0) -> Motion:
+def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> Motion:
     """Sample the reference point's way and attitude; attitude and depth of `earlier` [s] before."""
     trajectory = _reference(survey.voyage.trajectory)
-    last = max(run.survey.track.time[-1] + run.survey.time[-1] for run in survey.sectors)
+    last = max(run.survey.track.time[-1] + run.survey.time[-1] for run in survey.transmissions)
     first = survey.track.time[0] - MARGIN
     time = first + np.arange(int(np.ceil((last + MARGIN - first) * RATE)) + 1) / RATE
     position, _ = trajectory.pose(time)
@@ -29,7 +29,7 @@ def true_motion(survey: SwathSurvey, *, earlier: float = 0.0) -> Motion:
                   pitch=attitude[:, 1], heading=np.unwrap(attitude[:, 2]))
 
 
-def said_motion(survey: SwathSurvey, seed: int) -> Motion:
+def said_motion(survey: SoundedSurvey, seed: int) -> Motion:
     """Give the same as the motion sensors say it."""
     errors = survey.motion_errors
     true = true_motion(survey, earlier=errors.latency)

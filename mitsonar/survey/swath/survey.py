@@ -1,4 +1,4 @@
-"""What a run of a multibeam echo sounder is: a run of arrays for every sector, and where its beams look."""
+"""What a run that makes soundings is; of a multibeam: a run of arrays for every sector, and where its beams look."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,7 +11,53 @@ from ...sonar.sectors import Sector
 from ..array_survey import ArraySurvey
 from ..survey import Survey
 
-__all__ = ["SectorRun", "SwathSurvey"]
+__all__ = ["SectorRun", "SoundedSurvey", "SwathSurvey", "Transmission"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Transmission:
+    """One of a ping's transmissions, as its soundings need it.
+
+    Attributes
+    ----------
+    survey : ArraySurvey
+        Its track is at the times of the transmission.
+    delay : float [s]
+        After the ping's first.
+    sines : (P,) [-]
+        Along the transmitting line, as the instrument takes them to be.
+    beams : slice
+        Of all beams, those that listen to it.
+    """
+
+    survey: ArraySurvey
+    delay: float
+    sines: np.ndarray
+    beams: slice
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SoundedSurvey(Survey):
+    """A run that makes soundings; abstract.
+
+    Attributes
+    ----------
+    head_speed_error : float [m/s]
+    motion_errors : MotionErrors
+    depth_gate : (float, float) or None [m]
+        Below the sonar.
+    preset : str
+    """
+
+    head_speed_error: float
+    motion_errors: MotionErrors
+    depth_gate: tuple[float, float] | None
+    preset: str
+
+    @property
+    def transmissions(self) -> Sequence[Transmission]:
+        """Of a ping, in the order of their beams."""
+        raise NotImplementedError(f"{type(self).__name__} lacks transmissions")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +93,7 @@ class SectorRun:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SwathSurvey(Survey):
+class SwathSurvey(SoundedSurvey):
     """A run of a multibeam echo sounder.
 
     Attributes
@@ -58,20 +104,11 @@ class SwathSurvey(Survey):
         Roll, pitch, heading of the head.
     receive_flaws : float
         Root mean square of what each receiver is off, in amplitude and in phase [rad].
-    head_speed_error : float [m/s]
-    motion_errors : MotionErrors
-    depth_gate : (float, float) or None [m]
-        Below the sonar.
-    preset : str
     """
 
     sectors: Sequence[SectorRun]
     mounting: np.ndarray
     receive_flaws: float
-    head_speed_error: float
-    motion_errors: MotionErrors
-    depth_gate: tuple[float, float] | None
-    preset: str
 
     @property
     def beams(self) -> int:
@@ -82,3 +119,9 @@ class SwathSurvey(Survey):
     def frequency(self) -> float:
         """Of the first sector [Hz]."""
         return self.sectors[0].survey.frequency
+
+    @property
+    def transmissions(self) -> Sequence[Transmission]:
+        """Of a ping, in the order of their beams."""
+        return [Transmission(survey=run.survey, delay=run.sector.delay, sines=run.transmit_sines * run.said,
+                             beams=run.beams) for run in self.sectors]

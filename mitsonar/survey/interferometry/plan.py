@@ -1,0 +1,115 @@
+"""Planning of an interferometric sidescan's run: one route, and for either side a run of arrays over the same scene."""
+from __future__ import annotations
+
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+
+from ...hydrography.motion_errors import MotionErrors
+from ...hydrography.row_angles import Rows, sector_of
+from ...scene import materials
+from ...scene.geometry import Geometry
+from ...sonar.array import Array
+from ...sonar.array_makers import element_array
+from ...sonar.pulse import Pulse
+from ...units import db_from_amplitude
+from ..array import survey_of
+from ..array_survey import ArraySurvey
+from ..sensor import RunSettings, Sensor, slowest_speed
+from ..signals import LEAD
+from .survey import InterferometricSurvey
+
+__all__ = ["InterferometricSensor", "plan", "plan_elements"]
+
+SAMPLES = 2.0, 3.0                 # to one over a pulse's bandwidth: of sweeps, whose skirts are steep, and of others
+SWEEP = 4.0                        # duration times bandwidth from which on a pulse is one
+
+
+class InterferometricSensor(Sensor, Protocol):
+    """What the sensor of an interferometric sidescan says, beside what all do.
+
+    Attributes
+    ----------
+    preset : str
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of each side, on its axis.
+    pulse : Pulse
+    transmit, receive : (Array, Array)
+        Of port and starboard; the rows of the latter from the lowest up.
+    tilt : float [rad]
+        Of the faces' normals below the horizontal.
+    looks, least_coherence, head_speed_error, motion_errors, depth_gate
+        As of `InterferometricSurvey`.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each row's receiver.
+    """
+
+    preset: str
+    source_level_db: float
+    pulse: Pulse
+    transmit: tuple[Array, Array]
+    receive: tuple[Array, Array]
+    tilt: float
+    looks: float
+    least_coherence: float
+    head_speed_error: float
+    motion_errors: MotionErrors
+    depth_gate: tuple[float, float] | None
+    self_noise_db: float | None
+
+
+def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
+         lead: float = LEAD) -> InterferometricSurvey:
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together.
+    """
+    sides = [_run(scene, sensor, settings, lead, transmit, receive, sensor.source_level_db)
+             for transmit, receive in zip(sensor.transmit, sensor.receive)]
+    port, starboard = sides
+    place = (starboard.receive.position - starboard.receive.position.mean(0)) @ up_along(starboard.receive)
+    _, bins = sensor.film().window(port.sound_speed(0))
+    return InterferometricSurvey(
+        geometry=port.geometry, profile=port.profile, absorption=port.absorption, volume=port.volume,
+        passage=port.passage, rays=settings.rays, max_depth=settings.max_depth, sides=(port, starboard), bins=bins,
+        rows=Rows(place=place / port.wavelength, sector=sector_of(sensor.tilt)), looks=sensor.looks,
+        least_coherence=sensor.least_coherence, head_speed_error=sensor.head_speed_error,
+        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
+
+
+def plan_elements(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
+                  lead: float = 0.0) -> ArraySurvey:
+    """Plan the same run with both sides' faces as elements: transmitters and rows of port, then those of starboard."""
+    transmit, receive = (element_array(
+        np.concatenate([side.position for side in sides]), normal=np.concatenate([side.normal for side in sides]),
+        along="forward", length=sides[0].length, height=sides[0].height, pattern=sides[0].pattern,
+        baffle=sides[0].baffle) for sides in (sensor.transmit, sensor.receive))
+    # each side has the source level, and a direction hears one of them: both together would make twice the pressure
+    level = sensor.source_level_db + float(db_from_amplitude(2.0))
+    return _run(scene, sensor, settings, lead, transmit, receive, level)
+
+
+def up_along(receive: Array) -> np.ndarray:
+    """The axis that rows stand along: up the face, unit, body frame."""
+    across = np.cross(receive.normal[0], receive.along[0])
+    return across * -np.sign(across[2])
+
+
+def _run(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings, lead: float, transmit: Array,
+         receive: Array, source_level_db: float) -> ArraySurvey:
+    """The run of some faces."""
+    geometry = Geometry(scene)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+    depth = -passage.voyage.track.position[:, 2]
+    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+    materials.check(geometry, sensor.water.profile, sensor.pulse.frequency)
+    samples = SAMPLES[0 if sensor.pulse.duration * sensor.pulse.bandwidth > SWEEP else 1]
+    rate = min(samples * sensor.pulse.bandwidth, sensor.pulse.suggested_sampling_rate)
+    return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=transmit,
+                     receive=receive, pulse=sensor.pulse, source_level_db=source_level_db, bins_are_samples=False,
+                     whole_bins=True, self_noise_db=sensor.self_noise_db, usual_rate=rate)
+

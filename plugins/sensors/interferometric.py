@@ -1,0 +1,138 @@
+"""Interferometric sidescan (`interferometric`): bathymetry by the phases of rows of receivers on either side.
+
+Either side has a transmitter and two or more rows of receivers one above the other, long along the track, on a face
+that is tilted down. Every bin of range has a level as of a sidescan, and the phases between the rows tell the angle
+that its echo comes from: of all rows together the one that fits best, so that close rows say which of the answers of
+far rows is right (`mitsonar.hydrography.row_angles`). Where several echoes come at one time, the angle lies between
+theirs.
+
+`mitsonar.render` gives `level`, `phase`, `coherence`, `angle`, `depth` and places over (ping, side, range), with
+`true_depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar soundings`` give a sounding for
+every bin that is coherent, with uncertainty and errors by cause, in the formats of the multibeam.
+
+Rows of receivers are plane to the waves: nearer than the square of their height over a wavelength they see what farther
+ones would.
+
+.. code-block:: xml
+
+    <sensor type="interferometric">
+        <string name="preset" value="four_rows_250khz"/>
+        <point name="start" x="0" y="0" z="-2"/>
+        <medium type="seawater"/>
+        <film type="sonar_film"><float name="range" value="60"/><integer name="bins" value="600"/></film>
+    </sensor>
+"""
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.hydrography.row_angles import Rows, sector_of
+from mitsonar.sonar import PULSES, Array, length_for_beam_width
+from mitsonar.sonar.array_makers import element_array
+from mitsonar.sonar.presets import presets
+from mitsonar.units import hertz_from_khz
+
+from ..attributes import Angle, Attributes, Choice, FromTable, Number, Numbers
+from .array_reading import nominal_sound_speed
+from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
+from .platform import ROUTE, pings
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
+
+PRESETS = presets("interferometric")
+PRESET = FromTable(table=PRESETS, by="preset")
+MOST_ROWS = 64
+FARTHEST = 100.0                   # [wavelengths], [m]: of a row or a face from the others
+
+ATTRIBUTES = (
+    Choice("preset", default="four_rows_250khz", choices=tuple(PRESETS),
+           text="where the defaults marked *preset* come from"),
+    Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
+    Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
+           text="of either side, on its axis"),
+    Choice("pulse", default=PRESET, choices=tuple(PULSES), text="of one frequency, or a sweep"),
+    Number("pulse_ms", default=PRESET, above=0, maximum=10_000, unit="ms", text="its length"),
+    Number("bandwidth_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="of a sweep"),
+    Angle("beam_width_deg", default=PRESET, minimum=0.05, maximum=90,
+          text="along the track, of transmitter and rows, full width at -3 dB one way"),
+    Angle("vertical_beam_width_deg", default=PRESET, minimum=1, maximum=180, text="across, of the transmitter"),
+    Angle("row_vertical_width_deg", default=PRESET, minimum=1, maximum=180, text="across, of each row"),
+    Numbers("rows", default=PRESET, unit="wavelengths", text="where the rows stand, from the lowest up the face"),
+    Angle("tilt_deg", default=PRESET, minimum=0, maximum=80, text="of the faces, below the horizontal"),
+    Numbers("face_place", default=(0.0, 0.1, 0.0), count=3, unit="m",
+            text='"forward, starboard, down" of the middle of the starboard rows from the sonar; port mirrors it'),
+    Numbers("transmitter_place", default=(0.0, 0.1, 0.0), count=3, unit="m", text="likewise, of the transmitter"),
+    Number("looks", default=8.0, minimum=1, maximum=10_000, unit="range cells",
+           text="that phases are averaged over, at least; a longer bin is averaged whole"),
+    Number("least_coherence", default=0.85, minimum=0, maximum=1, text="of the rows, for a valid sounding"),
+    Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
+           text="that the head's own sensor of sound speed says too much"),
+    DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(100), ROUTE, *NESTED,
+)
+
+
+class Interferometric(SonarSensor):
+    """See the module's text; `mitsonar.survey.interferometric` plans its run, and makes its picture and soundings."""
+
+    kind, declared = "interferometric", ATTRIBUTES
+
+    def read(self, attributes: Attributes) -> None:
+        """Take the pulse, the faces and what is made of them."""
+        self.preset = attributes.preset
+        self.frequency = float(hertz_from_khz(attributes.frequency_khz))
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.pulse = _pulse(attributes, self.frequency)
+        self.tilt = attributes.tilt_deg
+        self.looks, self.least_coherence = attributes.looks, attributes.least_coherence
+        self.head_speed_error, self.depth_gate = attributes.head_speed_error, depth_gate(attributes)
+        self.motion_errors = motion_errors(attributes)
+        wavelength = nominal_sound_speed(self.sound_speed, self.water, self.route) / self.frequency
+        self.transmit, self.receive = _faces(attributes, wavelength)
+
+    def to_string(self) -> str:
+        rows = self.receive[0].elements
+        return f"Interferometric[{self.frequency / 1000:g} kHz, 2 x {rows} rows, {self.route.pings} pings]"
+
+
+def _pulse(attributes: Attributes, frequency: float):
+    arguments = {"frequency": frequency, "duration": attributes.pulse_ms / 1000}
+    if attributes.pulse != "cw":
+        arguments["bandwidth"] = float(hertz_from_khz(attributes.bandwidth_khz))
+    elif attributes.given("bandwidth_khz"):
+        raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or make "
+                               "the pulse lfm or hfm.")
+    try:
+        return PULSES[attributes.pulse](**arguments)
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+def _faces(attributes: Attributes, wavelength: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Transmitters, and rows, of port and starboard."""
+    place, tilt = np.asarray(attributes.rows, float), attributes.tilt_deg
+    if not 2 <= len(place) <= MOST_ROWS or not (np.abs(place) <= FARTHEST).all() or not (np.diff(place) > 0).all():
+        raise attributes.error(f"rows is {place.tolist()}; give 2 to {MOST_ROWS} places [wavelengths] that rise, "
+                               f"within {FARTHEST:g}.")
+    for name in ("face_place", "transmitter_place"):
+        if np.abs(getattr(attributes, name)).max() > FARTHEST:
+            raise attributes.error(f"{name} is {getattr(attributes, name).tolist()}; give at most {FARTHEST:g} m "
+                                   "either way.")
+    length = length_for_beam_width(attributes.beam_width_deg, wavelength)
+    transmit, receive = [], []
+    try:
+        Rows(place=place, sector=sector_of(tilt))
+        for side in (-1.0, 1.0):
+            mirror = np.array([1.0, side, 1.0])
+            normal = mirror * [0.0, np.cos(tilt), np.sin(tilt)]
+            up = mirror * [0.0, np.sin(tilt), -np.cos(tilt)]
+            lowest_first = (place - place.mean())[:, None] * wavelength * up
+            for faces, middle, position, width in (
+                    (transmit, attributes.transmitter_place, np.zeros((1, 3)), attributes.vertical_beam_width_deg),
+                    (receive, attributes.face_place, lowest_first, attributes.row_vertical_width_deg)):
+                faces.append(element_array(mirror * middle + position, normal=normal, along="forward", length=length,
+                                           height=length_for_beam_width(width, wavelength), pattern="rectangular",
+                                           baffle="hard"))
+        return (transmit[0], transmit[1]), (receive[0], receive[1])
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+mi.register_sensor("interferometric", Interferometric)
