@@ -31,6 +31,8 @@ RUNS = {
                "--elements", "1"], "1 pings by elements"),
     "multipath": (["multipath.py", "-Drays=4000", "-Dbins=80", "--pings", "2", "--rounds", "1", "--seeds", "2"],
                   "max_depth 2"),
+    "focusing": (["focusing.py", "--side", "0.4", "--receivers", "4", "--spacing", "0.02", "--rounds", "1"],
+                 "20 mm, a thermocline"),
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
