@@ -3,13 +3,16 @@ from ..seabed.fractal import Fractal
 from ..seabed.relief import Plane, Relief, Sinusoid, Sum
 from ..seabed.ripples import Ripples
 from ..seabed.roughness import RoughnessSpectrum
+from .cylinder_series import cylinder_form
 from .elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
 from .empirical import EmpiricalSeabed
 from .sea_surface import SeaSurface, bubble_loss_db
 from .sediment import SEDIMENTS, Sediment
+from .sphere_series import MATERIALS, Solid, SphereBody, sphere_form
 from .spheres import sphere_target_strength_db
 from .strength import LAWS, LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
-__all__ = ["ELASTIC_SEDIMENTS", "LAWS", "SEDIMENTS", "ElasticSediment", "EmpiricalSeabed", "Fractal", "LambertSeabed",
-           "Plane", "Relief", "Ripples", "RoughnessSpectrum", "SeaSurface", "Sediment", "Sinusoid", "Sum",
-           "backscatter_strength_db", "bistatic_strength_db", "bubble_loss_db", "sphere_target_strength_db"]
+__all__ = ["ELASTIC_SEDIMENTS", "LAWS", "MATERIALS", "SEDIMENTS", "ElasticSediment", "EmpiricalSeabed", "Fractal",
+           "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum", "SeaSurface",
+           "Sediment", "Sinusoid", "Solid", "SphereBody", "Sum", "backscatter_strength_db",
+           "bistatic_strength_db", "bubble_loss_db", "cylinder_form", "sphere_form", "sphere_target_strength_db"]

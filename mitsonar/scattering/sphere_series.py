@@ -5,9 +5,9 @@
 a -> ``radius`` [m], k = 2πf / c, θ -> ``angle`` between the directions of travel before and after; j, h, P_n spherical
 Bessel and Hankel functions of ka and Legendre polynomials; L_n = p' / p of the n-th wave at the surface, by ka:
 
-    rigid     0;   soft     ∞                                              V. C. Anderson, 1950, J. Acoust. Soc. Am. 22, 426
-    fluid     (ρ k_1 / ρ_1 k) j_n'(k_1 a) / j_n(k_1 a)                     the same; a shell joins two of them
-    elastic   -(ρ / ρ_1) tan ζ_n / ka                                      J. J. Faran, 1951, J. Acoust. Soc. Am. 23, 405, eq. 30
+    rigid     0;   soft     ∞                         V. C. Anderson, 1950, J. Acoust. Soc. Am. 22, 426
+    fluid     (ρ k_1 / ρ_1 k) j_n'(k_1 a) / j_n(k_1 a)                 the same; a shell joins two of them
+    elastic   -(ρ / ρ_1) tan ζ_n / ka                 J. J. Faran, 1951, J. Acoust. Soc. Am. 23, 405, eq. 30
 
 An incident pressure p at the middle gives p f e^(-ikr) / r for time e^(+iωt): so are the phases of echoes
 (`echoes.record`), and the front of a rigid sphere answers with (a/2) e^(2ika).
@@ -19,11 +19,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import spherical_jn, spherical_yn
 
 __all__ = ["MATERIALS", "LARGEST_KA", "Solid", "SphereBody", "sphere_form"]
 
-LARGEST_KA = 1000.0
+LARGEST_KA = 10_000.0
 WATER_DENSITY = 1026.0             # [kg/m³] where none is given
 
 
@@ -132,8 +131,7 @@ def _waves(ka: np.ndarray, body: SphereBody, radius: float, sound_speed: float, 
     """A_n, complex (n, frequency)."""
     highest = float(np.max(ka))
     n = np.arange(int(highest + 5 * np.cbrt(highest) + 10) + 1)[:, None]
-    j, y = spherical_jn(n, ka), spherical_yn(n, ka)
-    dj, dy = spherical_jn(n, ka, True), spherical_yn(n, ka, True)
+    j, dj, y, dy = _bessel(n, ka)
     if body.inside == "soft" and body.shell is None:
         upper, lower = j, y
     else:
@@ -161,15 +159,17 @@ def _slope(n: np.ndarray, ka: np.ndarray, body: SphereBody, radius: float, sound
     ratio = sound_speed / shell.compressional_speed
     outer, inner = ratio * ka, ratio * ka * (1 - body.shell_thickness / radius)
     # in the shell j_n - B y_n, with the slope of what is inside at its inner surface
-    j, dj, y, dy = (kind(n, inner, derived) for kind in (spherical_jn, spherical_yn) for derived in (False, True))
+    j, dj, y, dy = _bessel(n, inner)
     if inside == "soft":
-        share = j / y
+        with np.errstate(invalid="ignore"):
+            share = j / y
     else:
         within = SphereBody(inside=inside)
         slope = _slope(n, inner, within, radius, shell.compressional_speed, shell.density)
-        share = (dj - slope * j) / (dy - slope * y)
+        with np.errstate(over="ignore", invalid="ignore"):
+            share = (dj - slope * j) / (dy - slope * y)
     share = np.where(np.isfinite(share), share, 0)
-    j, dj, y, dy = (kind(n, outer, derived) for kind in (spherical_jn, spherical_yn) for derived in (False, True))
+    j, dj, y, dy = _bessel(n, outer)
     there = (share != 0) & np.isfinite(y) & np.isfinite(dy)
     y, dy = np.where(there, y, 0), np.where(there, dy, 0)
     bare = _log_slope(n, outer)
@@ -185,6 +185,31 @@ def _elastic_slope(n: np.ndarray, ka: np.ndarray, solid: Solid, sound_speed: flo
     shear = square / (square - 1 - half + a2)
     tangent = -half * (a1 / (a1 + 1) - shear) / ((square - half + 2 * a1) / (a1 + 1) - shear * (a2 + 1))
     return -density / solid.density * tangent / ka
+
+
+def _bessel(n: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """j_n, j_n', y_n, y_n' of x (F,), each (n, F); y is not finite where it is beyond measure.
+
+    Upwards, and j by its slope where the order is above x, as it only falls from there on.
+    """
+    slope, last = _log_slope(n, x), len(n) - 1
+    j, y = np.empty((last + 2, x.size)), np.empty((last + 2, x.size))
+    j[0], y[0] = np.sin(x) / x, -np.cos(x) / x
+    j[1], y[1] = (j[0] - np.cos(x)) / x, (y[0] - np.sin(x)) / x
+    with np.errstate(over="ignore", invalid="ignore"):
+        for order in range(1, last + 1):
+            y[order + 1] = (2 * order + 1) / x * y[order] - y[order - 1]
+            if order < last:
+                falling = j[order] / ((order + 2) / x + slope[order + 1])
+                j[order + 1] = np.where(order + 1 > x, falling, (2 * order + 1) / x * j[order] - j[order - 1])
+        j, y = j[:last + 1], y[:last + 1]
+        small = x < 1                  # where even the first step upwards loses digits
+        for order in range(1, last + 1):
+            j[order] = np.where(small, j[order - 1] / ((order + 1) / x + slope[order]), j[order])
+        dj = np.concatenate([-j[1:2], j[:-1] - (n[1:] + 1) / x * j[1:]])
+        dy = np.concatenate([-y[1:2], y[:-1] - (n[1:] + 1) / x * y[1:]])
+    # beyond the order the difference loses its digits, and the slope has no poles
+    return j, np.where(n > x, slope * j, dj), y, dy
 
 
 def _log_slope(n: np.ndarray, x: np.ndarray) -> np.ndarray:
