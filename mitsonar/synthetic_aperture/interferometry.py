@@ -1,0 +1,201 @@
+"""Heights of the bed from two banks of a focused image.
+
+    φ(p) = arg Σ I₁ I₀*            = -k [(ρ₁(s) - ρ₀(s)) - (ρ₁(p) - ρ₀(p))]             over a window
+    ρ₀(s) + ρ₁(s) = ρ₀(p) + ρ₁(p)                                                       s sounds where p is focused
+    σ_h = σ_φ |dh/dφ|,             σ_φ by `coherence_statistics.phase_spread`
+
+p -> a point of the grid, s -> the place of what is heard there: on the ellipse about p through equal ways, turned
+about the arrays until the banks differ as measured. Newton's method finds it, so heights are exact for any geometry.
+I₀, I₁ -> the ``banks``, ρ -> `geometry`, k = 2πf₀/c. Banks are focused on one grid, so the phase of a bed that lies in
+the grid is 0. Coherence is what `windowed_coherence` estimates, its bias taken out.
+
+References
+----------
+Sæbø (2010), Seafloor depth estimation by means of interferometric synthetic aperture sonar, University of Tromsø.
+Bonifant (1999), Interferometric synthetic aperture sonar processing, Georgia Institute of Technology.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from .coherence_statistics import independent_looks, phase_spread, unbiased_coherence, windowed_coherence
+from .geometry import ArrayPaths, array_paths, bank_paths, ground_across, with_array_paths
+from .record import IMAGE_VARIABLES, check_image
+from .unwrapping import unwrapped
+
+__all__ = ["height_of_phase", "interferogram", "phase_of_height"]
+
+NEWTON = 5
+ELLIPSE = 2                        # rounds: off by the square of the arrays' height over the range, each
+FARTHEST_TURN = 0.2                # [rad] of a step of Newton's
+TINY = 1e-4                        # [rad] of differences
+SPREADS = 65                       # of the table of phase spreads over coherence
+TRUSTED = 0.9999
+
+
+def interferogram(image: xr.Dataset, raw: xr.Dataset | None = None, window: tuple[float, float] = (0.3, 0.3), *,
+                  banks: tuple[int, int] = (0, 1), trajectory: xr.Dataset | None = None,
+                  sound_speed: float | None = None, unwrap: bool = True) -> xr.Dataset:
+    """Tell phase, coherence and height of the bed from two banks of an image.
+
+    Parameters
+    ----------
+    image : Dataset
+        Focused.
+    raw : Dataset or None
+        Raw echoes that it was focused of, one ping at least, for where their arrays were. None: the image has what
+        `geometry.with_array_paths` adds.
+    window : (float, float) [m]
+        Along and across the track, over which looks are summed.
+    banks : (int, int)
+    trajectory : Dataset or None
+        That the image was focused with; None: the raw echoes' own.
+    sound_speed : float or None [m/s]
+        One for all the way; None: the image's attribute sound_speed. A bed in the grid has the height 0 in any water;
+        how heights grow from there with the phase is that of straight rays.
+    unwrap : bool
+        False leaves phases within half a turn, which is right for beds that near the grid.
+
+    Returns
+    -------
+    Dataset
+        The image with phase [rad], coherence, height [m] above the grid's points and height_deviation [m], all
+        (along_track, across_track); points that were not focused are NaN. A height belongs to what is heard at the
+        point: a little nearer to the sonar where it stands out.
+
+    Raises
+    ------
+    ValueError
+        If the image has no such banks, its arrays' places are not known, or a window is no window.
+    """
+    check_image(image)
+    if raw is not None:
+        image = with_array_paths(image, raw, trajectory)
+    count = image.sizes["bank"]
+    if len(set(banks)) != 2 or not all(0 <= bank < count for bank in banks):
+        raise ValueError(f"banks {banks[0]} and {banks[1]} are asked for, and the image has {count}, counted from 0; "
+                         "heights need two that differ")
+    paths, speed = array_paths(image), _sound_speed(image, sound_speed)
+    size = _samples(image, window)
+    first, second = (np.where(image["image"].values[bank] == 0, np.nan, image["image"].values[bank]) for bank in banks)
+    estimate = windowed_coherence(first, second, size)
+    looks = max(independent_looks(first, size), 1.01)
+    known = np.isfinite(estimate)
+    coherence = np.where(known, unbiased_coherence(np.abs(np.where(known, estimate, 0)), looks), np.nan)
+    phase = np.angle(estimate)
+    if unwrap:
+        weight = np.where(known, coherence, 0.0) ** 2
+        phase = unwrapped(phase, weight)
+    wavenumber = 2 * np.pi * float(image.attrs["frequency"]) / speed
+    height, slope = height_of_phase(phase, image, paths, wavenumber, banks)
+    nodes = np.linspace(0, TRUSTED, SPREADS)
+    spread = np.interp(coherence, nodes, [phase_spread(node, max(looks, 1.0)) for node in nodes])
+    values = {"phase": phase, "coherence": coherence, "height": height, "height_deviation": spread * np.abs(slope)}
+    return image.assign({name: (IMAGE_VARIABLES[name].dims, some.astype(np.float32), {
+        "units": IMAGE_VARIABLES[name].unit, "long_name": IMAGE_VARIABLES[name].meaning})
+        for name, some in values.items()}).assign_attrs(looks=looks)
+
+
+def phase_of_height(height: np.ndarray | float, image: xr.Dataset, paths: ArrayPaths, wavenumber: float,
+                    banks: tuple[int, int] = (0, 1)) -> np.ndarray:
+    """Give the phase (A, C) [rad] of a bed `height` [m] above the grid's points, heard where they are focused."""
+    heard = _Heard.at(image, paths, banks)
+    turn, wanted = heard.turn, heard.height + np.asarray(height, float)
+    for _ in range(NEWTON):
+        here, ahead = (heard.place(angle)[1] for angle in (turn, turn + TINY))
+        turn = turn - (here - wanted) / ((ahead - here) / TINY)
+    return -wavenumber * heard.difference(turn)
+
+
+def height_of_phase(phase: np.ndarray, image: xr.Dataset, paths: ArrayPaths, wavenumber: float,
+                    banks: tuple[int, int] = (0, 1)) -> tuple[np.ndarray, np.ndarray]:
+    """Give heights (A, C) [m] above the grid's points that have the phases, and dh/dφ [m/rad].
+
+    Parameters
+    ----------
+    phase : (A, C) [rad]
+        Unwrapped.
+    image : Dataset
+    paths : ArrayPaths
+    wavenumber : float [rad/m]
+    banks : (int, int)
+    """
+    heard = _Heard.at(image, paths, banks)
+    turn = heard.turn
+    for _ in range(NEWTON):
+        now, then = (-wavenumber * heard.difference(angle) for angle in (turn, turn + TINY))
+        slope = (then - now) / TINY
+        turn = turn + np.clip((phase - now) / slope, -FARTHEST_TURN, FARTHEST_TURN)
+    here, ahead = (heard.place(angle)[1] for angle in (turn, turn + TINY))
+    return here - heard.height, (ahead - here) / TINY / slope
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Heard:
+    """Where what is heard at an image's points may lie: on ellipses about the arrays' middle.
+
+    Attributes
+    ----------
+    paths : ArrayPaths
+    banks : (int, int)
+    middle : (A, 2) [m]
+        Of the arrays, across the track and z.
+    turn, away : (A, C) [rad], [m]
+        Of the grid's points about it.
+    height : (A, C) [m]
+        Of those points, z up.
+    way, apart : (A, C) [m]
+        Sum of both banks' paths to them, and the second's less the first's.
+    """
+
+    paths: ArrayPaths
+    banks: tuple[int, int]
+    middle: np.ndarray
+    turn: np.ndarray
+    away: np.ndarray
+    height: np.ndarray
+    way: np.ndarray
+    apart: np.ndarray
+
+    @classmethod
+    def at(cls, image: xr.Dataset, paths: ArrayPaths, banks: tuple[int, int]) -> _Heard:
+        across, height = ground_across(image), -image["depth"].values.astype(float)
+        middle = 0.5 * paths.sender + 0.25 * (paths.bank[banks[0]] + paths.bank[banks[1]])
+        aside, up = across - middle[:, :1], height - middle[:, 1:]
+        first, second = (bank_paths(paths, bank, across, height) for bank in banks)
+        return cls(paths=paths, banks=banks, middle=middle, turn=np.arctan2(up, aside), away=np.hypot(aside, up),
+                   height=height, way=first + second, apart=second - first)
+
+    def place(self, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Give the points (across, z) in directions from the middle whose paths have the grid's points' sum."""
+        sine, cosine, reach = np.sin(turn), np.cos(turn), self.away
+        for _ in range(ELLIPSE):                          # the sum grows as fourfold the distance, nearly
+            across, height = self.middle[:, :1] + reach * cosine, self.middle[:, 1:] + reach * sine
+            reach = reach * self.way / sum(bank_paths(self.paths, bank, across, height) for bank in self.banks)
+        return self.middle[:, :1] + reach * cosine, self.middle[:, 1:] + reach * sine
+
+    def difference(self, turn: np.ndarray) -> np.ndarray:
+        """Give by how much more the banks' paths differ there than at the grid's points [m]."""
+        first, second = (bank_paths(self.paths, bank, *self.place(turn)) for bank in self.banks)
+        return second - first - self.apart
+
+
+def _sound_speed(image: xr.Dataset, given: float | None) -> float:
+    value = image.attrs.get("sound_speed") if given is None else given
+    if value is None or not (np.isfinite(value) and value > 0):
+        raise ValueError(f"the sound speed at the arrays is {value}; give sound_speed in m/s")
+    return float(value)
+
+
+def _samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int, int]:
+    """Odd numbers of samples that a window holds."""
+    size = []
+    for name, length in zip(("along_track", "across_track"), window):
+        step = float(np.abs(np.diff(image[name].values)).mean()) if image.sizes[name] > 1 else np.inf
+        if not (np.isfinite(length) and length > 0):
+            raise ValueError(f"the window's length {name.replace('_', ' ')} is {length} m; give one above 0")
+        size.append(min(2 * int(0.5 * length / step) + 1, image.sizes[name]))
+    return size[0], size[1]
