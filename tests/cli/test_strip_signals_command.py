@@ -45,19 +45,14 @@ def test_the_file_holds_what_python_gives_and_an_interrupted_one_goes_on(variant
     assert (folder / "raw.nc").read_bytes() == whole and not left.exists()
 
 
-def test_longer_work_is_told_after_the_first_ping(variant, folder, capfd, monkeypatch):
+def test_scatterers_are_written_beside_and_longer_work_is_told(variant, folder, capfd, monkeypatch):
+    import mitsonar
     from mitsonar.cli import strip_signals
 
     monkeypatch.setattr(strip_signals, "WORTH_SAYING", 0.0)
-    assert cli.main([*SIGNALS, "-D", "pings=2"]) == 0
-    assert capfd.readouterr().err.startswith("mitsonar: 2 pings of 4 receivers x ")
-
-
-def test_scatterers_are_written_beside(variant, folder, capfd):
-    import mitsonar
-
     assert cli.main([*SIGNALS, "-D", "pings=2", "--scatterers", "points.nc"]) == 0
-    assert capfd.readouterr() == ("points.nc\nraw.nc\n", "")
+    out, err = capfd.readouterr()
+    assert out == "points.nc\nraw.nc\n" and err.startswith("mitsonar: 2 pings of 4 receivers x ")
     found = mitsonar.read("points.nc")
     assert found["amplitude"].dtype.kind == "c" and found.sizes["scatterer"] > 10
     assert abs(float((abs(found["amplitude"]) ** 2).mean()) - 1) < 5 / found.sizes["scatterer"] ** 0.5
