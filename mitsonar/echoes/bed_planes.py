@@ -15,17 +15,14 @@ import numpy as np
 
 from ..device.arrays import upload
 from ..scene.geometry import Geometry
-from ..scene.labels import SEABED
 from ..scene.materials import reflects
-from ..tracing.tracer import registry_index
+from ..tracing.bed_cover import ROUNDING, bed_height
 
 __all__ = ["BedPlanes", "Planes", "first_zone"]
 
 SPOTS = 61                         # of the bed that a plane is laid through
 FEWEST = 12
-SURFACES = 4                       # that may lie over the bed
 CLOSE = 0.1                        # [m] least radius
-ROUNDING = 2e-6                    # of the depth: what places of hits are good to
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +64,7 @@ class BedPlanes:
         self.table = np.zeros((len(geometry.named) + 1, 5))
         targets = _targets(geometry) if reflects(geometry) else {}
         for label, (middle, radius) in targets.items():
-            below = _bed_under(geometry, middle[:1], middle[1:2])[0]
+            below = bed_height(geometry, middle[:1], middle[1:2])[0]
             if not middle[2] + radius > below:
                 continue
             plane = _plane(geometry, middle, max(radius + 2 * max(middle[2] - below, 0.0), CLOSE))
@@ -129,7 +126,7 @@ def _plane(geometry, middle, radius):
     number = np.arange(SPOTS)
     away, turn = radius * np.sqrt((number + 0.5) / SPOTS), number * np.pi * (3 - np.sqrt(5))
     x, y = middle[0] + away * np.cos(turn), middle[1] + away * np.sin(turn)
-    z = _bed_under(geometry, x, y)
+    z = bed_height(geometry, x, y)
     there = np.isfinite(z)
     if there.sum() < FEWEST:
         return None
@@ -140,21 +137,3 @@ def _plane(geometry, middle, radius):
     if np.ptp(z[there]) < 2 * rounding:              # level, but for what is rounded
         a, b, c, rest = np.median(z[there]), 0.0, 0.0, 0.0
     return a - b * middle[0] - c * middle[1], b, c, rest if rest > rounding else 0.0
-
-
-def _bed_under(geometry, x, y):
-    """Heights of the bed at places (N,) [m], under whatever lies over it; NaN where there is none."""
-    start, found = np.full(len(x), float(-geometry.depth_range[0]) + 1.0), np.full(len(x), np.nan)
-    for _ in range(SURFACES):
-        point = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in (x, y, start)))
-        pi = geometry.scene.ray_intersect_preliminary(mi.Ray3f(point, mi.Vector3f(0, 0, -1)), coherent=mi.Bool(False))
-        kind = dr.gather(mi.UInt32, geometry.kinds, registry_index(pi), pi.is_valid())
-        distance, met = pi.t.numpy().astype(float), pi.is_valid().numpy()
-        height = start - distance
-        bed = met & (kind.numpy() == SEABED) & np.isnan(found)
-        found[bed] = height[bed]
-        more = met & np.isnan(found)
-        if not more.any():
-            break
-        start = np.where(more, height - ROUNDING * np.abs(height) - 1e-4, start)
-    return found

@@ -21,8 +21,9 @@ from ..echoes.eigenray_table import EigenrayTable, TableLegs
 from ..echoes.scatterers import Cells, Scatterers
 from ..echoes.sonar_equation import GRAZING, along_legs
 from ..echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
-from ..scene.labels import SEABED
+from ..scene.labels import OBJECT, SEABED
 from ..scene.materials import scattering_strength
+from ..tracing.bed_cover import bed_height, covered
 from ..tracing.bed_horizon import BedHorizon
 from ..tracing.hits import Hits
 from ..tracing.object_shadows import ObjectShadows
@@ -32,6 +33,8 @@ from .ensonified_ping import ensonification_of
 __all__ = ["FREE", "HIDDEN_BY_BED", "HIDDEN_BY_OBJECT", "Ground", "LitScatterers"]
 
 FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT = 0, 1, 2
+DEEP = 1e-3                        # [m] under the bed from which on something is buried
+ASIDE = 5e-4                       # [m] off its own surface that the bed over a scatterer is looked for
 TOGETHER = 1 << 19                 # scatterers that are looked at by way of the surface at a time
 
 
@@ -86,6 +89,7 @@ class Ground:
         self._horizon = BedHorizon(geometry, self.farthest)
         self._objects = ObjectShadows(geometry, survey.water, self.farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
+        self._buried = beside._buried if beside is not None else self._partly_buried()
         self._table: EigenrayTable | None = None
         dr.eval(self._kinds)
 
@@ -173,6 +177,20 @@ class Ground:
         energy = along_legs(strength * scatterers.area, legs.gain, legs.gain)
         return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)
 
+    def _partly_buried(self) -> mi.Bool | None:
+        """Which numbers are those of objects that reach below the bed, Bool by number; None where there are none."""
+        geometry, facets = self._survey.geometry, self._facets
+        kinds = geometry.named.label_kinds()
+        some = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT))
+        # three corners to a facet, and many facets to a corner: one of them
+        corners, number = np.unique(facets.corners(some.astype(np.uint32)).reshape(-1, 3), axis=0, return_index=True)
+        if not len(corners) or not self._horizon.exists:
+            return None
+        below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
+        buried = np.zeros(len(kinds), bool)
+        buried[facets.label[some[number[below] // 3]]] = True
+        return upload(mi.Bool, buried) if buried.any() else None
+
     def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
                active: mi.Bool) -> mi.UInt32:
         """What hides scatterers."""
@@ -186,6 +204,13 @@ class Ground:
             # the far side of a crest: its normal, turned up, looks away
             hidden |= on_bed & (dr.dot(scatterers.normal, arrival) * scatterers.normal.z > 0)
             state = dr.select(active & hidden, HIDDEN_BY_BED, state)
+        if self._buried is not None:
+            # the horizon tells what lies under the bed only where that is deep
+            some = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
+            outward = scatterers.normal * dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
+            place = mi.Point3f(*(dr.opaque(mi.Float, float(v)) + mi.Float(part) + aside
+                                 for v, part, aside in zip(origin, scatterers.offset, outward)))
+            state = dr.select(some & covered(self._survey.geometry, place, some), HIDDEN_BY_BED, state)
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
             here = [dr.opaque(mi.Float, float(v)) for v in origin]
