@@ -19,8 +19,8 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 LENGTH, ALTITUDE, NEAR, FAR = 5.0, 10.0, 25.0, 30.0       # [m]; near and far are abreast
-SONAR = {"frequency_khz": 300.0, "bandwidth_khz": 37.5, "pulse_ms": 2.0, "receivers": 32, "receiver_length": 0.04,
-         "transmitter_length": 0.04, "overlap": 9, "speed_knots": 3.0, "heading_deg": 0.0}
+SONAR = {"frequency_khz": 300.0, "bandwidth_khz": 37.5, "pulse_ms": 2.0, "receivers": 32, "banks": 1,
+         "receiver_length": 0.04, "transmitter_length": 0.04, "overlap": 9, "speed_knots": 3.0, "heading_deg": 0.0}
 STEPS = "light", "carry", "whole"
 
 
@@ -120,7 +120,8 @@ def compare(arguments):
         worker.wait()
         table = {step: np.median(np.array(answers), axis=0) for step, answers in seconds[name].items()}
         (lit, *_), (carried, *_), (whole, wall, echoes, classes, pings) = (table[step] for step in STEPS)
-        receivers = int(dict(one.split("=", 1) for one in arguments.attributes).get("receivers", SONAR["receivers"]))
+        given = dict(one.split("=", 1) for one in arguments.attributes)
+        receivers = int(given.get("receivers", SONAR["receivers"])) * int(given.get("banks", SONAR["banks"]))
         rows.append([f"{name} checkout", f"{whole:.2f}", f"{wall:.2f}", f"{100 * lit / whole:.0f}",
                      f"{100 * max(carried - lit, 0) / whole:.0f}", f"{100 * max(whole - carried, 0) / whole:.0f}",
                      f"{echoes:,.0f}", f"{classes:.0f}", f"{echoes * receivers / whole / 1e6:.0f}",
