@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import ndimage, optimize, special, stats
+from scipy import fft, ndimage, optimize, special
+from scipy.interpolate import PchipInterpolator
 
 from .coherence import phase_deviation
 
@@ -27,7 +28,7 @@ __all__ = ["coherence_at", "coherence_chance", "independent_looks", "mean_cohere
 
 HIGHEST = 0.995                    # above, no series: nothing is biased there
 SPREADS = 12.0                     # of the negative binomial, in standard deviations
-TABLE = 129
+NODES, TABLE = 24, 2049
 PHASES = 2049
 
 
@@ -77,15 +78,13 @@ def independent_looks(picture: np.ndarray, window: tuple[int, int]) -> float:
     filled = np.where(np.isfinite(picture), picture, 0)
     even = filled / np.maximum(np.sqrt(_mean(np.abs(filled) ** 2, (min(32, filled.shape[0]), min(32, filled.shape[1]))
                                              )), 1e-300)
-    total = 0.0
-    power = np.mean(np.abs(even) ** 2)
-    for step in range(window[0]):
-        for aside in range(-window[1] + 1, window[1]):
-            lagged = np.mean(even[step:, max(aside, 0):even.shape[1] + min(aside, 0)]
-                             * np.conj(even[:even.shape[0] - step, max(-aside, 0):even.shape[1] - max(aside, 0)]))
-            weight = (window[0] - step) * (window[1] - abs(aside)) * (2 if step else 1)
-            total += weight * abs(lagged / power) ** 2
-    return float(np.prod(window) ** 2 / total)
+    shape = [fft.next_fast_len(count + size) for count, size in zip(even.shape, window)]
+    lagged = fft.ifft2(np.abs(fft.fft2(even, shape)) ** 2)
+    step, aside = (np.arange(1 - size, size) for size in window)
+    pairs = np.multiply.outer(*(count - np.abs(lag) for count, lag in zip(even.shape, (step, aside))))
+    correlation = lagged[np.ix_(step, aside)] / pairs / np.mean(np.abs(even) ** 2)
+    weight = np.multiply.outer(*(size - np.abs(lag) for size, lag in zip(window, (step, aside))))
+    return float(np.prod(window) ** 2 / np.sum(weight * np.abs(correlation) ** 2))
 
 
 def coherence_chance(value: ArrayLike, coherence: float, looks: float) -> np.ndarray:
@@ -114,9 +113,10 @@ def mean_coherence(coherence: float, looks: float) -> float:
 
 def unbiased_coherence(estimate: ArrayLike, looks: float) -> np.ndarray:
     """Give the coherence whose estimates have the mean `estimate`; 0 below the mean of none at all."""
-    nodes = np.append(HIGHEST * np.sin(np.linspace(0, 0.5 * np.pi, TABLE)), 1.0)
-    means = np.array([mean_coherence(node, looks) for node in nodes])
-    return np.interp(np.asarray(estimate, float), np.maximum.accumulate(means), nodes)
+    nodes = np.append(HIGHEST * np.sin(np.linspace(0, 0.5 * np.pi, NODES)), 1.0)
+    means = PchipInterpolator(nodes, [mean_coherence(node, looks) for node in nodes])
+    fine = np.linspace(0, 1, TABLE)
+    return np.interp(np.asarray(estimate, float), np.maximum.accumulate(means(fine)), fine)
 
 
 def phase_spread(coherence: float, looks: float) -> float:
@@ -143,7 +143,8 @@ def _mixture(coherence: float, looks: float) -> tuple[np.ndarray, np.ndarray]:
     middle = looks * squared / (1 - squared)
     reach = SPREADS * np.sqrt(middle / (1 - squared)) + 60
     count = np.arange(max(int(middle - reach), 0), int(middle + reach) + 1, dtype=float)
-    weights = stats.nbinom.pmf(count, looks, 1 - squared)
+    logarithm = special.gammaln(looks + count) - special.gammaln(count + 1) + special.xlogy(count, squared)
+    weights = np.exp(logarithm - logarithm.max())
     return weights / weights.sum(), count
 
 

@@ -12,7 +12,6 @@ the grid is 0. Coherence is what `windowed_coherence` estimates, its bias taken 
 References
 ----------
 Sæbø (2010), Seafloor depth estimation by means of interferometric synthetic aperture sonar, University of Tromsø.
-Bonifant (1999), Interferometric synthetic aperture sonar processing, Georgia Institute of Technology.
 """
 from __future__ import annotations
 
@@ -25,6 +24,7 @@ from .coherence_statistics import independent_looks, phase_spread, unbiased_cohe
 from .geometry import ArrayPaths, array_paths, bank_paths, ground_across, with_array_paths
 from .record import IMAGE_VARIABLES, check_image
 from .unwrapping import unwrapped
+from .windows import window_samples
 
 __all__ = ["height_of_phase", "interferogram", "phase_of_height"]
 
@@ -79,7 +79,7 @@ def interferogram(image: xr.Dataset, raw: xr.Dataset | None = None, window: tupl
         raise ValueError(f"banks {banks[0]} and {banks[1]} are asked for, and the image has {count}, counted from 0; "
                          "heights need two that differ")
     paths, speed = array_paths(image), _sound_speed(image, sound_speed)
-    size = _samples(image, window)
+    size = window_samples(image, window)
     first, second = (np.where(image["image"].values[bank] == 0, np.nan, image["image"].values[bank]) for bank in banks)
     estimate = windowed_coherence(first, second, size)
     looks = max(independent_looks(first, size), 1.01)
@@ -188,14 +188,3 @@ def _sound_speed(image: xr.Dataset, given: float | None) -> float:
     if value is None or not (np.isfinite(value) and value > 0):
         raise ValueError(f"the sound speed at the arrays is {value}; give sound_speed in m/s")
     return float(value)
-
-
-def _samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int, int]:
-    """Odd numbers of samples that a window holds."""
-    size = []
-    for name, length in zip(("along_track", "across_track"), window):
-        step = float(np.abs(np.diff(image[name].values)).mean()) if image.sizes[name] > 1 else np.inf
-        if not (np.isfinite(length) and length > 0):
-            raise ValueError(f"the window's length {name.replace('_', ' ')} is {length} m; give one above 0")
-        size.append(min(2 * int(0.5 * length / step) + 1, image.sizes[name]))
-    return size[0], size[1]
