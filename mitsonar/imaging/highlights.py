@@ -2,10 +2,11 @@
 
 A bin's mean echo must be no weaker than the noise and, in a shadow, no more than 10 dB weaker than the bed is at that
 range. Beams hear by their side lobes too, all around where no bed drowns them: a bin is such an echo if another beam of
-the same ping, or turn of a head, hears the object 15 dB louder at the same range. Where a fan has no ``mean_level``, an
-object's mean echo is that of the powers of its own bins, over 3 beams by 5 ranges. Of a focused image the same holds
-over 5 by 5 points of its first bank; its level is a strength, which the noise of an attribute says nothing of. Points
-that no ping sees have shares of side lobes alone, and no label: they are no highlight.
+the same ping, or turn of a head, hears the object 15 dB louder at the same range. Where a record has no ``mean_level``,
+an object's mean echo is that of the powers of its own bins: over 3 beams by 5 ranges of a fan, over 5 ranges of a
+sidescan, over 5 by 5 points of a focused image's first bank. A focused image's level is a strength, which the noise of
+an attribute says nothing of. Points that none of its pings sees have shares of side lobes alone, and no label: they are
+no highlight.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -88,7 +89,7 @@ class Highlights:
         """Take what is needed from a record; arguments as of `mitsonar.imaging.objects.object_bins`."""
         dims, focused = bin_dims(dataset), is_focused(dataset)
         share = dataset["share"].transpose("shape", *dims).values
-        name = "mean_level" if "mean_level" in dataset else "level" if focused or "beam" in dims else None
+        name = "mean_level" if "mean_level" in dataset else "level" if focused or {"beam", "side"} & {*dims} else None
         shown = None if name is None else dataset[name].isel(bank=0, missing_dims="ignore")
         level = None if shown is None else shown.transpose(*dims).values
         hidden = dataset["hidden"].transpose(*dims).values if "hidden" in dataset else None

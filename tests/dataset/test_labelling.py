@@ -16,6 +16,7 @@ from mitsonar.io import exr
 from mitsonar.dataset.labels import Labels, write
 from mitsonar.dataset.labels.annotations import annotations, clipped, is_invisible
 from mitsonar.dataset.labels.frames import Tile, frames, tiles
+from mitsonar.dataset.labels.pictures import greys
 from mitsonar.dataset.labels.polygons import joined, polygons
 
 
@@ -309,3 +310,20 @@ def test_pings_of_an_array_are_pictures_of_their_own_far_on_top_as_their_fans(tm
     assert [entry["bbox"] for entry in told["annotations"] if entry["category_id"] == 1] == [
         [1, 40 if down else 55, 1, 5]] * 3
     assert all(entry["truncated"] for entry in told["annotations"])                        # by the last beam
+
+
+def test_a_sidescan_without_mean_levels_is_labelled_by_its_levels():
+    """As interferometers give it: what is dark in a shadow is no highlight, and noise of the water column is no bed."""
+    record = labelled()
+    record["share"].values[:, 20:30, 1, 50:55] = (np.arange(4) == 1)[:, None, None]
+    expected = next(object_bins(record))
+    level = record["level"].values
+    level[level < 0] = 30.0                                                    # the water column: 12 m of 25
+    depth = (record["level"].dims, np.where(level > 35, 20.0, np.nan))
+    bare = record.drop_vars("mean_level").assign(seabed_depth=depth)
+    box = next(object_bins(bare))
+    assert (box.highlight == expected.highlight).all() and (box.shadow == expected.shadow).all()
+    bare["level"].values[:, :, :80] = 30.0                                     # deep water: most of a ping is noise
+    bare["seabed_depth"].values[:, :, :80] = np.nan
+    low, high = greys(bare, frames(bare), tvg=None).window
+    assert low > 50 and high < 120

@@ -159,8 +159,8 @@ def _bed(dataset, shown):
         return bed if bed.any() else echoes
     if "mean_level" in dataset:
         bed = echoes & (dataset["mean_level"].values > NOTHING_DB)
-    if "seabed_depth" in dataset and "side" not in dataset.dims:
-        # beams hear noise and side lobes, not nothing, until the bed's first return
+    if "seabed_depth" in dataset and not {"side", "mean_level"} <= {*dataset.dims, *dataset.data_vars}:
+        # beams and rows hear noise and side lobes, not nothing, until the bed's first return
         seen = np.isfinite(dataset["seabed_depth"].transpose(*dataset["level"].dims).values)
         bed = bed & np.logical_or.accumulate(seen, -1)
     return bed if bed.any() else echoes
