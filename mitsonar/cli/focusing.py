@@ -53,6 +53,8 @@ def add(commands: Commands) -> None:
     complete_with(command.add_argument("--trajectory", metavar="TRACK.nc",
                                        help="file of another trajectory than the true one, with motion_time, motion_x "
                                             "and so on"), FILES)
+    command.add_argument("--interferogram", action="store_true",
+                         help="of two banks: also phase, coherence and height of the bed")
     command.add_argument("--pings", nargs=2, type=whole, metavar=("FIRST", "LAST"), help="of them; default: all")
     command.add_argument("--sensor", default=0, metavar="ID", help="which of a scene's sonars; default: the first")
     command.set_defaults(run=_focus)
@@ -131,6 +133,8 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
     navigated, profile = _trajectory(arguments.trajectory), _profile(arguments.profile)
     _check_even(arguments, usual)
     one = next(pings)
+    if arguments.interferogram and len(set(one["rx_bank"].values.tolist())) < 2:
+        raise ValueError("--interferogram is of two banks of receivers, and these echoes have one; leave it out.")
     grid = chosen_grid(arguments, usual, one if navigated is None else navigated, one, times)
     sine = None if arguments.angle is None else math.sin(math.radians(arguments.angle))
     focuser = Focuser(one, grid, profile, window=arguments.window or usual.window,
@@ -144,7 +148,12 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
             if done == 1 and seconds > WORTH_SAYING:
                 warn(f"{total} pings onto {' x '.join(map(str, grid.depth.shape))} points: at most about "
                      f"{duration(seconds)}; a coarser --spacing, or a part --along and --across, is faster")
-    return SonarImage.of(focuser.image())
+    image = focuser.image()
+    if arguments.interferogram:
+        from ..synthetic_aperture.interferometry import interferogram
+
+        image = interferogram(image, one, trajectory=navigated)
+    return SonarImage.of(image)
 
 
 def _check_even(arguments: argparse.Namespace, usual: Usual) -> None:

@@ -88,6 +88,15 @@ def test_water_windows_and_trajectory_are_those_asked_for(here, capfd):
     assert images["narrow"].attrs["aperture"] == pytest.approx(np.sin(np.deg2rad(1)))
 
 
+def test_two_banks_give_an_interferogram(here, capfd):
+    raw = mitsonar.read("raw.nc")
+    mitsonar.write(raw.assign(rx_bank=("rx", np.array([0, 0, 1, 1], np.int32))), "two.nc")
+    assert cli.main(["focus", "two.nc", "-o", "a.exr", "--interferogram", "--across", "17.5", "18.5"]) == 0
+    image = mitsonar.read("a.exr")
+    assert image.sizes["bank"] == 2 and {"phase", "coherence", "height", "height_deviation"} <= set(image)
+    assert cli.main(["plot", "a.exr", "--what", "coherence"]) == 0
+
+
 @pytest.mark.parametrize("options, words", [
     (("raw.nc", "-o", "e.jpg"), "its name says no kind of file; let it end in one of .exr, .nc, .h5"),
     (("raw.nc", "-o", "e.tif", "--grid", "slant"), "a slant grid is not even on a map"),
@@ -99,6 +108,7 @@ def test_water_windows_and_trajectory_are_those_asked_for(here, capfd):
     (("raw.nc", "-o", "e.exr", "--spacing", "1e-9"), "points"),
     (("raw.nc", "-o", "e.exr", "--across", "900", "1000"), "pings sees the grid"),
     (("raw.nc", "-o", "e.exr", "--grid", "slant", "--across", "-21", "21"), "slant ranges to starboard"),
+    (("raw.nc", "-o", "e.exr", "--interferogram"), "--interferogram is of two banks of receivers"),
     (("raw.nc", "-o", "e.exr", "--window", "taylo"), 'did you mean "taylor"'),
     (("raw.nc", "-o", "e.exr", "--angle", "89"), "--angle is 89 degrees from abreast"),
     (("raw.nc", "-o", "e.exr", "--profile", "none.csv"), "cannot read the cast none.csv: there is no such file"),
