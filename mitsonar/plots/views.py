@@ -22,6 +22,7 @@ from .grid import make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import NOTHING_DB, shown_levels
 from .line_views import LINE_VIEWS, draw_line, is_line
+from .phase_views import PHASES
 from .scans import is_scan, turn_of
 from .titles import subtitle, title
 from .truth import TRUTH
@@ -242,4 +243,4 @@ def _with_gaps(level):
 
 PLOTS = {"waterfall": (_waterfall, "level"), "ping": (_ping, "level"), "mean": (_mean, "level"),
          "labels": (_labels, "label"), "depth": (_depth, "depth"), "shadow": (_shadow, "shadow"),
-         "rays": (_rays, "rays"), **TRUTH}
+         "rays": (_rays, "rays"), **TRUTH, **PHASES}

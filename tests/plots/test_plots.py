@@ -32,6 +32,16 @@ def nothing(dataset):
     return silent
 
 
+def phased(pings, bins):
+    """A survey of an interferometric sidescan: depths a little off, and some bins without."""
+    dataset = sidescan(pings, bins)
+    shape = dataset["level"].shape
+    slope = np.broadcast_to(np.linspace(0, 20, bins), shape)
+    return dataset.assign({name: (dataset["level"].dims, values) for name, values in {
+        "phase": np.angle(np.exp(1j * slope)), "coherence": 1 - slope / 40, "angle": 1.5 - slope / 20,
+        "uncertainty": slope / 100, "error": np.where(slope > 1, np.sin(slope), np.nan), "valid": slope > 1}.items()})
+
+
 SURVEYS = {
     "plain": sidescan(30, 60),
     "one bin": sidescan(1, 1),
@@ -41,6 +51,7 @@ SURVEYS = {
     "no track, no attributes": sidescan(8, 20)[["level", "label", "depth", "shadow", "rays"]].drop_vars(
         ["altitude", "x", "y", "ping_time"]).drop_attrs(),
     "labelled": labelled(30, 100),
+    "with phases": phased(20, 60),
     "a row a ping": labelled(30, 100).isel(side=1, drop=True),
     "labelled, no object": labelled(8, 40, objects={"seabed": "seabed"}, rectangles=[]),
 }
