@@ -63,13 +63,14 @@ class BedPlanes:
     def __init__(self, geometry: Geometry):
         self.table = np.zeros((len(geometry.named) + 1, 5))
         targets = _targets(geometry) if reflects(geometry) else {}
-        for label, (middle, radius) in targets.items():
-            below = bed_height(geometry, middle[:1], middle[1:2])[0]
-            if not middle[2] + radius > below:
-                continue
-            plane = _plane(geometry, middle, max(radius + 2 * max(middle[2] - below, 0.0), CLOSE))
-            if plane is not None:
-                self.table[label] = *plane, 1.0
+        if targets:
+            middle = np.array([middle for middle, _ in targets.values()])
+            radius = np.array([radius for _, radius in targets.values()])
+            over = middle[:, 2] - bed_height(geometry, *middle[:, :2].T)
+            some = over + radius > 0                                     # nor where there is no bed
+            label = np.array(list(targets))[some]
+            self.table[label] = _planes(geometry, middle[some],
+                                        np.maximum(radius + 2 * np.maximum(over, 0), CLOSE)[some])
         self._device = upload(mi.Float64, self.table)
         dr.eval(self._device)
 
@@ -120,20 +121,25 @@ def _ball(points):
     return 0.5 * (low + high), 0.5 * float(np.hypot(*(high - low)[:2]))
 
 
-def _plane(geometry, middle, radius):
-    """a, b, c and σ of the bed about a place; None where there is too little of it."""
+def _planes(geometry, middle, radius):
+    """Rows of the table for places (T, 3) and radii about them (T,); zeros where there is too little bed."""
     # evenly over a disc (Vogel 1979)
     number = np.arange(SPOTS)
-    away, turn = radius * np.sqrt((number + 0.5) / SPOTS), number * np.pi * (3 - np.sqrt(5))
-    x, y = middle[0] + away * np.cos(turn), middle[1] + away * np.sin(turn)
-    z = bed_height(geometry, x, y)
+    share, turn = np.sqrt((number + 0.5) / SPOTS), number * np.pi * (3 - np.sqrt(5))
+    spots = radius[:, None, None] * np.stack([share * np.cos(turn), share * np.sin(turn)], -1)             # (T, S, 2)
+    x, y = np.moveaxis(spots + middle[:, None, :2], -1, 0)
+    heights = bed_height(geometry, x.ravel(), y.ravel()).reshape(x.shape)
+    return np.array([_plane(*row) for row in zip(middle, spots, heights)]).reshape(-1, 5)
+
+
+def _plane(middle, spots, z):
+    """A row of the table: a, b, c, σ and 1."""
     there = np.isfinite(z)
     if there.sum() < FEWEST:
-        return None
-    columns = np.stack([np.ones(there.sum()), x[there] - middle[0], y[there] - middle[1]], 1)
-    (a, b, c), *_ = np.linalg.lstsq(columns, z[there], rcond=None)
-    rest = np.sqrt(np.mean((z[there] - columns @ [a, b, c]) ** 2))
-    rounding = ROUNDING * np.abs(z[there]).max()
-    if np.ptp(z[there]) < 2 * rounding:              # level, but for what is rounded
-        a, b, c, rest = np.median(z[there]), 0.0, 0.0, 0.0
-    return a - b * middle[0] - c * middle[1], b, c, rest if rest > rounding else 0.0
+        return np.zeros(5)
+    z, columns = z[there], np.concatenate([np.ones((there.sum(), 1)), spots[there]], 1)
+    (a, b, c), *_ = np.linalg.lstsq(columns, z, rcond=None)
+    rest, rounding = np.sqrt(np.mean((z - columns @ [a, b, c]) ** 2)), ROUNDING * np.abs(z).max()
+    if np.ptp(z) < 2 * rounding:                                         # level, but for what is rounded
+        a, b, c, rest = np.median(z), 0.0, 0.0, 0.0
+    return np.array([a - b * middle[0] - c * middle[1], b, c, rest if rest > rounding else 0.0, 1.0])
