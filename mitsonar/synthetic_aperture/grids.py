@@ -224,10 +224,9 @@ def circle_grid(raw: xr.Dataset, *, size: float | None = None, spacing: tuple[fl
     radius = float(np.sqrt(max(fitted[2] + fitted[0] ** 2 + fitted[1] ** 2, 0.0)))
     wavelength = speed / raw.attrs["frequency"]
     step = (wavelength / 8, wavelength / 8) if spacing is None else _spacing(raw, spacing, speed)
-    if size is None:
-        longest = max(raw.attrs["tx_length"], raw.attrs["rx_length"], wavelength)
-        size = min(wavelength / longest * radius, ROUND_POINTS * min(step))
-    between = (-0.5 * size, 0.5 * size)
+    longest = max(raw.attrs["tx_length"], raw.attrs["rx_length"], wavelength)
+    side = min(wavelength / longest * radius, ROUND_POINTS * min(step)) if size is None else size
+    between = (-0.5 * side, 0.5 * side)
     return ground_grid(between, between, step, float(raw.attrs["bed_depth"]), origin=(fitted[0], fitted[1]))
 
 
