@@ -8,9 +8,9 @@ over |u| <= ``aperture``:
     window none      w = 1                  the beams themselves taper the aperture
     another          w = W(u / aperture) / g        it is tapered by the window alone
 
-A point target on the elements' horizontal plane of look has |image|² = 10^(TS/10) at its peak; beams across the track
-are not undone. ``aperture`` λ/2L, L the longer of the two, gives L/2 along the track: with no window 0.48 L, with a
-boxcar 0.44 L, with a Hann window 0.72 L at -3 dB.
+A point target has |image|² = 10^(TS/10) at its peak; beams across the track are not undone, so that one off the axis of
+look comes out weaker by them. ``aperture`` λ/2L, L the longer of the two, gives L/2 along the track: with no window
+0.50 L, with a boxcar 0.44 L, with a Hann window 0.72 L at -3 dB.
 """
 from __future__ import annotations
 
