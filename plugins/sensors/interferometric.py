@@ -10,8 +10,8 @@ theirs.
 `true_depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar soundings`` give a sounding for
 every bin that is coherent, with uncertainty and errors by cause, in the formats of the multibeam.
 
-Rows of receivers are plane to the waves: nearer than the square of their height over a wavelength they see what farther
-ones would.
+Below the sonar a face hears the other side's bed too, as far as its baffle lets it: soundings are few and poor there.
+Waves are plane over the rows, however near they come from.
 
 .. code-block:: xml
 

@@ -13,7 +13,8 @@ from mitsonar.sonar.presets import TABLES, presets
 from mitsonar.validation import scenes
 
 SPEED = 1500.0
-ELSEWHERE = {"sidescan", "synthetic_aperture"}      # kinds without bearings: test_sidescan_*.py, test_synthetic_*.py
+# kinds without bearings: test_sidescan_*.py, test_synthetic_*.py, test_interferometric.py
+ELSEWHERE = {"sidescan", "synthetic_aperture", "interferometric"}
 LINE = {"frequency_khz": 300.0, "receive": "line", "receive_elements": 64, "receive_normal": "forward",
         "receive_baffle": "hard", "transmit_normal": "forward", "transmit_baffle": "hard", "receive_shading": "hamming",
         "pulse": "lfm", "bandwidth_khz": 30.0, "pulse_ms": 0.3}
