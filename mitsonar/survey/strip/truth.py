@@ -39,11 +39,12 @@ __all__ = ["MeanLine", "strip_truth"]
 
 STRAIGHT = np.deg2rad(30.0)        # that headings may differ by in all
 ROWS = 256                         # of points at once
-RAYS_PER_BIN = 64
+RAYS_PER_BIN = 32
 FEWEST_RAYS = 4096
 BEYOND = 0.04                      # of the image's times, by which its sidescan listens longer
 KEPT = ("label", "class", "share", "hidden", "object_shadow", "layover", "seabed_x", "seabed_y", "seabed_depth",
         "shadow")
+WIDEST_ROW = 0.05                  # [m] that a beam's foot is wide where there is one row
 LOOKS = 24                         # pings of a circle that are asked what they see
 
 
@@ -103,9 +104,19 @@ def strip_truth(survey: StripSurvey, x: np.ndarray, y: np.ndarray, depth: np.nda
     line = MeanLine.of(survey.track)
     if line is None:
         return _from_all_sides(survey, x, y)
-    parts = [_abreast(survey, line, *(values[first:first + ROWS] for values in (x, y, depth)), seed)
-             for first in range(0, len(x), ROWS)]
-    return xr.concat(parts, "along_track", combine_attrs="override")
+    # rows that the aperture does not tell apart share their truth
+    resolved = 0.5 * max(survey.transmit.length, survey.receive.length)
+    together = max(int(resolved / max(_spacing(x, y), 1e-9)), 1)
+    rows = np.arange(len(x)) // together
+    some = np.minimum(np.arange(0, len(x), together) + together // 2, len(x) - 1)
+    parts = [_abreast(survey, line, *(values[some[first:first + ROWS]] for values in (x, y, depth)), seed)
+             for first in range(0, len(some), ROWS)]
+    return xr.concat(parts, "along_track", combine_attrs="override").isel(along_track=rows)
+
+
+def _spacing(x: np.ndarray, y: np.ndarray) -> float:
+    """Distance of rows [m]."""
+    return float(np.hypot(x[1, 0] - x[0, 0], y[1, 0] - y[0, 0])) if len(x) > 1 else np.inf
 
 
 def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, depth: np.ndarray,
@@ -114,11 +125,12 @@ def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, 
     feet = line.feet(x, y)
     time = 2 * eigenray(survey.profile, -feet[..., 2].ravel(), depth.ravel(),
                         np.hypot(x - feet[..., 0], y - feet[..., 1]).ravel()).travel_time.reshape(x.shape)
-    step = max(float(np.min(np.abs(np.diff(time, axis=1)), initial=np.inf)), 1e-7) if x.shape[1] > 1 else 1e-5
+    finest = float(np.min(np.abs(np.diff(time, axis=1)), initial=np.inf)) if x.shape[1] > 1 else 0.0
+    step = max(finest, 1 / survey.pulse.bandwidth)          # finer bins are not told apart
     # rays are sparse at the very end of a window
     first, last = float(time.min()) - step, float(time.max()) + max(4 * step, BEYOND * float(np.ptp(time)))
     bins = max(int(np.ceil((last - first) / step)), 2)
-    spacing = float(np.hypot(x[1, 0] - x[0, 0], y[1, 0] - y[0, 0])) if len(x) > 1 else 0.05
+    spacing = min(_spacing(x, y), WIDEST_ROW)
     sidescan = _sidescan(survey, line, feet[:, feet.shape[1] // 2], (first, last), bins, spacing)
     record = energy.record(sidescan, Sides(sidescan), seed)
     class_of = classes_of(survey.labels)[1]
