@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
@@ -207,9 +208,10 @@ class Ground:
         if self._buried is not None:
             # the horizon tells what lies under the bed only where that is deep
             some = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
-            outward = scatterers.normal * dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
-            place = mi.Point3f(*(dr.opaque(mi.Float, float(v)) + mi.Float(part) + aside
-                                 for v, part, aside in zip(origin, scatterers.offset, outward)))
+            aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
+            outward = cast(mi.Float, aside) * scatterers.normal
+            place = mi.Point3f(*(dr.opaque(mi.Float, float(v)) + mi.Float(part) + away
+                                 for v, part, away in zip(origin, scatterers.offset, outward)))
             state = dr.select(some & covered(self._survey.geometry, place, some), HIDDEN_BY_BED, state)
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
