@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import operator
+import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -103,7 +104,8 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
     how = {"profile": profile, "trajectory": trajectory}
     if isinstance(scene_or_signals, xr.Dataset):
         return _of_record(scene_or_signals, grid, progress, **how, **_windows(window, range_window))
-    if not isinstance(scene_or_signals, mi.Scene) and str(scene_or_signals).lower().endswith(RAW_FILES):
+    # Mitsuba has no Scene before a variant is set, and files need none
+    if isinstance(scene_or_signals, (str, os.PathLike)) and str(scene_or_signals).lower().endswith(RAW_FILES):
         with raw_files.opened(scene_or_signals) as record:
             return _of_record(record, grid, progress, **how, **_windows(window, range_window))
     seed = checked_seed(seed)

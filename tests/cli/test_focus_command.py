@@ -3,6 +3,11 @@
 The target of 0 dB lies on the grid's plane, 18 m abeam and 0.3 m ahead, 13.8 degrees below the axis of beams that are
 3 dB down at 15: both together are down by 2 x 3 (13.8 / 15)² = 5.1 dB, which images keep.
 """
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from focused_image import focused_image
@@ -131,3 +136,10 @@ def test_a_scene_says_what_is_not_asked_for(here, capfd):
                                                  '<string name="image_grid" value="slant"/>'), encoding="utf-8")
     assert cli.main(["focus", "slant.xml", "-o", "a.tif"]) == 2
     assert "a slant grid is not even on a map" in capfd.readouterr().err and not (here / "a.tif").exists()
+
+
+def test_python_focuses_files_before_a_variant_is_set(tmp_path):
+    code = "import mitsonar; mitsonar.focus('none.nc')"
+    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True,
+                           env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])})
+    assert "FileNotFoundError: cannot read the raw echoes none.nc" in ended.stderr
