@@ -143,7 +143,8 @@ def _words(image: xr.Dataset, of: str) -> str:
     parts = [" x ".join(sizes), f"points {' x '.join(map(in_metres, steps))} apart" if steps else ""]
     if {"x", "y"} <= set(image.variables) and image.sizes[GROUND[0]] > 1 and image["x"].dims == GROUND:
         east, north = (float(image[name].values[-1, 0] - image[name].values[0, 0]) for name in "xy")
-        parts.append(f"up is {np.degrees(np.arctan2(east, north)) % 360:.0f}°" if np.hypot(east, north) > 0 else "")
+        heading = round(np.degrees(np.arctan2(east, north))) % 360
+        parts.append(f"up is {heading}°" if np.hypot(east, north) > 0 else "")
     return "   ·   ".join(part for part in (*parts, of) if part)
 
 

@@ -78,10 +78,15 @@ def test_views_of_other_records_are_told_apart(drawn):
 
     with pytest.raises(ValueError, match="the plot 'phase' needs the variable 'phase'; of this image there are image"):
         drawn(focused_image(banks=1), "phase")
-    with pytest.raises(ValueError, match="the plot 'coherence' is of a focused image"):
-        drawn(sidescan(4, 8), "coherence")
+    with pytest.raises(ValueError, match="the plot 'height' is of a focused image"):
+        drawn(sidescan(4, 8), "height")
     with pytest.raises(ValueError, match="banks are of focused images"):
         drawn(sidescan(4, 8), "waterfall", bank=0)
+
+
+def test_north_is_0_degrees_from_either_side(drawn):
+    for heading in (-1e-4, 0.0, 1e-4):
+        assert "up is 0°" in drawn(focused_image(heading=heading)).texts[1].get_text()
 
 
 def test_one_point_and_long_strips_are_drawn(drawn):
