@@ -101,7 +101,7 @@ def first_zone(wavelength: mi.Float, first: mi.Float, second: mi.Float) -> mi.Fl
 
 def _targets(geometry):
     """Middle (3,) and radius [m] of point targets and smooth shapes, by label; no beds."""
-    found = {label: (position, 0.0) for position, _, label in geometry.targets()}
+    found = {one.label: (one.position, 0.0) for one in geometry.targets()}
     for _, shape, first, count in geometry.meshes:
         if getattr(shape.bsdf(), "smooth", False) and not hasattr(shape, "target_strength_db"):
             vertices, faces = geometry.mesh(first, count)

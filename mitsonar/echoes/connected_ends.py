@@ -14,6 +14,7 @@ import numpy as np
 
 from ..device.arrays import upload
 from ..device.chance import Salt, pair, salted, uniform
+from ..scattering.echo_taps import HeardBand
 from ..scene.labels import SEABED
 from ..scene.materials import bistatic_strength, coherent_reflection, reflects
 from ..tracing.connection import Connection, Connector
@@ -50,7 +51,9 @@ class ConnectedEnds:
         geometry = connector.geometry
         self._connector, self._water, self._lib = connector, connector.water, connector.lib
         self._frequency, self._max_depth = frequency, max_depth
-        self.targets, self._mirror = PointTargets(geometry.targets()), geometry.surface_mirrors
+        self.targets = PointTargets(geometry.targets(), HeardBand.about(frequency), connector.water.profile,
+                                    resolved=False)
+        self._mirror = geometry.surface_mirrors
         self._beds = upload(mi.Bool, geometry.named.label_kinds() == SEABED) if reflects(geometry) else None
 
     def by_the_mirror(self, direct: Ends, folded: Ends, sonar: Origins) -> Iterator[Ghosts]:

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, compressed, upload
+from ..scattering.echo_taps import HeardBand
 from ..scene.materials import scattering_strength
 from ..tracing.aimed_launch import DrawnRays
 from ..tracing.connection import Connector
@@ -27,6 +28,7 @@ from ..tracing.water import DeviceWater
 from .element_beams import ElementBeams
 from .pieces_in_beams import NEGLIGIBLE, pieces_in_beams
 from .pieces import Pieces, pieces_in_reach
+from .point_targets import PointTargets
 from .record import Echoes, Leg
 from .scatterers import Cells, Scatterers
 from .sights import Sights
@@ -67,15 +69,22 @@ class Ensonification:
         Bounces that an echo may have made.
     thin_below : float [-]
         Two-way intensity of the beams below which cells are thinned; 0: none are.
+    band : HeardBand or None
+        Of the pulse, for targets that scatter by a function of their own; None: the frequency alone.
+
+    Attributes
+    ----------
+    targets : PointTargets
     """
 
     def __init__(self, scatterers: Scatterers, water: DeviceWater, *, frequency: float, window: tuple[float, float],
                  margin: float, method: str, rays: int, beams: ElementBeams | None, resolution: float = np.inf,
-                 max_depth: int = 1, thin_below: float = 0.0):
+                 max_depth: int = 1, thin_below: float = 0.0, band: HeardBand | None = None):
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
         self.side_lobes = SideLobes(scatterers=scatterers, below=thin_below) if thin_below and beams else None
         geometry = scatterers.geometry
+        self.targets = PointTargets(geometry.targets(), band or HeardBand.about(frequency), water.profile)
         self.nearest = 0.5 * window[0] * water.slowest - margin
         self.farthest = 0.5 * window[1] * water.fastest + margin
         self.lib = arrays_of(mi.Float)
@@ -167,11 +176,11 @@ class Ensonification:
 
     def coherent_echoes(self, origin: np.ndarray) -> Iterator[tuple[mi.UInt32, Echoes]]:
         """Yield echoes that owe no phase to chance, with their labels: targets, smooth surfaces, a mirror overhead."""
-        if not (self.scatterers.targets or self.smooth or self.sights.mirror):
+        if not (self.targets or self.smooth or self.sights.mirror):
             return
         sources, start = self._source(origin)
         for echoes, free in self._of_targets(sources, start):
-            label = self.scatterers.targets.label(compressed(free))
+            label = self.targets.label(compressed(free))
             for some in echoes.where(free):
                 yield label, some
         for _, label, echoes in self.smooth.echoes(sources, np.array([origin], float), np.zeros(1, np.uint32)):
@@ -273,13 +282,13 @@ class Ensonification:
     def points(self, sources: Sources, origin: dr.ArrayBase) -> Iterator[tuple[mi.UInt32, Echoes]]:
         """Yield the labels and the echoes of the point targets that are seen straight."""
         for echoes, free in self._of_targets(sources, origin, mirrored=False):
-            label = self.scatterers.targets.label(compressed(free))
+            label = self.targets.label(compressed(free))
             for some in echoes.where(free):
                 yield label, some
 
     def _of_targets(self, sources, origin, mirrored=True):
         """Echoes of the point targets, and whether they are seen."""
-        targets = self.scatterers.targets
+        targets = self.targets
         if targets:
             yield from targets.echoes(self.sights, sources, origin, mi.UInt32(0), dr.arange(mi.UInt32, len(targets)),
                                       mirrored=mirrored)

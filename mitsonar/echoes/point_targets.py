@@ -2,18 +2,25 @@
 
 A target answers with the pressure f = 10^(TS/20) along every leg, straight, by way of a flat surface (`sights`) or of
 the bed (`bed_mirror`). It may lie on a surface, which must not hide it.
+
+One that scatters by a function of its own is a row of such targets at one place, the taps of `scattering.echo_taps`:
+their pressures are complex and depend on where sound comes from and goes to, and each answers with a delay of its own.
 """
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
+from ..scattering.echo_taps import EchoTaps, HeardBand
+from ..scene.geometry import Target
+from ..tracing.connection import Connection
 from ..tracing.tracer import Sources
+from ..water.profile import SoundSpeedProfile
 from .record import Echoes
 from .sight import path_of, product
 from .sights import Sights
@@ -24,23 +31,63 @@ __all__ = ["TARGET_RADIUS", "PointTargets"]
 TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """The taps of a target from number `first` on, and its axes in the scene, (3, 3)."""
+
+    first: int
+    taps: EchoTaps
+    rotation: np.ndarray
+
+
 class PointTargets:
     """The point targets of a scene, on the device.
 
     Parameters
     ----------
-    targets : sequence of (position (3,) [m], strength [dB re 1 m²], label)
-        As `Geometry.targets` gives them.
+    targets : sequence of Target
+        As `Geometry.targets` gives them, or of tuples (position (3,) [m], strength [dB re 1 m²], label).
+    band : HeardBand or None
+        Of the pulse; needed where a target scatters by a function of its own.
+    profile : SoundSpeedProfile or None
+        Of the water; needed there too.
+    resolved : bool
+        Such a target is a row of taps; else it is one that answers without delay, with its mean strength.
+
+    Raises
+    ------
+    ValueError
+        If a function does not cover the pulse's band.
     """
 
-    def __init__(self, targets: Sequence[tuple]):
-        self.lib, self.count = arrays_of(mi.Float), len(targets)
-        if not targets:
+    def __init__(self, targets: Sequence[tuple], band: HeardBand | None = None,
+                 profile: SoundSpeedProfile | None = None, *, resolved: bool = True):
+        self.lib, self._rows = arrays_of(mi.Float), []
+        position, pressure, label, count = [], [], [], 0
+        for target in (Target(*one) for one in targets):
+            own = np.array([10 ** (target.strength_db / 20)])
+            if target.scattering is not None:
+                if band is None or profile is None:
+                    raise ValueError("a target that scatters by a function of its own needs a band and a profile.")
+                speed = float(profile.at(-target.position[2]))
+                if resolved:
+                    taps = EchoTaps.of(target.scattering, band, speed)
+                    own = np.sqrt(taps.share * taps.strength)
+                    turn = np.eye(3) if target.rotation is None else target.rotation
+                    self._rows.append(_Row(first=count, taps=taps, rotation=turn))
+                else:
+                    own = 10 ** (np.array([target.strength_at(band.frequency, speed)]) / 20)
+            count += len(own)
+            position.append(np.broadcast_to(target.position, (len(own), 3)))
+            pressure.append(own)
+            label.append(np.full(len(own), target.label, np.uint32))
+        self.count = count
+        if not count:
             return
-        position, strength_db, label = (np.array(column) for column in zip(*targets))
-        self._position = [upload(mi.Float64, axis) for axis in position.T]
-        self._pressure = upload(mi.Float, (10 ** (strength_db / 20)).astype(np.float32))
-        self._label = upload(mi.UInt32, label.astype(np.uint32))
+        self._position = [upload(mi.Float64, np.ascontiguousarray(axis, float))
+                          for axis in np.concatenate(position).T]
+        self._pressure = upload(mi.Float, np.concatenate(pressure).astype(np.float32))
+        self._label = upload(mi.UInt32, np.concatenate(label))
 
     def __len__(self) -> int:
         return self.count
@@ -86,17 +133,22 @@ class PointTargets:
             Whether nothing does.
         """
         point, strength = self.position(which), self.pressure(which)
+        nothing, at_once = dr.zeros(mi.Float, dr.width(strength)), dr.zeros(mi.Float64, dr.width(strength))
         ways = [(False, False, 1.0), *(sights.ways() if mirrored else ())]
         ends = {folded: sights.see(sources, origin, source, point, mi.Vector3f(0, 0, 0), folded=folded,
                                    short=TARGET_RADIUS) for folded in {back for _, back, _ in ways}}
-        nothing = dr.zeros(mi.Float, dr.width(strength))
         for there, back, sign in ways:
             out, home = ends[there], ends[back]
-            pressure = pressure_along_legs(strength, out.gain, home.gain) * sign
-            free = out.way.free & home.way.free & dr.isfinite(pressure)
-            pressure = dr.select(free, pressure, 0)
-            yield Echoes(out=out.leg, back=home.leg, between=dr.zeros(mi.Float64, dr.width(pressure)),
-                         energy=dr.square(pressure), amplitude=(pressure, nothing),
+            (real, imaginary), late = (strength, nothing), at_once
+            if self._rows:
+                (real, imaginary), late = self._answers(which, out.way, home.way)
+            unit = pressure_along_legs(sign, out.gain, home.gain)
+            free = out.way.free & home.way.free & dr.isfinite(unit)
+            real, imaginary = (dr.select(free, unit * part, 0) for part in (real, imaginary))
+            # not one and the same leg: there is a time between the two
+            came = replace(home.leg) if self._rows else home.leg
+            yield Echoes(out=out.leg, back=came, between=late,
+                         energy=dr.fma(real, real, dr.square(imaginary)), amplitude=(real, imaginary),
                          path=("b", "bs", "sbs")[there + back]), free
         if mirrored and sights.bed is not None:
             yield from self._by_the_bed(sights, sources, origin, source, which, point, strength)
@@ -114,10 +166,35 @@ class PointTargets:
                                           short=TARGET_RADIUS)
             out, home = seen[there], seen[back]
             (real, imaginary), later = product(out, home)
+            if self._rows:
+                strength = mi.Float(1)
+                (a, b), late = self._answers(which, out.way, home.way)
+                real, imaginary, later = real * a - imaginary * b, real * b + imaginary * a, later + late
             pressure = pressure_along_legs(strength, out.gain, home.gain) * (-1.0 if "s" in there + back else 1.0)
             free = out.way.free & home.way.free & dr.isfinite(pressure)
             amplitude = dr.select(free, pressure * real, 0), dr.select(free, pressure * imaginary, 0)
-            leg = home.leg if there != back else replace(home.leg)        # another one: the time between counts
+            # another one: the time between counts
+            leg = home.leg if there != back and not self._rows else replace(home.leg)
             energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
             yield Echoes(out=out.leg, back=leg, between=later, energy=energy, amplitude=amplitude,
                          path=path_of(there, back)), free
+
+    def _answers(self, which: mi.UInt32, out: Connection,
+                 home: Connection) -> tuple[tuple[mi.Float, mi.Float], mi.Float64]:
+        """Real and imaginary part of f [m] along ways there and back, and the delays [s]."""
+        incident, scattered = out.arrival_direction, -home.arrival_direction
+        pressure = self.pressure(which)
+        dr.eval(which, incident, scattered, pressure)
+        number, form = which.numpy(), pressure.numpy().astype(complex)
+        late, size = np.zeros(len(number)), len(number)
+        ways = np.stack([np.broadcast_to(axis.numpy(), size) for axis in (*incident, *scattered)], 1).astype(float)
+        ways[~np.isfinite(ways).all(1)] = (1, 0, 0, -1, 0, 0)      # there is none: nothing comes along it
+        for row in self._rows:
+            tap = number.astype(int) - row.first
+            mine = np.flatnonzero((tap >= 0) & (tap < len(row.taps.delay)))
+            # one way is asked once for all taps
+            each, same = np.unique(ways[mine], axis=0, return_inverse=True)
+            weight = row.taps.weights(each[:, :3] @ row.rotation, each[:, 3:] @ row.rotation)
+            form[mine], late[mine] = weight[same.ravel(), tap[mine]], row.taps.delay[tap[mine]]
+        real, imaginary = (upload(mi.Float, part(form).astype(np.float32)) for part in (np.real, np.imag))
+        return (real, imaginary), upload(mi.Float64, late)

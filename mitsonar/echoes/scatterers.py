@@ -21,7 +21,6 @@ from ..tracing.connection import Connection
 from ..tracing.hits import Hits
 from .cells import cell_of, divisions, place
 from .passes import Amplitudes
-from .point_targets import PointTargets
 
 __all__ = ["Cells", "Scatterers"]
 
@@ -88,7 +87,6 @@ class Scatterers:
         Of the sea surface.
     label : (F,) uint32
         Numbers of the instances.
-    targets : PointTargets
 
     Raises
     ------
@@ -100,7 +98,6 @@ class Scatterers:
         self.lib = arrays_of(mi.Float)
         self.amplitudes = Amplitudes(geometry, pass_number)
         self.geometry = geometry
-        self.targets = PointTargets(geometry.targets())
         vertices = geometry.vertices.numpy().reshape(-1, 4)
         faces = geometry.faces.numpy().reshape(-1, 4).copy()
         named = faces[:, 3].copy()

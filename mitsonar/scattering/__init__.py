@@ -8,11 +8,12 @@ from .elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
 from .empirical import EmpiricalSeabed
 from .sea_surface import SeaSurface, bubble_loss_db
 from .sediment import SEDIMENTS, Sediment
+from .scattering_functions import ScatteringTable, SphereScattering
 from .sphere_series import MATERIALS, Solid, SphereBody, sphere_form
 from .spheres import sphere_target_strength_db
 from .strength import LAWS, LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
 __all__ = ["ELASTIC_SEDIMENTS", "LAWS", "MATERIALS", "SEDIMENTS", "ElasticSediment", "EmpiricalSeabed", "Fractal",
-           "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum", "SeaSurface",
-           "Sediment", "Sinusoid", "Solid", "SphereBody", "Sum", "backscatter_strength_db",
+           "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum", "ScatteringTable", "SeaSurface",
+           "Sediment", "Sinusoid", "Solid", "SphereBody", "SphereScattering", "Sum", "backscatter_strength_db",
            "bistatic_strength_db", "bubble_loss_db", "cylinder_form", "sphere_form", "sphere_target_strength_db"]

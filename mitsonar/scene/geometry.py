@@ -1,17 +1,47 @@
 """A Mitsuba scene's facets and what they are called, gathered once for the tracer."""
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import upload
+from ..scattering.scattering_functions import ScatteringFunction
 from .labels import ShapeLabels
 from .vertex_normals import vertex_normals
 
-__all__ = ["Geometry", "interpolated"]
+__all__ = ["Geometry", "Target", "interpolated"]
+
+
+class Target(NamedTuple):
+    """A point target.
+
+    Attributes
+    ----------
+    position : (3,) [m]
+    strength_db : float [dB re 1 m²]
+        Not a number where it scatters by a function of its own.
+    label : int
+    scattering : ScatteringFunction or None
+    rotation : (3, 3) or None
+        From its own axes to the scene's, where it has a function.
+    """
+
+    position: np.ndarray | Sequence[float]
+    strength_db: float
+    label: int
+    scattering: ScatteringFunction | None = None
+    rotation: np.ndarray | None = None
+
+    def strength_at(self, frequency: float, sound_speed: float) -> float:
+        """Give its target strength at a frequency [Hz], backwards [dB re 1 m²]; of its aspects the mean."""
+        if self.scattering is None:
+            return float(self.strength_db)
+        form = self.scattering.form(np.array([frequency]), *self.scattering.examples(), sound_speed)
+        return float(10 * np.log10(np.mean(np.abs(form) ** 2)))
 
 
 class Geometry:
@@ -115,9 +145,10 @@ class Geometry:
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
-    def targets(self) -> list[tuple[np.ndarray, float, int]]:
-        """Point targets, as (position (3,) [m], target strength [dB re 1 m²], label)."""
-        return [(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape))
+    def targets(self) -> list[Target]:
+        """Point targets."""
+        return [Target(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape),
+                       getattr(shape, "scattering", None), getattr(shape, "rotation", None))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
 
 

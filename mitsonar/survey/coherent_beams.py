@@ -21,7 +21,7 @@ from .energy_bins import EnergyBins
 from .places import Place
 from .array_survey import ArraySurvey
 from .sound_paths import SoundPaths
-from .target_echoes import target_echoes
+from .target_echoes import band_of, target_echoes
 
 __all__ = ["CoherentBeams"]
 
@@ -64,7 +64,8 @@ class CoherentBeams:
 
     def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
-        self._labels, self._targets = len(survey.labels), PointTargets(survey.geometry.targets())
+        self._labels, self._targets = len(survey.labels), PointTargets(
+            survey.geometry.targets(), band_of(survey.pulse), survey.profile)
         self._smooth = SmoothTargets(
             sound.sights, frequency=survey.frequency, reach=0.0, drift=drift,
             resolution=FLAT_BAND * survey.sound_speed(0) / survey.sampling_rate, farthest=sound.tracer.max_range)

@@ -29,7 +29,7 @@ from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
 from .sidescan_survey import SidescanSurvey
 from .sound_paths import SoundPaths
-from .target_echoes import target_echoes
+from .target_echoes import band_of_tone, target_echoes
 
 __all__ = ["CoherentSidescan"]
 
@@ -57,7 +57,8 @@ class CoherentSidescan:
         self._smooth = SmoothTargets(sound.sights, frequency=sonar.frequency,
                                      resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0, drift=drift,
                                      farthest=0.5 * (window[1] + sonar.pulse_length) * fastest * (1 + 0.5 * drift))
-        self._targets = PointTargets(survey.geometry.targets())
+        self._targets = PointTargets(survey.geometry.targets(), band_of_tone(sonar.frequency, sonar.pulse_length),
+                                     survey.profile)
         self._pulses = CoherentPulses(survey)
         self._source_pressure = dr.opaque(mi.Float, 10 ** (sonar.source_level_db / 20))
         self._turns_per_second = dr.opaque(mi.Float64, sonar.frequency)

@@ -19,6 +19,7 @@ from ..echoes.record import Echoes
 from ..echoes.scatterers import Scatterers
 from .array_survey import ArraySurvey
 from .elements.ping_source import PingSource
+from .target_echoes import band_of
 
 __all__ = ["EnsonifiedPing", "KEPT_ECHOES", "ensonification_of"]
 
@@ -38,7 +39,8 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
-        thin_below=survey.thin_below, resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
+        thin_below=survey.thin_below, band=band_of(survey.pulse),
+        resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
 
 
 class EnsonifiedPing:

@@ -9,9 +9,26 @@ import mitsuba as mi
 from ..echoes.point_targets import PointTargets
 from ..echoes.record import Echoes
 from ..echoes.sights import Sights
+from ..scattering.echo_taps import HeardBand
+from ..sonar.pulse import Pulse
 from .places import Place
 
-__all__ = ["target_echoes"]
+__all__ = ["band_of", "band_of_tone", "target_echoes"]
+
+HALF_POWER = 0.443                 # of a tone, over its length, from the carrier
+SKIRTS = 4.3                       # as `Pulse.suggested_sampling_rate` has it for a tone
+
+
+def band_of(pulse: Pulse) -> HeardBand:
+    """Give what targets are asked for: the pulse's band, and the skirts of its spectrum that samples keep."""
+    return HeardBand(frequency=pulse.frequency, low=pulse.frequency + pulse.band[0],
+                     high=pulse.frequency + pulse.band[1], width=pulse.suggested_sampling_rate)
+
+
+def band_of_tone(frequency: float, length: float) -> HeardBand:
+    """The same of a tone, from its frequency [Hz] and length [s]."""
+    return HeardBand(frequency=frequency, low=frequency - HALF_POWER / length, high=frequency + HALF_POWER / length,
+                     width=SKIRTS / length)
 
 
 def target_echoes(sights: Sights, targets: PointTargets, place: Place, pings: int, first: int,

@@ -4,25 +4,62 @@ It has no body: rays pass it, and nothing lies in its shadow. Its echo adds to t
 pressures do: in a sidescan's speckle its amplitudes are Rice's. With `max_depth` 2 or more it has an image in beds of
 `sediment`, `elastic` or a smooth material, unless it lies within 2 cm of them.
 
+Spheres scatter by their exact series and other targets by a table of their own, over the whole band of the pulse: a
+calibration sphere has its nulls and resonances, and rings on after its first echo. `position` is the sphere's middle.
+Resonances that ring for longer than 1500 / (1.3 bandwidths) are cut off there; metals have no losses. Echoes of more
+bounces than by a flat sea surface take the mean strength.
+
+A table has the columns ``frequency_khz``, ``target_strength_db`` and, where it is known, ``phase_deg`` (that of the
+pressure 1 m away for a wave of phase 0 at `position`, for time e^(+iωt); without it the phase is 0), or ``real`` and
+``imaginary`` [m] in the place of both. Angles may go with it, every combination of them once: ``aspect_deg``, between
+the target's x axis and the sonar; or ``incident_azimuth_deg``, ``incident_elevation_deg``, ``scattered_azimuth_deg``,
+``scattered_elevation_deg``, in which the target sees source and receiver (azimuth from x towards y). In netCDF they are
+the dimensions, with coordinates, of variables of these names. Beyond its angles the last ones count. Frequencies lie
+closer than c / 4d, d the target's part farthest from `position`; the pulse's band lies within them.
+
 .. code-block:: xml
 
     <shape type="point_target" id="buoy">
         <point name="position" x="0" y="40" z="-12"/>
         <float name="target_strength_db" value="-20"/>
     </shape>
+    <shape type="point_target" id="calibration_sphere">
+        <point name="position" x="0" y="5" z="-8"/>
+        <string name="scattering" value="elastic_sphere"/>
+        <float name="radius" value="0.01905"/>
+    </shape>
 """
 import numpy as np
 
 import mitsuba as mi
 
-from ..attributes import Attributes, Number, Point
+from mitsonar.io import scattering_tables
+from mitsonar.scattering.scattering_functions import ScatteringFunction, SphereScattering
+from mitsonar.scattering.sphere_series import MATERIALS, Solid, SphereBody
+
+from ..attributes import Attributes, Choice, File, Number, Point
 from .grid_mesh import TO_WORLD, GridMesh, fill
 
+SPHERES = "rigid_sphere", "soft_sphere", "fluid_sphere", "elastic_sphere"
+FILLED = SPHERES[2:]
 FACE = np.zeros((1, 3), np.uint32)  # without any area: no ray meets it, and Mitsuba wants one
 
 ATTRIBUTES = (
     Point("position", text="its place, z up"),
-    Number("target_strength_db", default=0.0, minimum=-200, maximum=100, unit="dB", text="re 1 m²"),
+    Choice("scattering", default="constant", choices=("constant", *SPHERES, "table"),
+           text="one strength for all frequencies and directions, an exact sphere, or a table"),
+    Number("target_strength_db", default=0.0, minimum=-200, maximum=100, unit="dB", text="re 1 m²",
+           only=("scattering", ("constant",))),
+    Number("radius", above=0, maximum=100, unit="m", text="of the sphere", only=("scattering", SPHERES)),
+    Choice("material", default="tungsten_carbide", choices=tuple(MATERIALS),
+           text="of the sphere", only=("scattering", FILLED[1:])),
+    Number("density", default=None, above=0, unit="kg/m³", otherwise="the material's", text="of the sphere",
+           only=("scattering", FILLED)),
+    Number("compressional_speed", default=None, above=0, unit="m/s", otherwise="the material's", text="in the sphere",
+           only=("scattering", FILLED)),
+    Number("shear_speed", default=None, above=0, unit="m/s", otherwise="the material's", text="in the sphere",
+           only=("scattering", FILLED[1:])),
+    File("table", text="CSV or netCDF file, as above", only=("scattering", ("table",))),
     TO_WORLD,
 )
 
@@ -33,12 +70,46 @@ class PointTarget(mi.Mesh):
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
         self.position = (attributes.to_world @ [*attributes.position, 1.0])[:3]
-        self.target_strength_db = attributes.target_strength_db
+        self.target_strength_db = attributes.target_strength_db if attributes.scattering == "constant" else np.nan
+        self.scattering = _scattering(attributes)
+        self.rotation = _rotation(attributes) if attributes.scattering == "table" else None
         super().__init__("point_target", 1, len(FACE), props=props, has_vertex_texcoords=True)
         fill(self, GridMesh(self.position[None].astype(np.float32), FACE, np.zeros((1, 2), np.float32)))
 
     def to_string(self) -> str:
-        return f"PointTarget[{self.target_strength_db:g} dB at {', '.join(f'{v:g}' for v in self.position)}]"
+        what = f"{self.target_strength_db:g} dB" if self.scattering is None else type(self.scattering).__name__
+        return f"PointTarget[{what} at {', '.join(f'{v:g}' for v in self.position)}]"
+
+
+def _scattering(attributes: Attributes) -> ScatteringFunction | None:
+    kind = attributes.scattering
+    try:
+        if kind == "constant":
+            return None
+        if kind == "table":
+            return scattering_tables.read(attributes.table)
+        if kind not in FILLED:
+            return SphereScattering(radius=attributes.radius, body=SphereBody(inside=kind.removesuffix("_sphere")))
+        return SphereScattering(radius=attributes.radius, body=SphereBody(inside=_solid(attributes)))
+    except (ValueError, OSError) as error:
+        raise attributes.error(f"{str(error).rstrip('.')}.") from None
+
+
+def _solid(attributes: Attributes) -> Solid:
+    names = ("density", "compressional_speed", "shear_speed")
+    given = {name: getattr(attributes, name) for name in names if getattr(attributes, name) is not None}
+    if attributes.scattering == "elastic_sphere":
+        return Solid(**{**vars(MATERIALS[attributes.material]), **given})
+    if len(given) < 2:
+        raise attributes.error("a fluid_sphere needs its density and its compressional_speed; give both.")
+    return Solid(**given)
+
+
+def _rotation(attributes: Attributes) -> np.ndarray:
+    turn = attributes.to_world[:3, :3]
+    if not np.allclose(turn.T @ turn, np.eye(3), atol=1e-5) or np.linalg.det(turn) < 0:
+        raise attributes.error("to_world scales, shears or mirrors it; a table's target is turned and moved alone.")
+    return turn
 
 
 mi.register_shape("point_target", PointTarget)

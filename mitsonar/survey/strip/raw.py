@@ -68,10 +68,11 @@ def common(survey: StripSurvey) -> xr.Dataset:
 def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
     """Point targets of the scene."""
     found = survey.geometry.targets()
-    place = np.array([position for position, *_ in found], float).reshape(-1, 3)
+    place = np.array([one.position for one in found], float).reshape(-1, 3)
     return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
-            "target_strength_db": np.array([strength for _, strength, _ in found], float),
-            "target_name": np.array([survey.labels[label] for *_, label in found], str)}
+            "target_strength_db": np.array([
+                one.strength_at(survey.frequency, float(survey.profile.at(-one.position[2]))) for one in found], float),
+            "target_name": np.array([survey.labels[one.label] for one in found], str)}
 
 
 def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
