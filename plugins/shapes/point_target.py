@@ -72,7 +72,7 @@ class PointTarget(mi.Mesh):
         self.position = (attributes.to_world @ [*attributes.position, 1.0])[:3]
         self.target_strength_db = attributes.target_strength_db if attributes.scattering == "constant" else np.nan
         self.scattering = _scattering(attributes)
-        self.rotation = _rotation(attributes) if attributes.scattering == "table" else None
+        self.rotation = _rotation(attributes) if self.scattering is not None else None
         super().__init__("point_target", 1, len(FACE), props=props, has_vertex_texcoords=True)
         fill(self, GridMesh(self.position[None].astype(np.float32), FACE, np.zeros((1, 2), np.float32)))
 
@@ -108,7 +108,7 @@ def _solid(attributes: Attributes) -> Solid:
 def _rotation(attributes: Attributes) -> np.ndarray:
     turn = attributes.to_world[:3, :3]
     if not np.allclose(turn.T @ turn, np.eye(3), atol=1e-5) or np.linalg.det(turn) < 0:
-        raise attributes.error("to_world scales, shears or mirrors it; a table's target is turned and moved alone.")
+        raise attributes.error("to_world scales, shears or mirrors it; such a target is turned and moved alone.")
     return turn
 
 

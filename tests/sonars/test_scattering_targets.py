@@ -97,11 +97,14 @@ def test_pictures_show_a_sphere_as_bright_as_its_strength(variant, kind):
     ({"scattering": "rigid_sphere"}, "radius"), ({"scattering": "table"}, "table is missing"),
     ({"scattering": "fluid_sphere", "radius": 0.1, "density": 900.0}, "give both"),
     ({"scattering": "elastic_sphere", "radius": 0.1, "shear_speed": 6800.0}, "shear waves"),
+    ({"scattering": "rigid_sphere", "radius": 0.1, "to_world": 2.0}, "to_world scales"),
     ({"scattering": "rigid_sphere", "radius": 0.1, "target_strength_db": 3.0}, "target_strength_db"),
     ({"radius": 0.1}, 'scattering is "constant"'), ({"scattering": "table", "table": "none.csv"}, "not there")])
 def test_what_does_not_fit_is_refused(variant, target, said):
     from mitsonar.scene.errors import plain
 
+    if "to_world" in target:
+        target = {**target, "to_world": mi.ScalarTransform4f().scale(target["to_world"])}
     with pytest.raises((ValueError, RuntimeError)) as caught:
         mi.load_dict({"type": "point_target", "position": PLACE, **target})
     assert said in plain(caught.value)
