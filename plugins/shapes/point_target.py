@@ -6,8 +6,8 @@ pressures do: in a sidescan's speckle its amplitudes are Rice's. With `max_depth
 
 Spheres scatter by their exact series and other targets by a table of their own, over the whole band of the pulse: a
 calibration sphere has its nulls and resonances, and rings on after its first echo. `position` is the sphere's middle.
-Resonances that ring for longer than 1500 / (1.3 bandwidths) are cut off there; metals have no losses. Echoes of more
-bounces than by a flat sea surface take the mean strength.
+Resonances that ring for longer than 1500 / (1.3 bandwidths) are cut off there; metals have no losses. Echoes drawn
+by chance, of more bounces than images have, take the mean strength.
 
 A table has the columns ``frequency_khz``, ``target_strength_db`` and, where it is known, ``phase_deg`` (that of the
 pressure 1 m away for a wave of phase 0 at `position`, for time e^(+iωt); without it the phase is 0), or ``real`` and
