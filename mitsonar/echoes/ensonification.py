@@ -152,10 +152,10 @@ class Ensonification:
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
-            within_reach = [(path, *self._in_beams(sources, start, rotation, pieces))
+            within_reach = [(path, self._in_beams(sources, start, rotation, pieces))
                             for path, pieces in self.pieces(origin)]
-            total, done = max(sum(int(pieces.cells.sum()) for _, _, pieces, _ in within_reach), 1), 0
-            for path, aim, pieces, bound in within_reach:
+            total, done = max(sum(int(pieces.cells.sum()) for _, (_, pieces, _) in within_reach), 1), 0
+            for path, (aim, pieces, bound) in within_reach:
                 for facet, s in self._cells(pieces, bound):
                     yield from self._echoes(sources, start, rotation, facet, s, path, aim=aim)
                     done += dr.width(facet)
@@ -214,13 +214,14 @@ class Ensonification:
         return (self.tracer.sources([-origin[2]]),
                 self.lib.Array3f64(*(dr.opaque(self.lib.Float64, float(v)) for v in origin)))
 
-    def _in_beams(self, sources, origin, rotation, pieces):
+    def _in_beams(self, sources: Sources, origin: dr.ArrayBase, rotation: np.ndarray,
+                  pieces: Pieces) -> tuple[bool, Pieces, np.ndarray]:
         """Whether cells have to be asked one by one what beams leave of them; pieces that may count, and their bounds.
 
         Where few would have to be, all are taken: less work than to ask.
         """
         if self.beams is None:
-            return False, pieces, None
+            return False, pieces, np.ones(len(pieces.facet))
         enough = max(NEGLIGIBLE, self.side_lobes.below) if self.side_lobes else NEGLIGIBLE
         found, bound = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation, enough)
         pieces, bound, doubtful = pieces.chosen(found >= 0), bound[found >= 0], found[found >= 0] == 0

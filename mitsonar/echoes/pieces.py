@@ -100,10 +100,10 @@ def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarr
     return pieces.chosen((distance - pieces.radius < farthest) & (distance + pieces.radius > nearest))
 
 
-def _blocks(scatterers: Scatterers, facet: int, origin: np.ndarray, farthest: float) -> Pieces:
+def _blocks(scatterers: Scatterers, facet: np.uint32, origin: np.ndarray, farthest: float) -> Pieces:
     """Blocks of a facet, all that come nearer than `farthest` and some more."""
     n = int(scatterers.cuts[facet])
-    a, b, c = scatterers.corners(facet).astype(float)
+    a, b, c = scatterers.corners(np.array([facet]))[0].astype(float)
     e, f = (b - a) / n, (c - a) / n
     k = min(max(FEWEST, int(SHARE * farthest * n / scatterers.longest_side[facet])), n)
     row = np.arange(0, n, k)
