@@ -95,8 +95,9 @@ def registered(image: np.ndarray, shift: Shift) -> np.ndarray:
     rows, columns = np.meshgrid(*(np.arange(count, dtype=float) for count in image.shape), indexing="ij")
     along, across = shift.at(rows, columns)
     place = np.stack([rows + along, columns + across])
-    moved = sum(unit * ndimage.map_coordinates(part, place, order=5, mode="constant", cval=np.nan)
-                for unit, part in ((1, flat.real), (1j, flat.imag)))
+    parts = [np.asarray(ndimage.map_coordinates(part, place, order=5, mode="constant", cval=np.nan))
+             for part in (np.real(flat), np.imag(flat))]
+    moved = parts[0] + 1j * parts[1]
     unknown = ndimage.map_coordinates((~np.isfinite(image)).astype(float), place, order=1, mode="nearest") > 1e-6
     back = np.exp(1j * sum(np.interp(where, np.arange(len(phase)), phase)
                            for where, phase in zip(place, carrier)))

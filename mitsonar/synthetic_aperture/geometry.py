@@ -110,8 +110,8 @@ def ground_across(image: xr.Dataset) -> np.ndarray:
 
 def bank_paths(paths: ArrayPaths, bank: int, across: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Give two-way paths ρ (A, C) [m] of a bank to points at `across` and `height` (A, C) [m], z up."""
-    return sum(np.hypot(across - place[:, :1], height - place[:, 1:])
-               for place in (paths.sender, paths.bank[bank]))
+    out, home = (np.hypot(across - place[:, :1], height - place[:, 1:]) for place in (paths.sender, paths.bank[bank]))
+    return out + home
 
 
 def _axes(image: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -136,10 +136,10 @@ def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.nda
     They lie abeam, or `ahead` of that: by the sine of the angle.
     """
     delay = 2 * float(np.mean(slant_range)) / arrays.sound_speed
-    middle = 0.25 * sum(
+    middle = 0.5 * np.mean([
         _placed(poses, arrays, time[n], time[n], arrays.tx[sender[n]], n, correction)
         + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx[one], n, correction)
-        for n, one in ((0, pairs.first), (1, pairs.second)))
+        for n, one in ((0, pairs.first), (1, pairs.second))], axis=0)
     heading = float(np.mean([poses.heading(time[n] + part) for n in (0, 1) for part in (0.0, delay)]))
     heading += 0.5 * correction.yaw
     abeam = arrays.side * np.array([np.cos(heading), -np.sin(heading)])
@@ -188,7 +188,7 @@ def _placed(poses: Poses, arrays: Arrays, sent: float, time: np.ndarray | float,
     place = poses.place(np.asarray(time, float), lever)
     if not number:
         return place
-    ahead, aside, down = _frame(float(poses.heading(sent)))
+    ahead, aside, down = _frame(float(poses.heading(np.array(sent))))
     origin = poses.position(np.asarray(time, float))
     moved = place + correction.surge * ahead + correction.sway * aside + correction.heave * down
     return moved + correction.yaw * np.cross(down, place - origin)
