@@ -41,7 +41,7 @@ STRAIGHT = np.deg2rad(30.0)        # that headings may differ by in all
 ROWS = 256                         # of points at once
 RAYS_PER_BIN = 32
 FEWEST_RAYS = 4096
-BEYOND = 0.04                      # of the image's times, by which its sidescan listens longer
+BEYOND = 0.25                      # of the image's times, by which its sidescan listens longer
 KEPT = ("label", "class", "share", "hidden", "object_shadow", "layover", "seabed_x", "seabed_y", "seabed_depth",
         "shadow")
 WIDEST_ROW = 0.05                  # [m] that a beam's foot is wide where there is one row
