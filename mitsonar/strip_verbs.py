@@ -4,7 +4,7 @@ from __future__ import annotations
 import operator
 import os
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, cast
 
 import mitsuba as mi
 import xarray as xr
@@ -58,8 +58,8 @@ def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str =
         made.append(one)
         if progress is not None:
             progress(done, total[0])
-    return SonarImage.of(xr.concat(made, "ping", data_vars="minimal", coords="minimal", compat="override",
-                                   combine_attrs="override"))
+    whole = xr.concat(made, "ping", data_vars="minimal", coords="minimal", compat="override", combine_attrs="override")
+    return SonarImage.of(cast(xr.Dataset, whole))
 
 
 def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None = None,

@@ -166,7 +166,7 @@ class Rows:
         sine, step = tried[best], tried[1] - tried[0]
         for _ in range(STEPS):
             turned = products * np.exp(-1j * np.outer(turn, sine))
-            slope, bend = (turn[:, None] * turned.imag).sum(0), (turn[:, None] ** 2 * turned.real).sum(0)
+            slope, bend = (turn[:, None] * np.imag(turned)).sum(0), (turn[:, None] ** 2 * np.real(turned)).sum(0)
             rising = np.where(bend > 0, slope / np.where(bend > 0, bend, 1), 0.5 * step * np.sign(slope))
             sine = np.clip(sine + np.clip(rising, -step, step), low, high)
         return sine, (sine > low) & (sine < high)

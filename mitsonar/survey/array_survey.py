@@ -120,6 +120,10 @@ class ArraySurvey(Survey):
         place = array.position - array.position[array.working].mean(0)
         return array.delay + place @ self.steering[ping] / self.sound_speed(ping)
 
+    def sender(self, ping: int) -> int:
+        """Give the number of the transmit element that sends at a ping; the first where all send together."""
+        return 0 if self.sending is None else int(self.sending[ping])
+
     def transmit_weight(self, ping: int) -> np.ndarray:
         """Of the transmit elements at a ping, (E,): magnitudes add to 1."""
         weight = self.transmit.weight

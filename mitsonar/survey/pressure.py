@@ -139,7 +139,7 @@ class PressureRecord:
                 sums = self.sums(len(now))
             for number, element in enumerate(senders):
                 part = len(now) / count / len(senders)
-                self._add(sums, classes, now, ping, element, weight=weight[element],
+                self._add(sums, classes, now, ping, element, weight=float(weight[element]),
                           delay=float(delay[element]),
                           progress=_of_a_part(progress, first / count + number * part, part))
             for sheet, one in enumerate(now):

@@ -117,7 +117,7 @@ class Route:
         """
         interval = self._interval(shortest)
         if self.circle is not None:
-            voyage, lengths = self._circled(interval), (None, None)
+            voyage, lengths = self._circled(self.circle, interval), (None, None)
         elif self.record is None:
             voyage, lengths = self._straight(geometry, interval), (None, None)
         elif isinstance(self.record, Waypoints):
@@ -150,13 +150,13 @@ class Route:
                 **{name: np.repeat(getattr(track, name), 2) for name in ("roll", "pitch", "heading")}))
         return Voyage(track=track, trajectory=Trajectory(lead=lead))
 
-    def _circled(self, interval):
-        turn = 2 * np.pi * self.circle / self.speed
+    def _circled(self, radius: float, interval: float) -> Voyage:
+        turn = 2 * np.pi * radius / self.speed
         pings = self.pings if self.bounded else min(max(int(np.ceil(turn / interval - 1e-9)), 1), MOST_PINGS)
         middle = np.array(self.start, float)
         if self.depth is not None:
             middle[2] = -self.depth
-        trajectory = Trajectory(lead=Circled(middle=middle, radius=self.circle, speed=self.speed))
+        trajectory = Trajectory(lead=Circled(middle=middle, radius=radius, speed=self.speed))
         return Voyage.of(trajectory, interval * np.arange(pings))
 
     def _sailed(self, record, geometry, interval):

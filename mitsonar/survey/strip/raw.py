@@ -39,7 +39,7 @@ def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "
         heard = received_signals(record, [ping])
         yield known.assign({name: _variable(name, values) for name, values in (
             ("signal", heard.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
-            ("transmitter", survey.sending[[ping]].astype(np.int32)))}).assign_coords(ping=[ping])
+            ("transmitter", np.array([survey.sender(ping)], np.int32)))}).assign_coords(ping=[ping])
 
 
 def common(survey: StripSurvey) -> xr.Dataset:

@@ -109,8 +109,8 @@ def strip_truth(survey: StripSurvey, x: np.ndarray, y: np.ndarray, depth: np.nda
     together = max(int(resolved / max(_spacing(x, y), 1e-9)), 1)
     rows = np.arange(len(x)) // together
     some = np.minimum(np.arange(0, len(x), together) + together // 2, len(x) - 1)
-    parts = [_abreast(survey, line, *(values[some[first:first + ROWS]] for values in (x, y, depth)), seed)
-             for first in range(0, len(some), ROWS)]
+    blocks = [some[first:first + ROWS] for first in range(0, len(some), ROWS)]
+    parts = [_abreast(survey, line, x[block], y[block], depth[block], seed) for block in blocks]
     return xr.concat(parts, "along_track", combine_attrs="override").isel(along_track=rows)
 
 
