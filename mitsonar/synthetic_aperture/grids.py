@@ -231,14 +231,16 @@ def circle_grid(raw: xr.Dataset, *, size: float | None = None, spacing: tuple[fl
 
 
 def _seen(raw: xr.Dataset, ping_time: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, float]:
-    """Times of the pings, their places, and the sound speed there."""
+    """Times of the pings, their places, and the mean sound speed from there to the bed."""
     times = np.asarray(raw["ping_time"].values if ping_time is None else ping_time, float)
     if times.ndim != 1 or len(times) < 2:
         raise ValueError(f"a grid is laid along two or more pings, got {times.size}; give a grid, or ping_time of all")
     motion = Motion(raw)
     motion.check_covers(float(times.min()), float(times.max()))
     place = motion.place(times)
-    speed = float(np.interp(place[:, 2].mean(), raw["cast_depth"].values, raw["cast_sound_speed"].values))
+    # that of the way down to the bed: 1 / mean of 1 / c
+    down = np.linspace(place[:, 2].mean(), float(raw.attrs["bed_depth"]), 101)
+    speed = float(1 / np.mean(1 / np.interp(down, raw["cast_depth"].values, raw["cast_sound_speed"].values)))
     return times, place, speed
 
 

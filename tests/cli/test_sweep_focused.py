@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from small_strip import TEXT
+from strip_with_a_crate import TEXT
 
 import mitsonar
 from mitsonar.cli import main as cli
