@@ -32,8 +32,7 @@ NEWTON = 5
 ELLIPSE = 2                        # rounds: off by the square of the arrays' height over the range, each
 FARTHEST_TURN = 0.2                # [rad] of a step of Newton's
 TINY = 1e-4                        # [rad] of differences
-SPREADS = 65                       # of the table of phase spreads over coherence
-TRUSTED = 0.9999
+SPREADS = 65                       # of the table of phase spreads over the arc cosine of coherence
 
 
 def interferogram(image: xr.Dataset, raw: xr.Dataset | None = None, window: tuple[float, float] = (0.3, 0.3), *,
@@ -91,8 +90,10 @@ def interferogram(image: xr.Dataset, raw: xr.Dataset | None = None, window: tupl
         phase = unwrapped(phase, weight)
     wavenumber = 2 * np.pi * float(image.attrs["frequency"]) / speed
     height, slope = height_of_phase(phase, image, paths, wavenumber, banks)
-    nodes = np.linspace(0, TRUSTED, SPREADS)
-    spread = np.interp(coherence, nodes, [phase_spread(node, max(looks, 1.0)) for node in nodes])
+    # near 1 a spread goes by √(1 - coherence²), which a straight line over the coherence itself misses by a third
+    nodes = np.linspace(0, 0.5 * np.pi, SPREADS)
+    spread = np.interp(np.arccos(np.clip(coherence, 0.0, 1.0)), nodes,
+                       [phase_spread(node, max(looks, 1.0)) for node in np.clip(np.cos(nodes), 0.0, 1.0)])
     values = {"phase": phase, "coherence": coherence, "height": height, "height_deviation": spread * np.abs(slope)}
     return image.assign({name: (IMAGE_VARIABLES[name].dims, some.astype(np.float32), {
         "units": IMAGE_VARIABLES[name].unit, "long_name": IMAGE_VARIABLES[name].meaning})

@@ -48,7 +48,7 @@ def inner(values, size=9):
     return np.asarray(values)[size:-size:size, size:-size:size]
 
 
-@pytest.mark.parametrize("coherence", [0.7, 0.95])
+@pytest.mark.parametrize("coherence", [0.7, 0.95, 0.993])
 def test_heights_of_a_slope_err_and_spread_as_theory_says(coherence):
     slope = 0.04 * (STEP * np.arange(COLUMNS) - 6.0) + np.zeros((ROWS, 1))
     found = interferogram(picture(slope, coherence), window=(0.45, 0.45))
