@@ -31,7 +31,8 @@ WHOLE_SUITE = 1000                 # tests
 def pytest_collection_finish(session):
     """Start pyright, which takes most of a minute of one core, where many other tests run before it is asked for."""
     asked = any(item.name == "test_pyright_finds_nothing" for item in session.items)
-    if asked and len(session.items) > WHOLE_SUITE and not session.config.option.collectonly:
+    alone = not hasattr(session.config, "workerinput")         # not one of several processes
+    if alone and asked and len(session.items) > WHOLE_SUITE and not session.config.option.collectonly:
         output = tempfile.TemporaryFile("w+", encoding="utf-8")
         program = Path(__file__).with_name("inputs") / "typed_sources.py"
         child = subprocess.Popen([sys.executable, str(program)], stdin=subprocess.DEVNULL, stdout=output,

@@ -12,6 +12,7 @@ gets its own name back if that fails.
 import contextlib
 import hashlib
 import importlib.metadata
+import importlib.util
 import os
 import re
 import shutil
@@ -108,7 +109,13 @@ def run_tests(arguments: Sequence[str]) -> int:
     import pytest
 
     os.chdir(ROOT)  # where pytest finds its settings, the tests, and a place for its cache
-    return int(pytest.main([*arguments] if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider", *arguments]))
+    first = [] if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider"]
+    if importlib.util.find_spec("xdist") is not None and not any(os.path.exists(one.partition("::")[0])
+                                                                 for one in arguments):
+        # of the whole suite: two processes, which must collect the tests in one order, sets of parameters included
+        os.environ.setdefault("PYTHONHASHSEED", "0")
+        first += ["-n", "2", "--dist", "loadfile"]
+    return int(pytest.main([*first, *arguments]))
 
 
 def environment() -> str:
