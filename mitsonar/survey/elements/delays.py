@@ -12,6 +12,7 @@ from ...device.types import Float, Float64, Int32
 from ...signal.accumulation import ImpulseResponses
 from ...sonar.array import Array
 from .arrivals import ArrivalCounts
+from .doppler import factor_per_metre
 from .echo_classes import SortedEchoes
 from .ping_source import PingSource
 from .sampling import Sampling
@@ -19,6 +20,7 @@ from .sampling import Sampling
 __all__ = ["ALL_ROWS", "ElementDelays"]
 
 ALL_ROWS = slice(None)
+DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle
 Kind = TypeVar("Kind", bound="ElementDelays")
 
 
@@ -66,6 +68,18 @@ class ElementDelays(ABC):
     def stands_off(self, element: int) -> bool:
         """Whether a transmit element is not where the source is."""
         return bool(np.any(self.transmit.position[element] != self.source.position))
+
+    def moment(self, some: SortedEchoes, rows: slice) -> float:
+        """Give the moment of the pulse [s] whose echoes tell how far receive elements are apart from the source.
+
+        Where an array passes, its elements close in on an echo at other speeds than the source, so that what is right
+        for the beginning of a long pulse is not for its middle. 0 where that matters less than `DRIFT`.
+        """
+        if not some.moment:
+            return 0.0
+        reach = np.linalg.norm(self.receive.position[rows] - self.source.position, axis=1).max()
+        cycles = some.moment * factor_per_metre(self.source, some.echoes) * reach * self.source.speed / self.wavelength
+        return some.moment if cycles > DRIFT else 0.0
 
     def placed(self, some: SortedEchoes, arrival: Float64) -> tuple[Float, Int32, Float]:
         """Give phase, sample and fraction of echoes that arrive then (R,) [s], as `Sampling.place` does."""

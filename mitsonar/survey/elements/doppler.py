@@ -20,7 +20,7 @@ from ...propagation.travel import rotated
 from ...signal.doppler import two_way_doppler
 from .ping_source import PingSource, opaque64
 
-__all__ = ["receiver_groups", "time_scale"]
+__all__ = ["factor_per_metre", "receiver_groups", "time_scale"]
 
 SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
 
@@ -84,14 +84,18 @@ def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,
     list of (slice, (3,) [m])
         Rows of the receive array, and their middle in the body frame.
     """
-    nearest = source.speed * min(float(dr.min(leg.travel_time)[0]) for leg in (echoes.out, echoes.back))
-    travel = source.travel
-    per_metre = (travel.peak(travel.displacement, 1)[0] / max(nearest, SHORTEST_WAY)
-                 + travel.peak(travel.turn, 1)[0]) / source.speed
-    widest, groups, first = tolerance / max(per_metre, 1e-30), [], 0
+    widest, groups, first = tolerance / max(factor_per_metre(source, echoes), 1e-30), [], 0
     for last in range(1, len(position) + 1):
         some = position[first:last + 1]
         if last == len(position) or np.linalg.norm(some - some.mean(0), axis=1).max() > widest:
             groups.append((slice(first, last), position[first:last].mean(0)))
             first = last
     return groups
+
+
+def factor_per_metre(source: PingSource, echoes: Echoes) -> float:
+    """Give what the factors of elements a metre apart differ by at most [1/m]."""
+    nearest = source.speed * min(float(dr.min(leg.travel_time)[0]) for leg in (echoes.out, echoes.back))
+    travel = source.travel
+    return float((travel.peak(travel.displacement, 1)[0] / max(nearest, SHORTEST_WAY)
+                  + travel.peak(travel.turn, 1)[0]) / source.speed)

@@ -24,6 +24,8 @@ from .ping_source import PingSource
 
 __all__ = ["DopplerClasses", "EchoClasses", "OneClass", "SortedEchoes"]
 
+SAME_PLACE = 1e-9                  # [m]
+
 
 @dataclass(frozen=True, kw_only=True)
 class SortedEchoes:
@@ -38,18 +40,21 @@ class SortedEchoes:
         By which their phases are ahead; None: not.
     sheet : UInt32 (R,) or None
         Numbers of their classes, counted from the first one wanted; None: there is but one.
+    moment : float [s]
+        Of the pulse that `late` is told for, of an element at the source: others differ from it by what they do then.
     """
 
     echoes: Echoes
     late: Float64
     turn: Float64 | None = None
     sheet: UInt32 | None = None
+    moment: float = 0.0
 
     def chosen(self, index: UInt32) -> SortedEchoes:
         """The echoes with these numbers."""
         return SortedEchoes(echoes=self.echoes.chosen(index), late=picked(self.late, index),
                             turn=None if self.turn is None else picked(self.turn, index),
-                            sheet=None if self.sheet is None else picked(self.sheet, index))
+                            sheet=None if self.sheet is None else picked(self.sheet, index), moment=self.moment)
 
 
 class EchoClasses(ABC):
@@ -136,8 +141,10 @@ class DopplerClasses(EchoClasses):
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
              delay: float) -> SortedEchoes | None:
         """Put each echo into the class of the nearest factor; see `EchoClasses.sort`."""
-        doppler, when = time_scale(source, echoes, sender=sender, receiver=receiver,
-                                   moment=self.begin + 0.5 * self.pulse.duration + delay)
+        moment = self.begin + 0.5 * self.pulse.duration + delay
+        doppler, when = time_scale(source, echoes, sender=sender, receiver=receiver, moment=moment)
+        if not np.allclose(receiver, source.position, rtol=0, atol=SAME_PLACE):
+            _, when = time_scale(source, echoes, sender=sender, receiver=source.position, moment=moment)
         number, factor = self._nearest(doppler)
         if len(wanted) < len(self.factors):
             dr.eval(doppler, when, number, factor)
@@ -154,7 +161,7 @@ class DopplerClasses(EchoClasses):
             more, turn = glide.shift(doppler, factor)
             late += more
         return SortedEchoes(echoes=echoes, late=late, turn=turn,
-                            sheet=number - wanted.start if len(wanted) > 1 else None)
+                            sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment)
 
     def _nearest(self, doppler: Float64) -> tuple[UInt32, Float64]:
         """Give number and factor of the class nearest to each factor."""

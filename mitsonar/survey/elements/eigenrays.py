@@ -44,17 +44,22 @@ class EigenrayDelays(ElementDelays):
         # ---- back to the source, and from there a guess for each receive element
         place, out = echoes.back.offset, first + echoes.between
         real, imaginary = (part * factor for part in echoes.amplitude)
-        middle, _ = exact_return(view.layers, lib, depth, place, out, opaque64(np.zeros(3)), travel,
-                                 echoes.back.travel_time)
-        dr.eval(out, real, imaginary, middle)
+        centre = opaque64(np.zeros(3))
+        middle, _ = exact_return(view.layers, lib, depth, place, out, centre, travel, echoes.back.travel_time)
+        met, arrival, then = out, out + middle, middle
+        moment = self.moment(some, rows)
+        if moment:
+            met = out + dr.opaque(lib.Float64, moment)
+            then, _ = exact_return(view.layers, lib, depth, place, met, centre, travel, middle)
+        dr.eval(met, arrival, real, imaginary, then)
         for row in range(receive.elements)[rows]:
             offset = opaque64(view.offsets(receive)[row])
-            back, towards = exact_return(view.layers, lib, depth, place, out, offset, travel, middle)
-            self.counts.count(echoes.count, lost=int(cast(UInt32, dr.count(dr.isnan(out + back)))[0]))
-            phase, sample, fraction = self.placed(some, out + back)
-            spread = lib.Float(middle / back)
+            back, towards = exact_return(view.layers, lib, depth, place, met, offset, travel, then)
+            self.counts.count(echoes.count, lost=int(cast(UInt32, dr.count(dr.isnan(met + back)))[0]))
+            phase, sample, fraction = self.placed(some, arrival + (back - then))
+            spread = lib.Float(then / back)
             if not omni(receive):
-                turned = rotated(towards, travel.turned(out + back), back=True)
+                turned = rotated(towards, travel.turned(met + back), back=True)
                 spread *= view.pattern(receive, row, turned, self.wavelength)
             responses.add(amplitude=(real * spread, imaginary * spread), phase=phase, sample=sample,
                           fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],

@@ -66,7 +66,12 @@ class VectorDelays(ElementDelays):
         factor = self._transmitted(echoes, element, weight, way_out)
         if farther is not None:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
-        # ---- each element by its own difference
+        # ---- each element by its own difference, of the moment that stands for the pulse
+        moment = self.moment(some, rows)
+        if moment:
+            later = dr.opaque(lib.Float64, moment)
+            back = source.way_back(echoes, self.method, (echoes.arrival if met is None else met) + later)
+            total = total + later
         towards = None
         if not omni(receive):
             towards = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
