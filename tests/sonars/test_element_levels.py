@@ -47,7 +47,7 @@ def db(ratio):
 @pytest.fixture
 def sure(monkeypatch):
     """Amplitudes without chance: |g| = 1."""
-    monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
+    monkeypatch.setattr("mitsonar.echoes.passes.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
 
 
 def echoes(scene, key=7):
