@@ -123,12 +123,12 @@ def test_every_echo_is_in_one_doppler_class(variant, monkeypatch):
     factors = doppler_classes(pulse, 0.995, 1.005)
     half = 0.5 * (factors[1] - factors[0])
     doppler = mi.Float64(np.r_[factors, factors + half, factors - half, 0.995 - 1e-9, 1.005 + 1e-9])
-    echoes = SimpleNamespace(chosen=lambda index: index)
+    echoes, source = SimpleNamespace(chosen=lambda index: index), SimpleNamespace(position=np.zeros(3))
     monkeypatch.setattr(echo_classes, "time_scale", lambda *_, **__: (doppler, mi.Float64(0.5 * PULSE) / doppler))
     classes, count, where = echo_classes.DopplerClasses(factors, 0.0, pulse), len(factors), {}
 
     def sort(wanted):
-        return classes.sort(None, echoes, wanted, sender=np.zeros(3), receiver=np.zeros(3), delay=0.0)
+        return classes.sort(source, echoes, wanted, sender=np.zeros(3), receiver=np.zeros(3), delay=0.0)
 
     whole = sort(range(count)).sheet.numpy()
     assert np.abs(factors[whole] - doppler.numpy()).max() <= half + 2e-9
