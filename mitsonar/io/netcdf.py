@@ -1,8 +1,10 @@
 """Images and signals in netCDF-4 files; see `records` for what stands in them."""
 import contextlib
 import errno
+import gc
 import json
 import os
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -84,13 +86,13 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
         If it is no netCDF-4 file, or holds half of something.
     """
     check_readable(path, "the record", "a netCDF file")
-    try:
-        with xr.open_dataset(path, engine=ENGINE) as dataset:
-            lie = _lie(dataset, path)
+    with _dataset(path) as dataset:
+        lie = _lie(dataset, path) or _no_text(dataset, path)
+        try:
             if not lie:
                 dataset.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise _unreadable(error, path) from None
+        except (OSError, ValueError, KeyError, RuntimeError) as error:
+            raise _unreadable(error, path) from None
     if lie:
         raise ValueError(lie)
     return _decoded(_whole(dataset, path), path)
@@ -114,12 +116,9 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage |
         If it is no netCDF-4 file, or damaged where it is read.
     """
     check_readable(path, "the record", "a netCDF file")
-    try:
-        dataset = xr.open_dataset(path, engine=ENGINE)
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise _unreadable(error, path) from None
+    dataset = _dataset(path)
     with dataset:
-        lie = _lie(dataset, path)
+        lie = _lie(dataset, path) or _no_text(dataset, path)
         if lie:
             raise ValueError(lie)
         try:
@@ -129,6 +128,30 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage |
             if getattr(error, "errno", None) is not None or isinstance(error, (FileNotFoundError, PermissionError)):
                 raise
             raise _unreadable(error, path) from None
+
+
+def _dataset(path: FilePath) -> xr.Dataset:
+    """Open a file; what the library leaves half made where it cannot is not told on the terminal."""
+    told, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        try:
+            return xr.open_dataset(path, engine=ENGINE)
+        except (OSError, ValueError, KeyError, RuntimeError) as error:
+            refused = _unreadable(error, path)
+        gc.collect()
+    finally:
+        sys.unraisablehook = told
+    raise refused
+
+
+def _no_text(dataset: xr.Dataset, path: FilePath) -> str:
+    """What is to be said of a file with text that is none; nothing of others."""
+    names = [dataset.attrs, *(variable.attrs for variable in dataset.variables.values())]
+    words = [*map(str, dataset.variables), *(word for attrs in names for word in (*attrs, *attrs.values()))]
+    for word in words:
+        if isinstance(word, str) and any("\ud800" <= letter <= "\udfff" for letter in word):
+            return f"{path} is damaged: it holds {ascii(word[:40])}, which is no text; write it again."
+    return ""
 
 
 def _unreadable(error: Exception, path: FilePath) -> ValueError:

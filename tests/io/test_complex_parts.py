@@ -73,3 +73,14 @@ def test_a_file_of_one_part_is_refused_by_name(tmp_path, image):
                                                                                             engine="h5netcdf")
     with pytest.raises(ValueError, match="a.nc holds parts that do not fit: .*image_imag is missing"):
         mitsonar.read(tmp_path / "a.nc")
+
+
+def test_text_that_was_spoilt_is_refused_in_a_sentence(tmp_path):
+    path = tmp_path / "a.nc"
+    level = ("row", "range"), np.zeros((2, 3), np.float32)
+    mitsonar.write(SonarImage({"level": level}, attrs={"scene": "word " * 60}), path)
+    whole = path.read_bytes()
+    assert whole.count(b"word word") > 1
+    path.write_bytes(whole.replace(b"word word", b"word \xff\xfe\xfdd"))
+    with pytest.raises(ValueError, match="a.nc is damaged: it holds .*, which is no text"):
+        mitsonar.read(path)
