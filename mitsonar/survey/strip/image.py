@@ -51,8 +51,8 @@ def strip_image(survey: StripSurvey, seed: int, progress: Progress | None = None
 def survey_grid(survey: StripSurvey) -> Grid:
     """Give the grid that a strip's sensor asks for; `ValueError` where there is but one ping."""
     if survey.track.pings < 2:
-        raise ValueError("an aperture is made of two or more pings, and the strip has one; give pings more, or take its "
-                         "raw echoes")
+        raise ValueError("an aperture is made of two or more pings, and the strip has one; give pings more, or take "
+                         "its raw echoes")
     return default_grid(common(survey).assign(ping_time=("ping", survey.track.time)), spacing=survey.grid_spacing,
                         kind=survey.grid)
 
