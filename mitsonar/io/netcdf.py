@@ -187,7 +187,7 @@ def _decoded(dataset: xr.Dataset, path: FilePath) -> SonarImage | SonarSignals:
     """The record in a dataset of a file; `ValueError` where parts of complex numbers do not fit."""
     try:
         return decoded(_own(dataset))
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{path} holds parts that do not fit: {error}; write it again.") from None
 
 

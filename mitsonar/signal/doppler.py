@@ -92,7 +92,7 @@ def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR, glide: Glid
     is left.
     """
     tolerance = 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
-    if glide is None:
+    if glide is None or not glide.rate:      # a sweep may be too narrow for the digits of its frequencies
         return tolerance
     swept = abs(glide.rate) * pulse.duration
     return max(tolerance, min(ENDS_OFF * swept / glide.frequency,

@@ -143,12 +143,12 @@ def pulse_of(numbers: dict[str, Any]) -> Pulse:
     ValueError
         If they describe no pulse.
     """
-    arguments = {name: value for name, value in numbers.items() if name != "kind"}
-    if isinstance(arguments.get("window"), list):
-        arguments["window"] = tuple(arguments["window"])
     try:
+        arguments = {name: value for name, value in numbers.items() if name != "kind"}
+        if isinstance(arguments.get("window"), list):
+            arguments["window"] = tuple(arguments["window"])
         return PULSES[numbers["kind"]](**arguments)
-    except (KeyError, TypeError):
+    except (AttributeError, KeyError, TypeError):          # no mapping, no such kind, or no such numbers
         raise ValueError(f"{numbers} describe no pulse; give kind ({', '.join(PULSES)}), frequency, duration, window, "
                          "and of a sweep bandwidth.") from None
 

@@ -180,14 +180,15 @@ class Focuser:
         senders = np.asarray(raw["transmitter"].values)
         if not np.all(np.isfinite(times)):
             raise ValueError("ping_time holds numbers that are not finite; leave those pings out")
-        if senders.min(initial=0) < 0 or senders.max(initial=0) >= len(self.places[1]):
+        if not np.all((senders >= 0) & (senders < len(self.places[1]))):
             raise ValueError(f"transmitter holds {senders.min()} to {senders.max()}, and there are "
                              f"{len(self.places[1])}; count them from 0")
         self.motion.check_covers(float(times.min()), float(times.max()) + self._moved[1])
         for ping, start in enumerate(times):
             heard = np.asarray(signals[ping].values)
             if not np.all(np.isfinite(heard)):
-                raise ValueError(f"ping {ping} holds signals that are not finite; leave it out")
+                raise ValueError(f"ping {self.pings} of those to focus, counted from 0, holds signals that are not "
+                                 "finite; leave it out")
             self._next(float(start), int(senders[ping]), heard)
 
     def _next(self, start: float, number: int, heard: np.ndarray) -> None:
@@ -252,6 +253,9 @@ class Focuser:
             raise ValueError(f"none of {self.pings} pings sees the grid within its beam and record; lay the grid where "
                              "the record looks, or give none")
         image = np.stack(values)
+        if not np.all(np.isfinite(image)):
+            raise ValueError(f"levels overflow, with an absorption of {self.absorption_db:g} dB/m undone and a source "
+                             f"level of {self.source_level_db:g} dB; mend these attributes, or lay the grid nearer")
         grid = self.grid
         arrays = {"image": image, "level": db_from_amplitude(np.abs(image)).astype(np.float32),
                   "along_track": grid.along_track, "across_track": grid.across_track, "x": grid.x, "y": grid.y,

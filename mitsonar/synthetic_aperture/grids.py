@@ -235,6 +235,8 @@ def _seen(raw: xr.Dataset, ping_time: np.ndarray | None) -> tuple[np.ndarray, np
     times = np.asarray(raw["ping_time"].values if ping_time is None else ping_time, float)
     if times.ndim != 1 or len(times) < 2:
         raise ValueError(f"a grid is laid along two or more pings, got {times.size}; give a grid, or ping_time of all")
+    if not np.all(np.isfinite(times)):
+        raise ValueError("ping_time holds numbers that are not finite; leave those pings out")
     motion = Motion(raw)
     motion.check_covers(float(times.min()), float(times.max()))
     place = motion.place(times)

@@ -17,6 +17,7 @@ its peak, wherever it is; its phase is that of the target's own echo.
 """
 from __future__ import annotations
 
+import numbers
 from dataclasses import dataclass
 from typing import Literal
 
@@ -100,6 +101,12 @@ RAW_ATTRIBUTES = (
     ("rx_length", "m", "of a receiver along the track"),
     ("bed_depth", "m", "mean depth of the bed"),
 )
+# what the attributes that are numbers lie between
+BETWEEN = {"frequency": (1.0, 1e9), "sampling_rate": (1.0, 1e9), "source_level_db": (-1000.0, 1000.0),
+           "absorption_db": (0.0, 1000.0), "tx_length": (0.0, 1000.0), "rx_length": (0.0, 1000.0),
+           "bed_depth": (-1e5, 1e5)}
+UNIT = 1e-3                        # that the length of look may be off
+CHECKED = "signal", "array"        # groups whose numbers must be finite; others are checked where they are used
 
 IMAGE_VARIABLES: dict[str, Variable] = {one.name: one for one in [
     *_some("image", ("bank", "along_track", "across_track"), True,
@@ -138,18 +145,40 @@ IMAGE_VARIABLES: dict[str, Variable] = {one.name: one for one in [
 
 
 def check_raw(record: xr.Dataset) -> None:
-    """Refuse a dataset that holds no raw echoes.
+    """Refuse a dataset that holds no raw echoes; numbers of signal and trajectory are checked where they are used.
 
     Raises
     ------
     ValueError
-        If a variable or an attribute is missing, or has other dimensions.
+        If a variable or an attribute is missing, has other dimensions, or holds what cannot be.
     """
-    _check(record, RAW_VARIABLES, "raw echoes of a synthetic aperture")
+    what = "raw echoes of a synthetic aperture"
+    _check(record, RAW_VARIABLES, what)
     for name, *_ in RAW_ATTRIBUTES:
         if name not in record.attrs:
-            raise ValueError(f"the attribute {name} of raw echoes of a synthetic aperture is missing; take what "
-                             "mitsonar.raw_echoes gives or `mitsonar signals` writes")
+            raise ValueError(f"the attribute {name} of {what} is missing; take what mitsonar.raw_echoes gives or "
+                             "`mitsonar signals` writes")
+    for name, (least, most) in BETWEEN.items():
+        value = record.attrs[name]
+        if not isinstance(value, numbers.Real) or not least <= float(value) <= most:
+            raise ValueError(f"the attribute {name} of {what} is {value!r}; give a number from {least:g} to {most:g}")
+    look = np.asarray(record.attrs["look"])
+    if look.shape != (3,) or look.dtype.kind not in "iuf" or not abs(np.linalg.norm(look) - 1) < UNIT:
+        raise ValueError(f"the attribute look of {what} is {record.attrs['look']!r}; give a unit vector: forward, "
+                         "starboard, down")
+    for one in RAW_VARIABLES.values():
+        if not one.needed or one.group not in CHECKED or one.name == "signal":
+            continue
+        if not np.all(np.isfinite(record[one.name].values)):
+            raise ValueError(f"{one.name} of {what} holds numbers that are not finite; repair it")
+    _check_even(np.asarray(record["time"].values, float), float(record.attrs["sampling_rate"]))
+
+
+def _check_even(time: np.ndarray, rate: float) -> None:
+    """Refuse times [s] that are not those of samples at a rate [Hz]."""
+    if not len(time) or np.abs(time - time[0] - np.arange(len(time)) / rate).max() > 0.5 / rate:
+        raise ValueError(f"the times of {len(time)} samples do not go on evenly by 1 / sampling_rate, which is "
+                         f"{rate:g} Hz; mend one of them")
 
 
 def check_image(record: xr.Dataset) -> None:
