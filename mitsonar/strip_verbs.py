@@ -113,7 +113,8 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
     survey, about = _planned(scene, sonar, integrator)
     if grid is None:
         grid = survey_grid(survey)
-    own = _windows(window or survey.aperture_window, range_window or survey.range_window)
+    own = _windows(survey.aperture_window if window is None else window,
+                   survey.range_window if range_window is None else range_window)
     image = focused(pings_of(survey, sonar.own_seed(seed)), survey.track.pings, progress, grid=grid, **how, **own)
     image = with_truth(image.assign_attrs(seed=seed), survey, seed)
     return SonarImage.of(image.assign_attrs({**about, **image.attrs}))

@@ -137,8 +137,9 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
         raise ValueError("--interferogram is of two banks of receivers, and these echoes have one; leave it out.")
     grid = chosen_grid(arguments, usual, one if navigated is None else navigated, one, times)
     sine = None if arguments.angle is None else math.sin(math.radians(arguments.angle))
-    focuser = Focuser(one, grid, profile, window=arguments.window or usual.window,
-                      range_window=arguments.range_window or usual.range_window, trajectory=navigated, aperture=sine)
+    window, range_window = (known if asked is None else asked for asked, known in (
+        (arguments.window, usual.window), (arguments.range_window, usual.range_window)))
+    focuser = Focuser(one, grid, profile, window=window, range_window=range_window, trajectory=navigated, aperture=sine)
     total, began = len(times), time.monotonic()
     with Progress(verb="focusing") as progress:
         for done, ping in enumerate(itertools.chain([one], pings), 1):

@@ -96,8 +96,11 @@ def written(path: FilePath) -> int:
     part = part_of(check_writable(path))
     if not part.exists():
         return 0
-    with opened(part, unfinished=True) as record:
-        return record.sizes["ping"]
+    try:
+        with opened(part, unfinished=True) as record:
+            return record.sizes["ping"]
+    except ValueError as error:
+        raise ValueError(f"cannot go on with {part}: {str(error).rstrip('.')}; remove it, or give another name.") from None
 
 
 def size_of(first: xr.Dataset, count: int) -> int:

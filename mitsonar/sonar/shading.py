@@ -27,7 +27,7 @@ WINDOWS = {
     "gaussian": ("standard deviation in elements",), "tukey": ("tapered share = 0.5",), "general_hamming": ("alpha",),
     "general_gaussian": ("power", "standard deviation in elements"), "dpss": ("time half bandwidth",),
 }
-LARGEST = {"tukey": 1}              # numbers of others are bounded by 0 alone
+LARGEST = {"tukey": 1, "taylor": 1000}     # numbers of others are bounded by 0 alone; taylor sums nbar² terms
 
 
 def window_weights(window: str | tuple, elements: int) -> np.ndarray:

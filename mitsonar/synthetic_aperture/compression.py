@@ -13,10 +13,12 @@ from scipy import fft
 
 from ..signal.reception import band_filter, check_record, padded_length
 from ..sonar.pulse import Pulse, Window
+from ..sonar.shading import window_weights
 
 __all__ = ["Compressor", "window_of"]
 
 FINER = 8.0                        # samples of the fine axis to a cycle of the band
+TRIED = 64                         # samples that a window is tried on
 
 
 def window_of(text: str | tuple | None) -> Window | None:
@@ -68,7 +70,10 @@ class Compressor:
         self.samples = max(int((samples - 1 - pulse.duration * sampling_rate) * finer) + 1, 2)
         frequency = fft.fftfreq(self.length, 1 / sampling_rate)
         sent = pulse.spectrum(sampling_rate, self.length)
-        replica = np.conj(pulse.replica(window_of(window)).spectrum(sampling_rate, self.length))
+        shape = window_of(window)
+        if shape is not None:
+            window_weights(shape, TRIED)                   # refuses what is none
+        replica = np.conj(pulse.replica(shape).spectrum(sampling_rate, self.length))
         gain = np.mean(sent * replica * band_filter(frequency, sampling_rate)).real
         self._transfer = (finer * replica / gain / np.sinc(frequency / self.rate) ** 2).astype(np.complex64)
 

@@ -78,7 +78,18 @@ class Grid:
                 - self.ground * np.sin(self.heading))
 
 
-def _axis(name: str, between: tuple[float, float], spacing: float) -> np.ndarray:
+def _axes(first: tuple[str, tuple[float, float]], second: tuple[str, tuple[float, float]],
+          spacing: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """The two axes, counted before either is laid."""
+    counts = [_count(*one, step) for one, step in zip((first, second), spacing, strict=True)]
+    if counts[0] * counts[1] > MOST_POINTS:
+        raise ValueError(f"a grid of {counts[0]} by {counts[1]} points was asked for; give 1 to {MOST_POINTS:,} in all")
+    along, across = (between[0] + step * np.arange(count)
+                     for (_, between), step, count in zip((first, second), spacing, counts, strict=True))
+    return along, across
+
+
+def _count(name: str, between: tuple[float, float], spacing: float) -> int:
     first, last = between
     if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(first) and np.isfinite(last) and last >= first):
         raise ValueError(f"the grid's {name} goes from {first:g} to {last:g} m in steps of {spacing:g} m; give a first "
@@ -86,14 +97,12 @@ def _axis(name: str, between: tuple[float, float], spacing: float) -> np.ndarray
     count = np.floor((last - first) / spacing * (1 + 1e-12)) + 1
     if count > MOST_POINTS:
         raise ValueError(f"the grid's {name} has {count:.3g} points; give {MOST_POINTS:,} at most")
-    return first + spacing * np.arange(int(count))
+    return int(count)
 
 
 def _finished(kind: str, origin: tuple[float, float], heading: float, along: np.ndarray, across: np.ndarray,
               ground: np.ndarray, bed: Bed) -> Grid:
     shape = len(along), len(across)
-    if shape[0] * shape[1] > MOST_POINTS:
-        raise ValueError(f"a grid of {shape[0]} by {shape[1]} points was asked for; give 1 to {MOST_POINTS:,} in all")
     flat = Grid(kind=kind, origin=(float(origin[0]), float(origin[1])), heading=float(heading), along_track=along,
                 across_track=across, ground=ground, depth=np.zeros(shape, np.float32))
     depth = bed(flat.x, flat.y) if callable(bed) else bed
@@ -124,7 +133,7 @@ def ground_grid(along_track: tuple[float, float], across_track: tuple[float, flo
     ValueError
         If a number is not finite, an interval is empty, or points are too many.
     """
-    along, across = _axis("along_track", along_track, spacing[0]), _axis("across_track", across_track, spacing[1])
+    along, across = _axes(("along_track", along_track), ("across_track", across_track), spacing)
     return _finished("ground", origin, heading, along, across, across, bed)
 
 
@@ -144,7 +153,7 @@ def slant_grid(along_track: tuple[float, float], slant_range: tuple[float, float
     origin, heading
         Of the line.
     """
-    along, slant = _axis("along_track", along_track, spacing[0]), _axis("slant_range", slant_range, spacing[1])
+    along, slant = _axes(("along_track", along_track), ("slant_range", slant_range), spacing)
     if slant[0] < 0:
         raise ValueError(f"the slant grid begins at {slant[0]:g} m; give distances of 0 or more, and side=-1 for port")
     height = depth - line_depth
