@@ -25,9 +25,11 @@ FLOORS = """
     tracing
     echoes
     survey
+    gradients
     plugins
     verbs
     strip_verbs
+    inversion
     plots
     validation
     sweep dataset
