@@ -100,7 +100,8 @@ def written(path: FilePath) -> int:
         with opened(part, unfinished=True) as record:
             return record.sizes["ping"]
     except ValueError as error:
-        raise ValueError(f"cannot go on with {part}: {str(error).rstrip('.')}; remove it, or give another name.") from None
+        why = str(error).rstrip(".")
+        raise ValueError(f"cannot go on with {part}: {why}; remove it, or give another name.") from None
 
 
 def size_of(first: xr.Dataset, count: int) -> int:
