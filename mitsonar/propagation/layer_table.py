@@ -79,7 +79,7 @@ class LayerTable(Record):
 
     def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
         """Give the sound speed [m/s] and the four moments M_n at each depth."""
-        k = self.find(depth)
+        k = self.find(dr.detach(depth))             # which layer it is has no gradient
         z_k, c_k, g, _ = self.shape(k)
         moments = dr.gather(self.lib.Array4f64, self.layers, 2 * k + 1)
         moments = [moments[i] for i in range(4)]

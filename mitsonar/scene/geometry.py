@@ -71,11 +71,19 @@ class Geometry:
         Their coordinate system, where that shape knows it.
     meshes : list of (int, mitsuba.Shape, int, int)
         Registry index, shape, first row and number of rows in `faces`.
+    first_vertices : list of int
+        Row in `vertices` of the first corner of each of `meshes`.
     others : list of (int, mitsuba.Shape)
         Registry index and shape of what is not made of facets.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    smooth_beds : bool
+        Whether every seabed is met by the normals between its nodes, whatever it says itself: what gradients are of.
     """
 
-    def __init__(self, scene: mi.Scene):
+    def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):
         shapes = scene.shapes()
         if not shapes:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
@@ -92,7 +100,7 @@ class Geometry:
         # label, first face, is a mesh, has texture coordinates
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, normals, first_vertex, first_face = [], [], [], [], 0, 0
-        self.meshes, self.others = [], []
+        self.meshes, self.others, self.first_vertices, self.smooth_beds = [], [], [], smooth_beds
         for index, shape in zip(registry, shapes):
             rows[index, 0] = self.named.of(shape)
             parameters: Any = mi.traverse(shape)
@@ -108,11 +116,12 @@ class Geometry:
             texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
                              else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
-            normals.append(vertex_normals(vertex, face) if _is_smooth(shape)
+            normals.append(vertex_normals(vertex, face) if is_smooth(shape, smooth_beds)
                            else np.zeros((len(vertex), 3), np.float32))
             label = self.named.of_faces(shape, len(face))
             faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))
             self.meshes.append((int(index), shape, first_face, len(face)))
+            self.first_vertices.append(first_vertex)
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
         self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
@@ -120,7 +129,7 @@ class Geometry:
         self.vertices = upload(mi.Float, _padded(vertices))
         self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
         self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
-        self.normals = upload(mi.Float, _padded(normals)) if any(map(_is_smooth, shapes)) else None
+        self.normals = upload(mi.Float, _padded(normals)) if any(self.is_smooth(shape) for shape in shapes) else None
         dr.eval(self.rows, self.kinds, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
@@ -145,16 +154,17 @@ class Geometry:
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
+    def is_smooth(self, shape: mi.Shape) -> bool:
+        """Whether a mesh is met by the normals between its nodes."""
+        if getattr(shape, "smooth_normals", False):
+            return True
+        return self.smooth_beds and self.named.of(shape) in self.named.seabed
+
     def targets(self) -> list[Target]:
         """Point targets."""
         return [Target(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape),
                        getattr(shape, "scattering", None), getattr(shape, "rotation", None))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
-
-
-def _is_smooth(shape):
-    """Whether a mesh is met by the normals between its nodes."""
-    return getattr(shape, "smooth_normals", False)
 
 
 def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,

@@ -5,7 +5,7 @@ The stages of a block of pings, in order (`EnergyBlock.echoes`):
     place      where the pings are sent, and how the sonar moves meanwhile                   `places`, `underway`
     launch     directions drawn where beam and time axis need them, with solid angles        `sides`, `beams`
     trace      bent rays to their first hit, and on to the seabed that objects hide          `tracing.tracer`
-    scatter    strength of the hit's material, times the sonar equation                      `echoes.sonar_equation`
+    scatter    strength of the hit's material, times the sonar equation                      `first_hits`
     sum        into time bins, by row, label and path                                        `echoes.energy_sums`
     others     echoes of several bounces, of the water, and those that have a phase          `sides`, `beams`
     read       physical units, and the truth of every bin                                    `truth`
@@ -17,7 +17,7 @@ change them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Generic
 
@@ -29,12 +29,11 @@ from ..device.arrays import arrays_of
 from ..echoes.energy_sums import EchoSums
 from ..echoes.origin_sums import OriginSums
 from ..echoes.paths import Paths
-from ..echoes.sonar_equation import echo_energy, speed_ratio
 from ..imaging.energy_record import EnergyRecord, gathered
-from ..scene.materials import scattering_strength
 from ..tracing.hits import Hits
+from .first_hits import FirstHits, received
 from .places import Place, Places
-from .rows import RaysOf, RowResponse, Rows
+from .rows import RaysOf, Rows
 from .sound_paths import SoundPaths
 from .survey import Survey
 from .truth import TruthSums
@@ -73,16 +72,6 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
     return gathered(blocks(), pings=pings, rows=rows.per_ping)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Echoes:
-    """Echoes of rays: their energy [units of the bin], how the rows receive them, their bins, and which count."""
-
-    units: mi.Float64
-    response: RowResponse
-    bin: mi.UInt32
-    active: mi.Bool
-
-
 class EnergyBlock(Generic[RaysOf]):
     """Blocks of pings, and what they share.
 
@@ -102,6 +91,7 @@ class EnergyBlock(Generic[RaysOf]):
             survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)),
             rows.frequency)
         self._places = Places(survey, self._sound.tracer, rows.underway, rows.per_ping)
+        self._first_hits = FirstHits(rows, self._sound.water)
         self._truth = TruthSums(geometry, rows)
         self._others, self._coherent = rows.other_sources(self._sound, seed), rows.coherent(self._sound)
         self._mirrors, self._surface = geometry.surface_mirrors, dr.opaque(mi.UInt32, geometry.surface_label)
@@ -134,29 +124,11 @@ class EnergyBlock(Generic[RaysOf]):
     def _bins_of(self, place: Place, rays: RaysOf) -> tuple[mi.UInt32, mi.Bool]:
         """Bins that echoes of rays arrive in, and whether they do."""
         hits = self._traced(place, rays)
-        return self._rows.bins.of(self._received(place, rays, hits).delay, hits.valid)
-
-    def _received(self, place, rays, hits):
-        """When and from where the echoes of hits come back."""
-        return place.receive(rays.ping, rays.direction, hits.point - place.origin(rays.ping), 2 * hits.travel_time)
-
-    def _scattered(self, place: Place, rays: RaysOf, hits: Hits) -> _Echoes:
-        """Echoes of hits, as the rows receive them."""
-        bins, received = self._rows.bins, self._received(place, rays, hits)
-        response = self._rows.response(place, rays, received.towards)
-        bin, inside = bins.of(received.delay, hits.valid & response.active)
-        strength, sin_grazing = scattering_strength(hits, inside, self._rows.frequency)
-        _, speed = place.medium(rays.ping)
-        units, loss = bins.worth(bin, inside, self._sound.water.loss_db(place.origin(rays.ping), hits.point, hits))
-        energy = echo_energy(solid_angle=rays.solid_angle, pattern=response.pattern, strength=strength,
-                             sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
-                             speed_ratio=speed_ratio(hits.sound_speed, speed), loss=loss)
-        return _Echoes(units=mi.Float64(energy) * mi.Float64(units), response=response, bin=bin,
-                       active=inside & dr.isfinite(energy))
+        return self._rows.bins.of(received(place, rays, hits).delay, hits.valid)
 
     def _add(self, sums: EchoSums, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits) -> None:
         """Add the echoes of what rays hit first, and where they come from."""
-        echoes = self._scattered(place, rays, hits)
+        echoes = self._first_hits.echoes(place, rays, hits)
         path = self._rows.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self._surface))
         sums.add(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units, path=path,
                  in_beam=echoes.response.in_beam, depth=mi.Float(-hits.point.z), active=echoes.active)
@@ -165,7 +137,7 @@ class EnergyBlock(Generic[RaysOf]):
 
     def _add_hidden(self, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits, hidden: Hits) -> None:
         """Add what the seabed would send back if no object hid it, by the objects that do."""
-        echoes = self._scattered(place, rays, hidden)
+        echoes = self._first_hits.echoes(place, rays, hidden)
         counted = echoes.response.in_beam if self._rows.hidden_in_beam else True
         origins.add_hidden(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units,
                            active=echoes.active & counted)

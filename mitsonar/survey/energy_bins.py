@@ -63,9 +63,13 @@ class EnergyBins:
         """Slant range at which the record ends [m]."""
         return 0.5 * self.sound_speed * self.end
 
+    def place(self, delay: mi.Float64) -> mi.Float64:
+        """Give two-way times [s] in bins from the beginning of the first."""
+        return (delay - self._start) * self._per_second
+
     def of(self, delay: mi.Float64, valid: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Give the bins of two-way times [s], and whether they lie in the record."""
-        place = (delay - self._start) * self._per_second
+        place = self.place(delay)
         inside = valid & (place >= 0) & (place < mi.Float64(self.opaque_count))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 

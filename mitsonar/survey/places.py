@@ -1,6 +1,7 @@
 """Where the pings of a block are when they are sent, and how their echoes are received: look-ups on the device."""
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import cast
 
@@ -99,6 +100,16 @@ class Place:
         return Place(ping=ping, per_ping=self.rows // len(self.ping), position=self.position[here],
                      rotation=self.rotation[here], source=self.source_of[here], sources=self.sources,
                      depth_below=self.depth_below_of[here], underway=self._underway, others=self._others)
+
+    def attached(self, position: mi.Float64 | None, rotation: mi.Float | None, sources: Sources) -> Place:
+        """The same place with positions (4 B,) and rotations (12 B,) that carry gradients, and a source a ping."""
+        moved = copy.copy(self)
+        moved.sources, moved._source = sources, dr.arange(mi.UInt32, len(self.ping))
+        if position is not None:
+            moved._position = dr.replace_grad(self._position, position)
+        if rotation is not None:
+            moved._rotation = dr.replace_grad(self._rotation, rotation)
+        return moved
 
     def key(self, row: DrJitArray) -> mi.UInt32:
         """Give the word of chance of rows."""

@@ -113,10 +113,15 @@ class Tracer:
         -------
         Hits
         """
+        return self.trace_met(sources, origin, source, direction, active)[0]
+
+    def trace_met(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+                  active: mi.Bool | bool = True) -> tuple[Hits, mi.PreliminaryIntersection3f]:
+        """Trace as `trace` does, and tell what Mitsuba met: of `facet`."""
         launch_angle, heading = _angles(direction)
         found = _first_hit(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source, launch_angle, heading,
                            mi.Bool(active))
-        return self._hits(sources, origin, source, direction, heading, *found[:3])
+        return self._hits(sources, origin, source, direction, heading, *found[:3]), found[1]
 
     def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
                           add_hidden: Callable[[Hits, Hits], None]) -> Hits:
@@ -167,20 +172,27 @@ class Tracer:
                     label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, smooth=towards_sound(smooth, normal, arrival), arrival_direction=arrival)
 
-    def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
-                heading: mi.Vector2f, valid: mi.Bool) -> tuple:
-        """Hit point in float64, facet normal, smooth one, texture coordinates, label and shape of hits on chords."""
-        geometry, wide = self.geometry, self.lib.Array3f64
-        row = registry_index(pi)
+    def facet(self, pi: mi.PreliminaryIntersection3f,
+              valid: mi.Bool) -> tuple[mi.Bool, dr.ArrayBase, mi.Float64, mi.Float64]:
+        """Give which hits are on meshes, their corners and label (Array4u, see `Geometry`), and barycentrics."""
+        geometry, row = self.geometry, registry_index(pi)
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
         mesh = valid
         if not geometry.only_meshes:
             mesh = valid & (dr.gather(mi.UInt32, geometry.rows, 4 * row + 2, valid) != 0)
         face = dr.gather(self.lib.Array4u, geometry.faces, dr.select(mesh, first_face + pi.prim_index, 0), mesh)
-        a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
-                   (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
         # a miss leaves its barycentrics undefined; a NaN depth would later index a table with anything
         u, v = (self.lib.Float64(dr.select(mesh, w, 0)) for w in (pi.prim_uv.x, pi.prim_uv.y))
+        return mesh, face, u, v
+
+    def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
+                heading: mi.Vector2f, valid: mi.Bool) -> tuple:
+        """Hit point in float64, facet normal, smooth one, texture coordinates, label and shape of hits on chords."""
+        geometry, wide = self.geometry, self.lib.Array3f64
+        row = registry_index(pi)
+        mesh, face, u, v = self.facet(pi, valid)
+        a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
+                   (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
         point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
         normal = dr.cross(b - a, c - a)
         normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))

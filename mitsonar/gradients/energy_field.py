@@ -1,0 +1,173 @@
+"""An energy record as a field that gradients pass through.
+
+The stages are those of `survey.energy`; two of them differ:
+
+    trace      once, detached: what rays hit, and the eigenrays there                        `EnergyField.kept`
+    finish     as often as derivatives are asked for, attached                               `finish`
+    sum        into bins without steps                                                       `tent_bins`
+
+Rays belong to the field: they are drawn when it is made, and stay the same, fixed in the sonar's frame, however the scene
+changes afterwards. So values at two places differ by the change alone.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..survey.first_hits import FirstHits, received
+from ..survey.places import Place, Places
+from ..survey.rows import Rays, Rows
+from ..survey.survey import Survey
+from ..tracing.hits import Hits
+from ..tracing.tracer import Tracer
+from ..tracing.water import DeviceWater
+from .attached_geometry import AttachedGeometry
+from .attached_track import AttachedTrack
+from .finish import Facets, finished
+from .ray_shift import ray_shift
+from .tent_bins import TentBins
+
+__all__ = ["Block", "EnergyField", "Kept"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A block of pings with its rays, which stay.
+
+    Attributes
+    ----------
+    ping : (B,) int
+    rays : list of Rays
+        Pass by pass, on the device.
+    """
+
+    ping: np.ndarray
+    rays: list[Rays]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kept:
+    """What a pass of rays hits, detached."""
+
+    rays: Rays
+    hits: Hits
+    facets: Facets
+
+
+class EnergyField:
+    """The energy record of a survey as a function of what is in the scene.
+
+    Parameters
+    ----------
+    survey : Survey
+        With the rays of which the field is made; the scene as it is then.
+    rows : Rows
+    seed : int
+    """
+
+    def __init__(self, survey: Survey, rows: Rows, seed: int):
+        self._rows, self._seed = rows, seed
+        self._tents = TentBins(rows.bins)
+        fastest = float(np.max(survey.profile.sound_speed))
+        self._range = 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed))
+        self.unit = 10 ** (rows.source_level_db / 10)
+        with dr.suspend_grad():
+            self.blocks = list(self._drawn(survey))
+
+    def _drawn(self, survey: Survey) -> Iterator[Block]:
+        """Draw the rays of every block, where they are needed as the scene is now."""
+        rows, places = self._rows, self.at(survey)
+
+        def bins_of(place: Place, rays: Rays) -> tuple[mi.UInt32, mi.Bool]:
+            hits = places.tracer.trace(place.sources, place.origin(rays.ping), place.source(rays.ping), rays.direction)
+            return rows.bins.of(received(place, rays, hits).delay, hits.valid)
+
+        pings = survey.track.pings
+        for start in range(0, pings, rows.pings_per_block):
+            ping = np.arange(start, min(start + rows.pings_per_block, pings))
+            rays = list(rows.passes(places.of(ping), self._seed, bins_of))
+            for some in rays:
+                dr.eval([getattr(some, field.name) for field in fields(some)])
+            yield Block(ping=ping, rays=rays)
+
+    def at(self, survey: Survey) -> Scenery:
+        """The scene and the track of a survey that may have changed."""
+        tracer = Tracer(survey.geometry, survey.water, max_range=self._range)
+        return Scenery(survey, tracer, self._rows)
+
+    def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
+        """Trace a block's rays; nothing carries a gradient."""
+        place, found = scenery.of(block.ping), []
+        with dr.suspend_grad():
+            for rays in block.rays:
+                rays = scenery.turned(place, rays)
+                hits, met = scenery.tracer.trace_met(place.sources, place.origin(rays.ping), place.source(rays.ping),
+                                                     rays.direction)
+                if scenery.mirrors:
+                    hits = replace(hits, valid=hits.valid & (hits.label != scenery.surface))
+                on_mesh, face, u, v = scenery.tracer.facet(met, hits.valid)
+                facets = Facets(on_mesh=on_mesh, face=face, u=mi.Float(u), v=mi.Float(v))
+                found.append(Kept(rays=rays, hits=hits, facets=facets))
+        return found
+
+    def sums(self, scenery: Scenery, block: Block, kept: list[Kept]) -> mi.Float64:
+        """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
+        place = scenery.attached(block.ping)
+        total = dr.zeros(mi.Float64, place.rows * self._rows.bins.count)
+        first_hits = FirstHits(self._rows, scenery.water, self._tents.of)
+        for one in kept:
+            rays, hits = self._finished(scenery, place, one)
+            self._tents.add(total, first_hits.echoes(place, rays, hits))
+        return total
+
+    def _finished(self, scenery: Scenery, place: Place, kept: Kept) -> tuple[Rays, Hits]:
+        rays, hits = scenery.turned(place, kept.rays), kept.hits
+        origin = place.origin(rays.ping)
+        way, down = dr.detach(hits.point - origin), -dr.detach(rays.direction).z
+        distance = mi.Float(dr.sqrt(way.x * way.x + way.y * way.y))
+        shift = None
+        if scenery.moves:
+            shift = ray_shift(scenery.layers, origin, rays.direction, hits)
+        return rays, finished(hits, kept.facets, scenery.facets, scenery.layers, mi.Float(down), distance, shift)
+
+
+class Scenery:
+    """A survey's scene, water and track as a field sees them at one moment.
+
+    Parameters
+    ----------
+    survey : Survey
+    tracer : Tracer
+    rows : Rows
+    """
+
+    def __init__(self, survey: Survey, tracer: Tracer, rows: Rows):
+        self._survey, self.tracer = survey, tracer
+        self._places = Places(survey, tracer, rows.underway, rows.per_ping)
+        self.water: DeviceWater = survey.water
+        self.layers = self.water.direct.layers
+        self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
+        self.facets = AttachedGeometry(survey.geometry)
+        self.track: AttachedTrack | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether rays themselves carry gradients: by water or track."""
+        return self.track is not None
+
+    def of(self, ping: np.ndarray) -> Place:
+        """Where pings (B,) are, detached."""
+        return self._places.of(ping)
+
+    def attached(self, ping: np.ndarray) -> Place:
+        """Where pings (B,) are, attached where the track or the water is."""
+        place = self.of(ping)
+        return place if self.track is None else self.track.place(place)
+
+    def turned(self, place: Place, rays: Rays) -> Rays:
+        """Rays as the sonar is turned in a place."""
+        return rays if self.track is None else self.track.turned(place, rays)

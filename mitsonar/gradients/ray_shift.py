@@ -1,0 +1,146 @@
+"""How a ray of one launch moves where it meets the depth of its hit, as water, sonar and attitude change.
+
+    p = cos θ_0 / c_0                                     the ray's parameter, as it leaves the sonar
+    X, T, S, A = f(p, z_0, z; c(z))                       range, time, arc and spreading at the depth z of the hit
+
+by the series of `propagation.two_point`, without its step of Newton: a launched ray needs none. z is detached, all else
+may be attached: source depth z_0, sound speeds, launch angle θ_0 and heading. The hit itself then slides along the ray
+(`finish`). Rays that turned, or for which the series is too slow, have a walk in its place (`walked_rays`).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..propagation.layer_table import LayerTable
+from ..propagation.two_point import LEVEL, SERIES_LIMIT
+from ..tracing.hits import Hits
+from .tangents import tangent
+
+__all__ = ["RayShift", "ray_shift"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayShift:
+    """Increments at the depths of hits: 0, with gradients.
+
+    Attributes
+    ----------
+    across : Vector3f (R,) [m]
+        Of the ray, level.
+    travel_time : Float64 (R,) [s]
+    arc_length : Float (R,) [m]
+    spreading : Float (R,) [-]
+        Of the logarithm of the spreading area.
+    ray_parameter, sound_speed : Float64 (R,) [s/m], [m/s]
+    heading : Vector2f (R,) [-]
+    known : Bool (R,)
+        Where they are known.
+    """
+
+    across: mi.Vector3f
+    travel_time: mi.Float64
+    arc_length: mi.Float
+    spreading: mi.Float
+    ray_parameter: mi.Float64
+    sound_speed: mi.Float64
+    heading: mi.Vector2f
+    known: mi.Bool
+
+
+def ray_shift(layers: LayerTable, origin: dr.ArrayBase, direction: mi.Vector3f, hits: Hits) -> RayShift:
+    """Give how rays move at the depths of their hits.
+
+    Parameters
+    ----------
+    layers : LayerTable
+        Attached where sound speeds are.
+    origin : Array3f64 (R,) [m]
+        Of the rays, attached where the sonar's place is.
+    direction : Vector3f (R,)
+        At launch, attached where the attitude is.
+    hits : Hits
+        Detached.
+    """
+    wide = mi.Float64
+    x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
+    across = dr.sqrt(dr.maximum(x * x + y * y, 1e-24))
+    scale = dr.rsqrt(across * across + z * z)
+    sine0, cosine0 = -z * scale, across * scale
+    upright = dr.detach(across) < 1e-6
+    heading = mi.Vector2f(mi.Float(dr.select(upright, 1, x / across)), mi.Float(dr.select(upright, 0, y / across)))
+    depth0 = -origin.z
+    speed0, moments0 = layers.at(depth0)
+    parameter = cosine0 / speed0
+    there = _at_depth(layers, parameter, depth0, moments0, speed0, dr.detach(-hits.point.z))
+    reach = dr.detach(hits.point - origin)
+    distance = dr.sqrt(reach.x * reach.x + reach.y * reach.y)
+    down = dr.detach(sine0) * dr.detach(-reach.z) > 0                  # it went straight to its depth
+    near = abs(dr.detach(-reach.z)) < LEVEL * distance
+    known = hits.valid & down & ~near & (abs(there.fourth) < SERIES_LIMIT)
+
+    def increment(value: Any) -> Any:
+        return dr.select(known, tangent(value), 0)
+
+    moved = mi.Float(increment(there.range))
+    shift = [mi.Float(tangent(axis)) for axis in (origin.x, origin.y)]
+    turned = [dr.select(hits.valid, mi.Float(distance) * tangent(part), 0) for part in (heading.x, heading.y)]
+    along = [dr.detach(part) * moved for part in (heading.x, heading.y)]
+    return RayShift(
+        across=mi.Vector3f(shift[0] + turned[0] + along[0], shift[1] + turned[1] + along[1], 0),
+        travel_time=increment(there.time), arc_length=mi.Float(increment(there.arc)),
+        spreading=mi.Float(increment(there.log_area)), ray_parameter=increment(parameter),
+        sound_speed=increment(there.speed), heading=mi.Vector2f(tangent(heading.x), tangent(heading.y)), known=known)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _AtDepth:
+    """A launched ray at a depth; symbols of `two_point`."""
+
+    range: mi.Float64
+    time: mi.Float64
+    arc: mi.Float64
+    log_area: mi.Float64
+    speed: mi.Float64
+    fourth: mi.Float64
+
+
+def _at_depth(table: LayerTable, parameter: mi.Float64, depth0: mi.Float64, moments0: list[mi.Float64],
+              speed0: mi.Float64, depth: mi.Float64) -> _AtDepth:
+    """The series of `two_point` for a ray of this parameter, in float64."""
+    speed, moments = table.at(depth)
+    signed = depth - depth0
+    height = dr.maximum(abs(signed), 1e-9)
+    per_height = dr.sign(dr.detach(signed)) / height
+    n1, n2, n3, n4 = ((end - start) * per_height for end, start in zip(moments, moments0))
+    m2 = n2 - n1 * n1
+    m3 = n3 - n1 * (3 * n2 - 2 * n1 * n1)
+    m4 = n4 - n1 * (4 * n3 - n1 * (6 * n2 - 3 * n1 * n1))
+    # p and q in units of √r0: s² = 1 + <e>
+    root = dr.sqrt(table.reference)
+    s2, p2 = 1 + n1, parameter * parameter * table.scale
+    q2 = s2 - p2
+    there = dr.detach(q2) > 1e-12
+    w = dr.rcp(dr.select(there, q2, 1))
+    q = dr.sqrt(w)                                                     # 1/q
+    a2, a3, a4 = m2 * w * w, m3 * w * w * w, m4 * (w * w) * (w * w)
+    per_p = height * q * (1 + 0.375 * a2 - 0.3125 * a3 + (35 / 128) * a4)
+    slope = per_p + height * q * p2 * w * (1 + 1.875 * a2 - 2.1875 * a3 + (315 / 128) * a4)
+    distance = parameter * per_p / root
+    time = parameter * distance + height * root * dr.sqrt(dr.select(there, q2, 1)) * (
+        1 - 0.125 * a2 + a3 / 16 - (5 / 128) * a4)
+    sine0 = dr.sqrt(dr.maximum(1 - dr.square(parameter * speed0), 1e-12))
+    sine = dr.sqrt(dr.maximum(1 - dr.square(parameter * speed), 1e-12))
+    # A = X |D| sin θ sin θ_0 / (c_0 cos θ_0),  cos θ_0 = p c_0
+    area = per_p * slope * sine * sine0 / (table.reference * speed0 * speed0)
+    u = q2 / s2
+    b1, b2, b3, b4 = 0.5 * u, -0.125 * u * u, u * u * u / 16, -(5 / 128) * u * u * u * u
+    arc = height * dr.sqrt(s2) * q * (
+        1 + a2 * (0.375 - 0.5 * b1 + b2) + a3 * (-0.3125 + 0.375 * b1 - 0.5 * b2 + b3)
+        + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
+    log_area = dr.log(dr.select(there & (dr.detach(area) > 0), area, 1))
+    return _AtDepth(range=distance, time=time, arc=arc, log_area=log_area, speed=speed,
+                    fourth=dr.select(there, dr.detach(a4), 1.0))
