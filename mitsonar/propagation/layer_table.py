@@ -19,14 +19,14 @@ from ..device.types import ArrayTypes, Bool, DrJitArray, Float, Float64, UInt32
 from ..water import SoundSpeedProfile
 from .sole_range import sole_range
 
-__all__ = ["LayerTable", "layer_table"]
+__all__ = ["FAR", "GAUSS", "LayerTable", "layer_table"]
 
 FAR = 1.0e5            # [m] thickness of the constant half-spaces above and below the profile
 SPEED_STEP = 0.01      # largest relative change of sound speed inside one layer
 LOOKUP_SIZE = 2048
 EDGE = 1e-7            # [m] from an edge: arrivals that this parts differ by less than 1e-10 s
 SAFE = 1 - 1e-6         # of a range: what single precision may round up
-_GAUSS = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0.5, 5 / 18))
+GAUSS = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0.5, 5 / 18))
 
 
 class LayerTable(Record):
@@ -49,11 +49,11 @@ class LayerTable(Record):
 
     def find(self, depth: Float64) -> UInt32:
         """Give the index of the layer that holds each depth [m]; a node is of the layer below it, NaN of the first."""
-        lib = self.lib
+        lib, depth = self.lib, dr.detach(depth)            # a place in a table has no gradient
         cell = held((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
         k = dr.gather(lib.UInt32, self.lookup, lib.UInt32(cell))
         k = dr.select(depth < self.top, 0, k)
-        return _step_down(lib, self.layers, k, depth, self.last)
+        return _step_down(lib, dr.detach(self.layers), k, depth, self.last)
 
     def shape(self, k: UInt32, active: Bool | bool = True) -> tuple[Float64, Float64, Float64, Float64]:
         """Give depth, sound speed and gradient of layer k, and the depth of its lower side."""
@@ -84,7 +84,7 @@ class LayerTable(Record):
         moments = dr.gather(self.lib.Array4f64, self.layers, 2 * k + 1)
         moments = [moments[i] for i in range(4)]
         length = depth - z_k
-        for place, weight in _GAUSS:
+        for place, weight in GAUSS:
             c = dr.fma(g * length, place, c_k)
             e = self.scale / (c * c) - 1
             power = weight * length * e
