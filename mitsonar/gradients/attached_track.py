@@ -2,8 +2,8 @@
 
     o = o_0 + Δo,    R = R(heading + Δψ, pitch + Δθ, roll + Δφ)
 
-Δo -> ``position_offset`` [m], scene coordinates, and (Δψ, Δθ, Δφ) -> ``attitude_offset`` [rad]: an offset holds while the
-echoes of its ping are under way. Rays are fixed in the sonar's frame, so they turn with it: d = R R_0ᵀ d_0.
+Δo -> ``position_offset`` [m], scene coordinates, and (Δψ, Δθ, Δφ) -> ``attitude_offset`` [rad]: an offset holds while
+the echoes of its ping are under way. Rays are fixed in the sonar's frame, so they turn with it: d = R R_0ᵀ d_0.
 """
 from __future__ import annotations
 

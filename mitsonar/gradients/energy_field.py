@@ -6,11 +6,12 @@ The stages are those of `survey.energy`; two of them differ:
     finish     as often as derivatives are asked for, attached                               `finish`
     sum        into bins without steps                                                       `tent_bins`
 
-Rays belong to the field: they are drawn when it is made, and stay the same, fixed in the sonar's frame, however the scene
-changes afterwards. So values at two places differ by the change alone.
+Rays belong to the field: they are drawn when it is made, and stay the same, fixed in the sonar's frame, however the
+scene changes afterwards. So values at two places differ by the change alone.
 """
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
@@ -153,6 +154,12 @@ class Scenery:
         self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
         self.facets = AttachedGeometry(survey.geometry)
         self.track: AttachedTrack | None = None
+
+    def again(self) -> Scenery:
+        """The same scenery with gradients of its own: those of a product are used up by it."""
+        other = copy.copy(self)
+        other.facets = AttachedGeometry(self._survey.geometry)
+        return other
 
     @property
     def moves(self) -> bool:

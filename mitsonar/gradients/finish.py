@@ -8,12 +8,12 @@ A ray of one launch meets a surface at x_0. As the surface, the ray or the water
     1/R_w = (c sin θ_0 / c_0 - p g V cos θ) / (V sin θ),    V = A cos θ_0 / X
 
 dx -> the motion of the facet's point that was hit, n -> its normal, t -> the ray's direction there; dr, dT, dL, dA/A ->
-`RayShift`; κ is how fast the ray's tube widens along it, R_w the radius of the wavefront in the vertical plane. The point
-slides over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated between
-corners, the normal that the surface scatters by and texture coordinates.
+`RayShift`; κ is how fast the ray's tube widens along it, R_w the radius of the wavefront in the vertical plane. The
+point slides over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated
+between corners, the normal that the surface scatters by and texture coordinates.
 
-Edges are not here: a point that slides off its facet goes on in the facet's plane, and what comes out of a shadow or goes
-into one is left out.
+Edges are not here: a point that slides off its facet goes on in the facet's plane, and what comes out of a shadow or
+goes into one is left out.
 """
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _widening(hits: Hits, sine0: mi.Float, distance: mi.Float, gradient: mi.Floa
     cosine0 = dr.sqrt(dr.maximum(1 - sine0 * sine0, 0))
     cosine = parameter * speed
     sine = -hits.arrival_direction.z
-    plain = 2 / length                                                 # of straight rays; what is level or upright takes it
+    plain = 2 / length                                # straight rays; level and upright ones take it, too
     bent = hits.valid & (abs(sine) > 0.02) & (distance > 1e-3 * length) & (sine * sine0 > 0)
     source_speed = cosine0 / dr.select(bent, parameter, 1)             # Snell: p = cos θ_0 / c_0
     aside = dr.select(bent, distance, 1)

@@ -5,8 +5,8 @@
     J v,  Jᵀ w         how the record moves with the parameters; the gradient of w·y     `Linearised`
 
 Parameters are arrays by name, as `mi.traverse` names them (`bed.vertex_positions`) or as a parametrisation does.
-Records are flat. Whoever fits or checks asks for nothing else: what is behind, a sidescan's image, soundings' times, the
-signals of elements, makes no difference to them.
+Records are flat. Whoever fits or checks asks for nothing else: what is behind, a sidescan's image, soundings' times,
+the signals of elements, makes no difference to them.
 """
 from __future__ import annotations
 

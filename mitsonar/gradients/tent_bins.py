@@ -2,8 +2,8 @@
 
     a = (t - t_0) / Δt - 1/2,    k = ⌊a⌋,    E_k += (1 - (a - k)) E,    E_{k+1} += (a - k) E
 
-t -> ``delay``, t_0 and Δt those of the bins. k is detached. Where the echoes of a surface follow each other evenly, a bin
-holds as much as a bin with steps does: the tent has the same area.
+t -> ``delay``, t_0 and Δt those of the bins. k is detached. Where the echoes of a surface follow each other evenly, a
+bin holds as much as a bin with steps does: the tent has the same area.
 """
 from __future__ import annotations
 

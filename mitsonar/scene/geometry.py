@@ -107,7 +107,7 @@ class Geometry:
             if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
                 self.others.append((int(index), shape))
                 continue
-            vertex = parameters["vertex_positions"].numpy().reshape(-1, 3)
+            vertex = dr.detach(parameters["vertex_positions"]).numpy().reshape(-1, 3)
             face = parameters["faces"].numpy().reshape(-1, 3)
             if face.max(initial=0) >= len(vertex):     # in a scene that Mitsuba itself loaded, or made in Python
                 raise ValueError(f'a face of the mesh "{shape.id()}" names vertex {face.max()}, and the vertices count '
@@ -116,7 +116,7 @@ class Geometry:
             texcoords.append(parameters["vertex_texcoords"].numpy().reshape(-1, 2) if rows[index, 3]
                              else np.zeros((len(vertex), 2), np.float32))
             vertices.append(vertex)
-            normals.append(vertex_normals(vertex, face) if is_smooth(shape, smooth_beds)
+            normals.append(vertex_normals(vertex, face) if self.is_smooth(shape)
                            else np.zeros((len(vertex), 3), np.float32))
             label = self.named.of_faces(shape, len(face))
             faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))

@@ -5,8 +5,8 @@ and the sums of a record and the field that gradients are of have the same echoe
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -21,7 +21,12 @@ from .underway import Reception
 
 __all__ = ["Binning", "Echoes", "FirstHits", "received"]
 
-Binning = Callable[[mi.Float64, mi.Bool], tuple[mi.UInt32, mi.Bool]]
+
+class Binning(Protocol):
+    """Gives the bins of two-way times [s], and which of them count."""
+
+    def __call__(self, delay: mi.Float64, valid: mi.Bool, /) -> tuple[mi.UInt32, mi.Bool]: ...
+
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +60,8 @@ class FirstHits:
     ----------
     rows : Rows
     water : DeviceWater
-    binning : callable(delay, valid) or None
-        Gives the bins of two-way times, and which of them count; None: those of the rows.
+    binning : Binning or None
+        None: that of the rows.
     """
 
     def __init__(self, rows: Rows, water: DeviceWater, binning: Binning | None = None):

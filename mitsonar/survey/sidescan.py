@@ -24,7 +24,7 @@ from .side_speckle import side_speckle
 from .sidescan_survey import SidescanSurvey
 from .voyage import Passage
 
-__all__ = ["SidescanSensor", "picture", "plan", "plan_elements", "rows", "sonar_at"]
+__all__ = ["SidescanSensor", "noise_db", "picture", "plan", "plan_elements", "rows", "sonar_at"]
 
 
 class SidescanSensor(Sensor, Protocol):
@@ -120,7 +120,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
-        class_of=class_of, paths=survey.paths.names, noise_db=_noise_db(sensor, sonar),
+        class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
         speckle=side_speckle(survey, seed).of if sensor.speckle else None, seed=seed,
         absorption_db=float(survey.absorption.at(head_depth)), recorder=sensor.recorder)
     return objects.annotated(image, classes, class_of, survey.geometry)
@@ -154,7 +154,7 @@ def _compression_db(sensor: SidescanSensor) -> float:
     return float(db_from_power(sensor.chirp_length / sensor.pulse_length))
 
 
-def _noise_db(sensor: SidescanSensor, sonar: Sidescan) -> float | None:
+def noise_db(sensor: SidescanSensor, sonar: Sidescan) -> float | None:
     """Noise of the sea and of the receiver in the compressed pulse's band [dB re 1 µPa]; None where there is none."""
     spectra = []
     if sensor.noise:

@@ -29,6 +29,7 @@ FLOORS = """
     plugins
     verbs
     strip_verbs
+    gradient_verbs
     inversion
     plots
     validation

@@ -1,0 +1,153 @@
+"""Parameters of a scene as NumPy arrays, and as leaves that gradients begin at.
+
+What is written goes through `mi.traverse` and its `update`, so that whatever a plugin keeps of a parameter is made
+anew. Arrays of vectors have a row a vector; all else has the shape that Mitsuba gives it.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..spelling import meant
+from .model import Values
+
+__all__ = ["AttachedValues", "SceneValues", "differentiable"]
+
+VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
+UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad", "sound_speed": "m/s",
+         "absorption_db": "dB/m", "strength": "1", "mu_db": "dB", "target_strength_db": "dB", "position": "m"}
+
+
+def differentiable(scene: mi.Scene) -> list[str]:
+    """Names of the parameters of a scene that gradients may be asked for."""
+    parameters: Any = mi.traverse(scene)
+    return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0]
+
+
+class SceneValues:
+    """Some parameters of a scene.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    keys : sequence of str
+
+    Attributes
+    ----------
+    start : dict[str, array]
+        Their values when this was made.
+    units : dict[str, str]
+
+    Raises
+    ------
+    ValueError
+        If the scene has no such parameter, or it has no gradient.
+    """
+
+    def __init__(self, scene: mi.Scene, keys: Sequence[str]):
+        self._parameters: Any = mi.traverse(scene)
+        known = differentiable(scene)
+        if not keys:
+            raise ValueError(f"no parameter was asked for; give one or more of {', '.join(known)}")
+        for key in keys:
+            if key not in known:
+                raise ValueError(f"the scene has no parameter {key!r} that gradients could be of{meant(key, known)}; "
+                                 f"it has {', '.join(known)}")
+        self.keys = tuple(dict.fromkeys(keys))
+        self.start = {key: self._array(key) for key in self.keys}
+        self.units = {key: UNITS.get(key.rpartition(".")[2], "") for key in self.keys}
+
+    def _array(self, key: str) -> np.ndarray:
+        value = dr.detach(self._parameters[key])
+        array = np.array(value, float)
+        if array.ndim > 1 and not dr.is_tensor_v(value):               # Dr.Jit's vectors have their axis first
+            array = array.T
+        return array.reshape(-1, 3) if key.rpartition(".")[2] in VECTORS else array
+
+    def write(self, values: Values) -> None:
+        """Put values into the scene; those left out are as at the start."""
+        checked = self.checked(values)
+        for key in self.keys:
+            new = checked.get(key, self.start[key])
+            if not np.array_equal(new, self._array(key)):
+                self._parameters[key] = self._value(key, new)
+        self._parameters.update()
+
+    def checked(self, values: Values) -> dict[str, np.ndarray]:
+        """Arrays of the right names and shapes, or `ValueError`."""
+        found = {}
+        for key, value in values.items():
+            if key not in self.start:
+                raise ValueError(f"{key!r} is none of the parameters{meant(key, self.keys)}: {', '.join(self.keys)}")
+            array, shape = np.asarray(value, float), self.start[key].shape
+            if array.shape != shape:
+                raise ValueError(f"{key} has the shape {array.shape}; give {shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{key} holds numbers that are not finite")
+            found[key] = array
+        return found
+
+    def _value(self, key: str, array: np.ndarray) -> Any:
+        """An array as Mitsuba's own kind of value."""
+        kind = type(self._parameters[key])
+        if kind is float:
+            return float(array)
+        if dr.is_tensor_v(kind):
+            return kind(np.ascontiguousarray(array, np.float32))
+        if dr.depth_v(kind) > 1:
+            return kind(*np.atleast_2d(array).T.tolist()) if array.ndim > 1 else kind(*array.tolist())
+        wide = np.float64 if dr.type_v(kind) == dr.VarType.Float64 else np.float32
+        return kind(np.ascontiguousarray(array.ravel(), wide))
+
+    def attached(self) -> AttachedValues:
+        """Give the parameters as leaves, in the scene."""
+        leaves = {}
+        for key in self.keys:
+            leaf = self._value(key, self._array(key))
+            dr.enable_grad(leaf)
+            self._parameters[key] = leaves[key] = leaf
+        self._parameters.update()
+        return AttachedValues(self, leaves)
+
+
+class AttachedValues:
+    """Leaves of a scene's parameters.
+
+    Parameters
+    ----------
+    values : SceneValues
+    leaves : dict[str, Dr.Jit array]
+    """
+
+    def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
+        self._values, self._leaves = values, dict(leaves)
+
+    def directions(self, tangents: Values) -> dict[str, np.ndarray]:
+        """Directions of all leaves, 0 where none is given."""
+        checked = self._values.checked(tangents)
+        return {key: checked.get(key, np.zeros_like(start)) for key, start in self._values.start.items()}
+
+    def set_tangents(self, directions: Mapping[str, np.ndarray]) -> None:
+        """Let the leaves move in these directions."""
+        for key, leaf in self._leaves.items():
+            dr.clear_grad(leaf)
+            dr.set_grad(leaf, self._values._value(key, directions[key]))
+
+    def clear(self) -> None:
+        """Forget gradients."""
+        dr.clear_grad(self._leaves)
+
+    def gradients(self) -> dict[str, np.ndarray]:
+        """What has come back to the leaves."""
+        found = {}
+        for key, leaf in self._leaves.items():
+            array = np.array(dr.grad(leaf), float)
+            if array.ndim > 1 and not dr.is_tensor_v(leaf):
+                array = array.T
+            found[key] = array.reshape(self._values.start[key].shape)
+        self.clear()
+        return found
