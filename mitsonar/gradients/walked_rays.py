@@ -13,6 +13,7 @@ nodes it passes, backward with the weights of its end.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 import drjit as dr
 import numpy as np
@@ -109,7 +110,7 @@ class _Walked(dr.CustomOp):
         c_z = dr.fma(g, rest, c)
         s_z = _sine(start.parameter, s, c, c_z)
         ahead = rest * start.parameter * (c + c_z) / (s + s_z)
-        aside = dr.copysign(arc_time(c, c_z, g, dr.fma(ahead, ahead, rest * rest)), rest * s)
+        aside = arc_time(c, c_z, g, dr.fma(ahead, ahead, rest * rest)) * dr.sign(rest * s)
         reach, time = x + ahead, time + aside
         # a ray that turned on its way, or comes by elsewhere, has no gradient here
         self.arrives = active & dr.isfinite(time) & (abs(ahead) <= ELSEWHERE * x + NEAR)
@@ -119,7 +120,7 @@ class _Walked(dr.CustomOp):
     def forward(self) -> None:
         table, nodes, count, z0, s0, z, x = self.inputs
         lib, start = table.lib, _start(table, z0, s0)
-        tangents = self.grad_in("speeds")
+        tangents = cast(Float64, self.grad_in("speeds"))
         tangents = tangents if dr.width(tangents) == count else dr.zeros(lib.Float64, count)
 
         def visit(layer: UInt32, place: Float64, arc: ArcDerivatives, on: Bool) -> tuple[Float64, Float64]:
@@ -132,7 +133,7 @@ class _Walked(dr.CustomOp):
         spread, by_range, by_time = _followed(table, start, z, x, self.arrives, visit)
         upper, lower, depth, per_metre = nodes.of(start.layer, self.arrives)
         above, below = (dr.gather(lib.Float64, tangents, node, self.arrives) for node in (upper, lower))
-        dz0, ds0 = self.grad_in("z0"), self.grad_in("s0")
+        dz0, ds0 = cast(Float64, self.grad_in("z0")), cast(Float64, self.grad_in("s0"))
         dc0 = above + (below - above) * per_metre * (z0 - depth) + start.gradient * dz0
         dp = -(start.sine * ds0 / start.cosine + start.parameter * dc0) / start.speed
         dx = by_range + spread * dp - start.parameter * start.speed / start.sine * dz0
@@ -142,7 +143,7 @@ class _Walked(dr.CustomOp):
     def backward(self) -> None:
         table, nodes, count, z0, s0, z, x = self.inputs
         lib, start, on = table.lib, _start(table, z0, s0), self.arrives
-        by_x, by_t = (dr.select(on, weight, 0) for weight in self.grad_out())
+        by_x, by_t = (dr.select(on, weight, 0) for weight in cast(tuple[Float64, Float64], self.grad_out()))
         by_x = by_x + start.parameter * by_t
         gradient = dr.zeros(lib.Float64, count)
 
@@ -214,12 +215,13 @@ def _start(table: LayerTable, z0: Float64, s0: Float64) -> _Start:
 
 def _sine(p: Float64, s1: Float64, c1: Float64, c2: Float64) -> Float64:
     """Give the sine where the speed is c2, on the same side of the turning point."""
-    return dr.copysign(dr.sqrt(dr.maximum(s1 * s1 - p * p * (c2 - c1) * (c2 + c1), 0)), s1)
+    return dr.sqrt(dr.maximum(s1 * s1 - p * p * (c2 - c1) * (c2 + c1), 0)) * dr.sign(s1)
 
 
 def _fitted(gradient: Float64, like: Float64) -> Float64:
     """One gradient for all rays where they share the number."""
-    return dr.sum(gradient) if dr.width(like) == 1 and dr.width(gradient) > 1 else gradient
+    shared = dr.width(like) == 1 and dr.width(gradient) > 1
+    return cast(Float64, dr.sum(gradient)) if shared else gradient
 
 
 def _nodes(table: LayerTable) -> _Nodes:

@@ -69,7 +69,8 @@ def arc_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1:
     ArcDerivatives
     """
     xp: Any = dr if dr.is_jit_v(parameter * c1) else np
-    select = dr.select if xp is dr else np.where
+    select: Any = dr.select if xp is dr else np.where
+    arctanh: Any = dr.atanh if xp is dr else np.arctanh
     s1, s2 = _not_level(xp, select, s1), _not_level(xp, select, s2)
     square1, square2, squared = s1 * s1, s2 * s2, parameter * parameter
     turns = s1 * s2 < 0
@@ -89,7 +90,7 @@ def arc_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1:
     change = c2 - c1
     a, b = s1 / c1 - s2 / c2, c2 / s2 - c1 / s1
     both = xp.minimum(xp.maximum((s1 - s2) / select(gentle, 1.0, 1 - s1 * s2), -1.0), 1.0)
-    log = (dr.atanh if xp is dr else np.arctanh)(select(gentle, 0.0, both))
+    log = arctanh(select(gentle, 0.0, both))
     # C - c1 B without the difference of two large numbers beside a turning point
     rest = ((square1 - squared * c1 * change) / s2 - s1) / squared
     return ArcDerivatives(
