@@ -26,21 +26,12 @@ class AttachedScene:
     def __init__(self, picture: Picture, survey: Survey):
         self._picture, self._survey = picture, survey
 
-    def scenery(self, field: EnergyField, *, attached: bool, like: Scenery | None = None) -> Scenery:
-        """Give the scene as it is now.
+    def scenery(self, field: EnergyField) -> Scenery:
+        """Give the scene as it is now, without gradients."""
+        with dr.suspend_grad():
+            geometry = Geometry(self._survey.geometry.scene, smooth_beds=True)
+            return field.at(replace(self._survey, geometry=geometry))
 
-        Parameters
-        ----------
-        field : EnergyField
-        attached : bool
-            Whether gradients are wanted.
-        like : Scenery or None
-            Of the same values: its tracer serves again.
-        """
-        if like is None:
-            with dr.suspend_grad():
-                survey = replace(self._survey, geometry=Geometry(self._survey.geometry.scene, smooth_beds=True))
-                scenery = field.at(survey)
-        else:
-            scenery = like.again()
-        return scenery
+    def attached(self, scenery: Scenery) -> Scenery:
+        """Give the same scenery with gradients of its own: those of a product are used up by it."""
+        return scenery.again()

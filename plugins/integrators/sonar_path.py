@@ -12,13 +12,17 @@ Meshes and rectangles carry scatterers.
     <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
 """
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import xarray as xr
 
 from mitsonar.echoes.ensonification import METHODS
+from mitsonar.gradients.level_products import LevelProducts, wants_gradients
+from mitsonar.scene.geometry import Geometry
 from mitsonar.survey.array_survey import ArraySurvey
 from mitsonar.survey.kinds import frame_kind_of, kind_of
 from mitsonar.survey.sensor import RunSettings
@@ -111,14 +115,33 @@ class SonarPath(mi.SamplingIntegrator):
                evaluate: bool = True) -> mi.TensorXf:
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
 
-        (pings, 2 bins) for a sidescan, port mirrored, then starboard; (pings x beams, samples) for an array.
+        (pings, 2 bins) for a sidescan, port mirrored, then starboard; (pings x beams, samples) for an array. Where
+        anything in the scene carries a gradient, seabeds are met by normals between their nodes.
         """
         sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-        image = self.picture(self.survey(scene, sonar), sonar, int(np.ravel(seed)[0]))
+        survey = self.survey(scene, sonar)
+        if wants_gradients(scene):
+            survey = replace(survey, geometry=Geometry(scene, smooth_beds=True))
+        image = self.picture(survey, sonar, int(np.ravel(seed)[0]))
         rows = kind_of(sonar).rows(image["level"].values)
         film = mi.TensorXf(np.ascontiguousarray(rows[..., None]))
         sonar.film().put(film)
         return film
+
+    def render_forward(self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int = 0,
+                       spp: int = 0) -> mi.TensorXf:
+        """Give how the levels of `render` move [dB], as the tangents say that are set in the scene."""
+        return mi.TensorXf(self._products(scene, sensor, seed).forward().astype(np.float32)[..., None])
+
+    def render_backward(self, scene: mi.Scene, params: Any, grad_in: mi.TensorXf, sensor: mi.Sensor | int = 0,
+                        seed: int = 0, spp: int = 0) -> None:
+        """Send gradients by the levels of `render` [1/dB] to what carries gradients in the scene."""
+        weights = np.array(dr.detach(grad_in), float)
+        self._products(scene, sensor, seed).backward(weights[..., 0])
+
+    def _products(self, scene: mi.Scene, sensor: mi.Sensor | int, seed: int) -> LevelProducts:
+        sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        return LevelProducts(scene, sonar, self, int(np.ravel(seed)[0]))
 
     def to_string(self) -> str:
         return f"SonarPath[{self.settings.rays} rays]"

@@ -1,0 +1,134 @@
+"""The mean intensities that a sonar's picture shows, as a field that gradients pass through.
+
+    I = P L [Σ_r E_r] + I_other + N        [µPa²], (ping, row, bin)
+
+E_r -> the first-hit echoes of rays that stay the same (`energy_field`), P L -> pulse and sides (`pictures`), I_other ->
+echoes of several bounces, of the water and of what has a phase, N -> noise; the last two are those at the start, and stand
+still. Seabeds are met by normals between their nodes, in values and in gradients: of facets, neither would be smooth.
+
+Gradients are those of Dr.Jit, of arrays in the scene: whoever owns the leaves asks for products (`About`).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..scene.geometry import Geometry
+from .attached_scene import AttachedScene
+from .energy_field import Block, EnergyField, Kept
+from .pictures import Picture
+
+__all__ = ["About", "RecordField"]
+
+MOST_KEPT = 8_000_000              # rays of which hits are kept between products: 150 bytes each
+
+
+class RecordField:
+    """A sonar's record as a field.
+
+    Parameters
+    ----------
+    picture : Picture
+    seed : int
+        Of ray directions.
+
+    Attributes
+    ----------
+    shape : (int, int, int)
+        Pings, rows and bins.
+    """
+
+    def __init__(self, picture: Picture, seed: int):
+        survey = picture.survey
+        survey = replace(survey, geometry=Geometry(survey.geometry.scene, smooth_beds=True))
+        self._picture = picture
+        self.energy = EnergyField(survey, picture.rows, seed)
+        self.shape = survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
+        self.scene = AttachedScene(picture, survey)
+        with dr.suspend_grad():
+            self._still = picture.still(survey, seed)
+
+    def value(self) -> np.ndarray:
+        """Give the record of the scene as it is, (N,) [µPa²]."""
+        scenery = self.scene.scenery(self.energy)
+        with dr.suspend_grad():
+            return self.shown([_array(self.energy.sums(scenery, block, self.energy.kept(scenery, block)))
+                               for block in self.energy.blocks])
+
+    def about(self) -> About:
+        """Give the record about the scene as it is, with products by its Jacobian."""
+        return About(self)
+
+    def shown(self, energy: list[np.ndarray]) -> np.ndarray:
+        """What the picture shows of blocks of energies [1/m²]."""
+        return self.linear(energy) + self._still
+
+    def linear(self, energy: list[np.ndarray]) -> np.ndarray:
+        """The same without what stands still."""
+        return self._picture.shown(np.concatenate(energy).reshape(self.shape) * self.energy.unit).ravel()
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """The transpose of `linear`."""
+        return (self._picture.transposed(cotangent.reshape(self.shape)) * self.energy.unit).ravel()
+
+
+class About:
+    """A record about the scene as it is.
+
+    Parameters
+    ----------
+    field : RecordField
+
+    Attributes
+    ----------
+    value : (N,) [µPa²]
+    """
+
+    def __init__(self, field: RecordField):
+        self._field, self._energy = field, field.energy
+        self._scenery = field.scene.scenery(field.energy)
+        rays = sum(dr.width(rays.direction) for block in field.energy.blocks for rays in block.rays)
+        self._kept = [self._traced(block) for block in field.energy.blocks] if rays <= MOST_KEPT else None
+        with dr.suspend_grad():
+            self.value = field.shown([_array(self._energy.sums(self._scenery, *one)) for one in self._each()])
+
+    def _traced(self, block: Block) -> list[Kept]:
+        kept = self._energy.kept(self._scenery, block)
+        dr.eval(kept)
+        return kept
+
+    def _each(self) -> Iterator[tuple[Block, list[Kept]]]:
+        """Blocks with their hits, traced anew where they are not kept."""
+        for number, block in enumerate(self._energy.blocks):
+            yield block, self._traced(block) if self._kept is None else self._kept[number]
+
+    def pushed(self, set_tangents: Callable[[], None]) -> np.ndarray:
+        """Give J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""
+        found = []
+        for block, kept in self._each():
+            set_tangents()
+            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept)
+            if dr.grad_enabled(sums):
+                dr.forward_to(sums, flags=dr.ADFlag.ClearVertices)
+            found.append(_array(dr.grad(sums)))
+        return self._field.linear(found)
+
+    def pull(self, cotangent: np.ndarray) -> None:
+        """Send Jᵀ w of weights (N,) to the leaves."""
+        weights, first = self._field.transposed(cotangent), 0
+        for block, kept in self._each():
+            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept)
+            count = dr.width(sums)
+            if dr.grad_enabled(sums):
+                dr.set_grad(sums, mi.Float64(np.ascontiguousarray(weights[first:first + count])))
+                dr.enqueue(dr.ADMode.Backward, sums)
+                dr.traverse(dr.ADMode.Backward, flags=dr.ADFlag.ClearVertices)
+            first += count
+
+
+def _array(sums: mi.Float64) -> np.ndarray:
+    return dr.detach(sums).numpy().astype(float)
