@@ -37,7 +37,9 @@ class AttachedGeometry:
     """
 
     def __init__(self, geometry: Geometry):
-        self.vertices, self.normals, self.texcoords = geometry.vertices, geometry.normals, geometry.texcoords
+        self.vertices: Any = geometry.vertices
+        self.normals: Any = geometry.normals
+        self.texcoords: Any = geometry.texcoords
         meshes = [(first, shape, mi.traverse(shape)["vertex_positions"])
                   for first, (_, shape, *_) in zip(geometry.first_vertices, geometry.meshes)]
         moving = [(first, shape, positions) for first, shape, positions in meshes if dr.grad_enabled(positions)]
@@ -77,4 +79,5 @@ def _normals(positions: mi.Float, faces: mi.UInt32) -> mi.Float:
         share = dr.select(there, dr.atan2(area, dr.dot(ahead, back)) / area, 0)
         dr.scatter_add(total, across * share, corner[i])
     there = dr.squared_norm(total) > 0
-    return dr.ravel(dr.select(there, dr.normalize(dr.select(there, total, mi.Vector3f(0, 0, 1))), 0))
+    normals: Any = dr.ravel(dr.select(there, dr.normalize(dr.select(there, total, mi.Vector3f(0, 0, 1))), 0))
+    return normals

@@ -32,7 +32,9 @@ from .finish import Facets, finished
 from .ray_shift import ray_shift
 from .tent_bins import TentBins
 
-__all__ = ["Block", "EnergyField", "Kept"]
+__all__ = ["Block", "EnergyField", "Kept", "Scenery"]
+
+BELOW = 1.0                        # [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +99,10 @@ class EnergyField:
 
     def at(self, survey: Survey) -> Scenery:
         """The scene and the track of a survey that may have changed."""
-        tracer = Tracer(survey.geometry, survey.water, max_range=self._range)
-        return Scenery(survey, tracer, self._rows)
+        # tables end below all hits: beyond their ends nothing moves
+        deepest = max(survey.geometry.depth_range[1], -float(survey.track.position[:, 2].min())) + BELOW
+        water = DeviceWater(survey.profile, survey.absorption, survey.volume, deepest=deepest)
+        return Scenery(survey, Tracer(survey.geometry, water, max_range=self._range), self._rows)
 
     def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
         """Trace a block's rays; nothing carries a gradient."""
@@ -149,7 +153,7 @@ class Scenery:
     def __init__(self, survey: Survey, tracer: Tracer, rows: Rows):
         self._survey, self.tracer = survey, tracer
         self._places = Places(survey, tracer, rows.underway, rows.per_ping)
-        self.water: DeviceWater = survey.water
+        self.water: DeviceWater = tracer.water
         self.layers = self.water.direct.layers
         self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
         self.facets = AttachedGeometry(survey.geometry)

@@ -138,7 +138,8 @@ def _arrival(hits: Hits, parameter: mi.Float64, speed: mi.Float64, shift: RayShi
         heading += shift.heading
     sine = dr.copysign(dr.sqrt(dr.maximum(1 - cosine * cosine, 1e-6)), hits.arrival_direction.z)
     bent = mi.Vector3f(heading.x * cosine, heading.y * cosine, sine)
-    return dr.replace_grad(hits.arrival_direction, bent)
+    turned: Any = dr.replace_grad(hits.arrival_direction, bent)
+    return turned
 
 
 def _normals(hits: Hits, facets: Facets, geometry: AttachedGeometry, edges: tuple[mi.Vector3f, mi.Vector3f],

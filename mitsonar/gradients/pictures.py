@@ -7,6 +7,7 @@ symmetric.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import mitsuba as mi
@@ -14,7 +15,10 @@ import numpy as np
 
 from ..imaging.recorder import leaked
 from ..imaging.sidescan import mean_intensity, pulse_shares
-from ..survey import energy
+from ..survey import array, energy, forward_looking, sector_scan
+from ..survey.array_survey import ArraySurvey
+from ..survey.beams import Beams
+from ..survey.kinds import kind_of
 from ..survey.rows import Rows
 from ..survey.sides import Sides
 from ..survey.sidescan import noise_db
@@ -22,7 +26,7 @@ from ..survey.sidescan_survey import SidescanSurvey
 from ..survey.survey import Survey
 from ..units import power_from_db
 
-__all__ = ["Picture", "SidescanPicture", "picture_of"]
+__all__ = ["FanPicture", "Picture", "SidescanPicture", "StepPicture", "has_phases", "picture_of"]
 
 
 class Picture(Protocol):
@@ -63,7 +67,8 @@ class SidescanPicture:
 
     def __init__(self, survey: SidescanSurvey, sensor: Any):
         self.survey: Survey = survey
-        self.sensor, self.rows = sensor, Sides(survey)
+        self.sensor = sensor
+        self.rows: Rows = Sides(survey)
         self._shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
         noise = noise_db(sensor, survey.sonar)
         self._noise = 0.0 if noise is None else float(power_from_db(noise))
@@ -89,6 +94,69 @@ class SidescanPicture:
         return total.ravel()
 
 
+class FanPicture:
+    """The mean intensities of a fan of beams; see `Picture`. Noise is left out.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    sensor : mitsuba.Sensor
+    directions : (B,) [rad], (B, 3)
+        Of the beams.
+    """
+
+    def __init__(self, survey: ArraySurvey, sensor: Any, directions: tuple[np.ndarray, np.ndarray]):
+        self.survey: Survey = survey
+        self.sensor, self._beams = sensor, Beams(survey, *directions)
+        self.rows: Rows = self._beams
+
+    def shown(self, energy: np.ndarray) -> np.ndarray:
+        """Give what the picture shows of energies."""
+        return np.moveaxis(self._beams.shown(np.moveaxis(energy, 0, 1)), 0, 1)
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`."""
+        return np.moveaxis(self._beams.shown_transposed(np.moveaxis(cotangent, 0, 1)), 0, 1)
+
+    def still(self, survey: Survey, seed: int) -> np.ndarray:
+        """Give what has a phase of its own."""
+        return _with_phase(survey, self.rows, seed)
+
+
+class StepPicture:
+    """The mean intensities of a sector scan; see `Picture`. Noise is left out.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    sensor : mitsuba.Sensor
+    """
+
+    def __init__(self, survey: ArraySurvey, sensor: Any):
+        self.survey: Survey = survey
+        self.sensor, self._steps = sensor, sector_scan.steps_of(survey, sensor)
+        self.rows: Rows = self._steps
+
+    def shown(self, energy: np.ndarray) -> np.ndarray:
+        """Give what the picture shows of energies."""
+        return self._steps.shown(energy)
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`: the pulse is symmetric."""
+        return self._steps.shown(cotangent)
+
+    def still(self, survey: Survey, seed: int) -> np.ndarray:
+        """Give what has a phase of its own."""
+        return _with_phase(survey, self.rows, seed)
+
+
+def _with_phase(survey: Survey, rows: Rows, seed: int) -> np.ndarray:
+    """Intensities (N,) [µPa²] of what has a phase of its own, as pictures show them."""
+    shape = survey.track.pings, rows.per_ping, rows.bins.count
+    coherent = energy.record(survey, rows, seed).coherent if has_phases(survey) else None
+    return np.zeros(int(np.prod(shape))) if coherent is None else coherent.intensity.astype(float).ravel()
+
+
 def has_phases(survey: Survey) -> bool:
     """Whether anything in a scene has an echo of a phase of its own."""
     geometry = survey.geometry
@@ -104,7 +172,20 @@ def picture_of(scene: mi.Scene, sensor: Any, integrator: Any) -> Picture:
     ValueError
         If they cannot be of this kind of sonar, or scene and sonar do not fit together.
     """
-    survey = integrator.survey(scene, sensor)
-    if sensor.kind == "sidescan":
-        return SidescanPicture(survey, sensor)
-    raise ValueError(f"gradients are of sidescans, and this sensor is a {sensor.kind}")
+    kind_of(sensor)
+    if sensor.kind not in PICTURES:
+        raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "
+                         "one of them")
+    return PICTURES[sensor.kind](integrator.survey(scene, sensor), sensor)
+
+
+def _array(survey: ArraySurvey, sensor: Any) -> Picture:
+    return FanPicture(survey, sensor, array.directions(survey, sensor))
+
+
+def _forward_looking(survey: ArraySurvey, sensor: Any) -> Picture:
+    return FanPicture(survey, sensor, forward_looking.directions(survey, sensor))
+
+
+PICTURES: dict[str, Callable[[Any, Any], Picture]] = {
+    "sidescan": SidescanPicture, "array": _array, "forward_looking": _forward_looking, "sector_scan": StepPicture}

@@ -6,20 +6,17 @@ So a record has the same numbers whether anybody asks for gradients or not, and 
 """
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import drjit as dr
 
-__all__ = ["attached", "tangent"]
+__all__ = ["tangent"]
 
 Attached = TypeVar("Attached")
 
 
 def tangent(value: Attached) -> Attached:
     """Give 0 with the gradient of a Dr.Jit value."""
-    return dr.replace_grad(dr.zeros(type(value), dr.width(value)), value)
-
-
-def attached(*values: object) -> bool:
-    """Whether any of these Dr.Jit values carries a gradient."""
-    return any(dr.grad_enabled(value) for value in values)
+    zero: Any = dr.zeros(type(value), dr.width(value))
+    moving: Any = dr.replace_grad(zero, value)
+    return moving

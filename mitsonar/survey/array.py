@@ -21,7 +21,7 @@ from .signals import LEAD
 from .sources import RaySources
 from .voyage import Passage
 
-__all__ = ["ArraySensor", "frames", "picture", "plan", "plan_elements", "rows", "survey_of"]
+__all__ = ["ArraySensor", "directions", "frames", "picture", "plan", "plan_elements", "rows", "survey_of"]
 
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 MOST_PULSE_SAMPLES = 100_000       # 2 s of 20 kHz; a spectrum takes seconds by then
@@ -155,8 +155,12 @@ def frames(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> Iterator[xr.D
 
 
 def _pictures(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> FanPictures:
-    directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
-    return FanPictures(survey, directions, seed=seed, way=sensor.picture)
+    return FanPictures(survey, directions(survey, sensor), seed=seed, way=sensor.picture)
+
+
+def directions(survey: ArraySurvey, sensor: ArraySensor) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
+    return fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -108,7 +108,14 @@ class ArrayBeams:
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
         """Give what the picture makes of intensities (B, ..., bins)."""
-        mixed = np.tensordot(self._mixing, intensity, 1)
+        return self._smeared(np.tensordot(self._mixing, intensity, 1))
+
+    def shown_transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`, of weights (B, ..., bins)."""
+        return np.tensordot(self._mixing.T, self._smeared(cotangent), 1)
+
+    def _smeared(self, mixed: np.ndarray) -> np.ndarray:
+        """What the compressed pulse makes of (B, ..., bins); symmetric."""
         padded = np.pad(mixed, [(0, 0)] * (mixed.ndim - 1) + [(REACH, REACH)])
         bins, total = mixed.shape[-1], self._spread[0] * padded[..., :mixed.shape[-1]]
         for k, weight in enumerate(self._spread[1:], 1):

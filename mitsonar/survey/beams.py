@@ -94,6 +94,10 @@ class Beams:
         """Give what beams and compressed pulse make of intensities (beams, ..., bins)."""
         return self._beams.shown(intensity)
 
+    def shown_transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`."""
+        return self._beams.shown_transposed(cotangent)
+
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[Rays]]:
         """Give none: the truth of beams tells first hits and coherent echoes alone."""
         return ()

@@ -15,7 +15,7 @@ from .array import ArraySensor, plan, plan_elements, rows
 from .array_survey import ArraySurvey
 from .fan_pictures import FanPictures
 
-__all__ = ["ForwardLookingSensor", "frames", "picture", "plan", "plan_elements", "rows"]
+__all__ = ["ForwardLookingSensor", "directions", "frames", "picture", "plan", "plan_elements", "rows"]
 
 
 class ForwardLookingSensor(ArraySensor, Protocol):
@@ -44,8 +44,12 @@ def frames(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> Iter
 
 
 def _pictures(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> FanPictures:
-    directions = fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width, sensor.beam_steps)
-    return FanPictures(survey, directions, seed=seed, way=sensor.picture)
+    return FanPictures(survey, directions(survey, sensor), seed=seed, way=sensor.picture)
+
+
+def directions(survey: ArraySurvey, sensor: ForwardLookingSensor) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
+    return fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width, sensor.beam_steps)
 
 
 def _with_bearings(image: xr.Dataset, survey: ArraySurvey) -> xr.Dataset:

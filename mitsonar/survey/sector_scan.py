@@ -37,7 +37,7 @@ from .rotating_head.signals import StepSignals
 from .rotating_head.steps import Steps
 from .voyage import Passage
 
-__all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows"]
+__all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows", "steps_of"]
 
 SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # of the work, before that of the truth: by beams, and by elements
 
@@ -101,10 +101,8 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
             progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
-    speed = _speed(sensor, survey.passage)
+    speed, steps = _speed(sensor, survey.passage), steps_of(survey, sensor)
     window, bins = sensor.film().window(speed)
-    limits.check_beams(survey, 1, pings=survey.track.pings)
-    steps = Steps(survey, window, bins)
     echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
     if way == "beams":
@@ -122,6 +120,12 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
                "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
                "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
     return objects.annotated(image, classes, class_of, survey.geometry)
+
+
+def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
+    """The rows of the picture's energy record."""
+    limits.check_beams(survey, 1, pings=survey.track.pings)
+    return Steps(survey, *sensor.film().window(_speed(sensor, survey.passage)))
 
 
 def _part_of(progress: Callable[[float, float], None] | None, begin: float,
