@@ -172,7 +172,7 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tup
 
     strength = dr.dispatch(hits.shape.bsdf(), backwards, si, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), active)
-    return strength, _sine(hits, si)
+    return strength, mi.Float(mi.Frame3f.cos_theta(si.wi))
 
 
 def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
@@ -189,7 +189,7 @@ def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
     seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
     strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), seen)
-    return dr.select(seen, strength, 0), _sine(hits, si)
+    return dr.select(seen, strength, 0), mi.Float(mi.Frame3f.cos_theta(si.wi))
 
 
 def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
@@ -340,10 +340,3 @@ def _interaction(hits, active):
     si.shape, si.prim_index = hits.shape, hits.primitive
     si.wi = frame.to_local(-hits.arrival_direction)
     return si
-
-
-def _sine(hits, si):
-    """Sine of the grazing angle on the facets, by which a ray's patch is as large as it is."""
-    if hits.smooth is None:
-        return mi.Float(mi.Frame3f.cos_theta(si.wi))
-    return mi.Float(-dr.dot(hits.normal, hits.arrival_direction))
