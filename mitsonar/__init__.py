@@ -23,9 +23,10 @@ from mitsonar.device import llvm
 
 if TYPE_CHECKING:
     # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
-    from mitsonar import (dataset, doctor, hydrography, imaging, io, labelling, plots, plugins, propagation,
+    from mitsonar import (dataset, doctor, hydrography, imaging, inversion, io, labelling, plots, plugins, propagation,
                           scattering, seabed, signal, sonar, sweep, synthetic_aperture, units, water)
     from mitsonar.device.llvm import BackendError
+    from mitsonar.gradient_verbs import directional_derivative, gradient, scene_model
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
     from mitsonar.strip_verbs import focus, raw_echoes
@@ -36,10 +37,10 @@ if TYPE_CHECKING:                                        # for annotations alone
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-__all__ = ["BackendError", "dataset", "doctor", "element_signals", "focus", "frames", "hydrography", "imaging",
-           "impulse_response", "io", "labelling", "load_file", "plots", "plugins", "propagation", "raw_echoes", "read",
-           "render", "scattering", "seabed", "signal", "sonar", "soundings", "sweep", "synthetic_aperture", "units",
-           "water", "write"]
+__all__ = ["BackendError", "dataset", "directional_derivative", "doctor", "element_signals", "focus", "frames",
+           "gradient", "hydrography", "imaging", "impulse_response", "inversion", "io", "labelling", "load_file", "plots",
+           "plugins", "propagation", "raw_echoes", "read", "render", "scattering", "scene_model", "seabed", "signal",
+           "sonar", "soundings", "sweep", "synthetic_aperture", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -53,6 +54,9 @@ _PUBLIC = {
     "soundings": "mitsonar.verbs:soundings",
     "raw_echoes": "mitsonar.strip_verbs:raw_echoes",
     "focus": "mitsonar.strip_verbs:focus",
+    "gradient": "mitsonar.gradient_verbs:gradient",
+    "directional_derivative": "mitsonar.gradient_verbs:directional_derivative",
+    "scene_model": "mitsonar.gradient_verbs:scene_model",
     "hydrography": "mitsonar.hydrography",
     "read": "mitsonar.io.reading:read",
     "write": "mitsonar.io.reading:write",
@@ -60,6 +64,7 @@ _PUBLIC = {
     "dataset": "mitsonar.dataset",
     "doctor": "mitsonar.doctor",
     "imaging": "mitsonar.imaging",
+    "inversion": "mitsonar.inversion",
     "io": "mitsonar.io",
     "labelling": "mitsonar.labelling",
     "plots": "mitsonar.plots",

@@ -1,21 +1,108 @@
-"""The verbs of gradients: how a record moves with what is in its scene."""
+"""The verbs of gradients: how a record moves with what is in its scene.
+
+    I = F(x)  [µPa²],    L = 10 log I  [dB]
+
+x -> parameters by the names of `mi.traverse`; I -> mean intensities, (ping, row, bin), of rays that stay the same
+(`gradients.record_field`). A row is a side of a sidescan, or a beam.
+"""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import mitsuba as mi
+import numpy as np
 
 from .gradients.pictures import picture_of
-from .gradients.scene_model import SceneModel
+from .gradients.scene_model import SceneLinearised, SceneModel
 from .io.files import FilePath
 from .scene.errors import as_exception
+from .spelling import meant
 from .verbs import checked_seed, opened
 
-__all__ = ["scene_model"]
+__all__ = ["QUANTITIES", "directional_derivative", "gradient", "scene_model"]
+
+QUANTITIES = "level", "intensity"
+DECIBELS = 10 / np.log(10)
+
+Weights = np.ndarray | Callable[[np.ndarray], np.ndarray]
+
+
+def gradient(scene: mi.Scene | FilePath, keys: Sequence[str], weights: Weights, *, of: str = "level",
+             sensor: int | str = 0, seed: int = 0) -> dict[str, np.ndarray]:
+    """Give the gradient of a number made of a sonar's record, by parameters of its scene.
+
+    The number is Σ w y of the record y, mean levels or intensities without speckle; or any function of it whose own
+    gradient by the record `weights` gives.
+
+    Parameters
+    ----------
+    scene, sensor, seed
+        As of `mitsonar.render`.
+    keys : sequence of str
+        Names of `mi.traverse(scene)`.
+    weights : array (ping, row, bin), or callable
+        w; or what gives them for a record (ping, row, bin): the gradient of the number by it. Bins into which no echo
+        falls have the level -inf, and do not count.
+    of : str
+        ``level`` [dB re 1 µPa] or ``intensity`` [µPa²].
+
+    Returns
+    -------
+    dict[str, array]
+        One a key, in the shape of the parameter.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `mitsonar.render`, or if a name is unknown, or the weights do not fit.
+    """
+    _check_quantity(of)
+    model = scene_model(scene, keys, sensor=sensor, seed=seed)
+    about = model.linearised({})
+    record, slope = _record(about, of)
+    chosen = weights(record.reshape(model.shape)) if callable(weights) else weights
+    cotangent = np.asarray(chosen, float)
+    if cotangent.shape != model.shape:
+        raise ValueError(f"weights have the shape {cotangent.shape}, and the record {model.shape} (ping, row, bin); give "
+                         "one for every value of it")
+    there = slope > 0
+    if not np.all(np.isfinite(cotangent.ravel()[there])):
+        raise ValueError("weights hold numbers that are not finite; give 0 where a value does not count")
+    return about.backward(np.where(there, cotangent.ravel(), 0) * slope)
+
+
+def directional_derivative(scene: mi.Scene | FilePath, tangents: Mapping[str, np.ndarray], *, of: str = "level",
+                           sensor: int | str = 0, seed: int = 0) -> np.ndarray:
+    """Give how a sonar's record moves as parameters of its scene move in a direction: a Jacobian product.
+
+    Parameters
+    ----------
+    scene, sensor, seed, of
+        As of `gradient`.
+    tangents : dict[str, array]
+        The direction: names of `mi.traverse(scene)`, and an array in the shape of each parameter.
+
+    Returns
+    -------
+    (ping, row, bin) array [dB] or [µPa²]
+        Per unit of the direction; 0 where no echo falls.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `mitsonar.render`, or if a name is unknown or a shape does not fit.
+    """
+    _check_quantity(of)
+    model = scene_model(scene, list(tangents), sensor=sensor, seed=seed)
+    about = model.linearised({})
+    return (_record(about, of)[1] * about.forward(tangents)).reshape(model.shape)
 
 
 def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int | str = 0, seed: int = 0) -> SceneModel:
     """Give the mean intensities of a sonar's record as a function of parameters of its scene.
+
+    It writes the parameters into the scene, and keeps rays and hits between products: for fits, and for many products
+    about the same values.
 
     Parameters
     ----------
@@ -33,6 +120,22 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
     scene, chosen, integrator = opened(scene, sensor)
     try:
         picture = picture_of(scene, chosen, integrator)
+        return SceneModel(scene, keys, picture, seed=chosen.own_seed(seed))
     except RuntimeError as error:
         raise as_exception(error) from error
-    return SceneModel(scene, keys, picture, seed=chosen.own_seed(seed))
+
+
+def _check_quantity(of: str) -> None:
+    if of not in QUANTITIES:
+        raise ValueError(f"of is {of!r}{meant(of, QUANTITIES)}; give one of {', '.join(QUANTITIES)}")
+
+
+def _record(about: SceneLinearised, of: str) -> tuple[np.ndarray, np.ndarray]:
+    """The record (N,), and its slope by intensities."""
+    intensity = about.value
+    if of == "intensity":
+        return intensity, np.ones_like(intensity)
+    there = intensity > 0
+    level = np.full_like(intensity, -np.inf)
+    level[there] = 10 * np.log10(intensity[there])
+    return level, np.divide(DECIBELS, intensity, out=np.zeros_like(intensity), where=there)

@@ -97,6 +97,10 @@ class SidescanPicture:
 class FanPicture:
     """The mean intensities of a fan of beams; see `Picture`. Noise is left out.
 
+        <|y|²> = Σ_r E_r |R(t - t_r)|²,    R the compressed pulse, 1 at its peak
+
+    so that a bin's mean is what beams mix, smeared over range, times Σ_k |R(k / f_s)|².
+
     Parameters
     ----------
     survey : ArraySurvey
@@ -109,18 +113,27 @@ class FanPicture:
         self.survey: Survey = survey
         self.sensor, self._beams = sensor, Beams(survey, *directions)
         self.rows: Rows = self._beams
+        self._gain = _compressed_energy(survey)
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
         """Give what the picture shows of energies."""
-        return np.moveaxis(self._beams.shown(np.moveaxis(energy, 0, 1)), 0, 1)
+        return self._gain * np.moveaxis(self._beams.shown(np.moveaxis(energy, 0, 1)), 0, 1)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
         """Give the transpose of `shown`."""
-        return np.moveaxis(self._beams.shown_transposed(np.moveaxis(cotangent, 0, 1)), 0, 1)
+        return self._gain * np.moveaxis(self._beams.shown_transposed(np.moveaxis(cotangent, 0, 1)), 0, 1)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
         """Give what has a phase of its own."""
         return _with_phase(survey, self.rows, seed)
+
+
+def _compressed_energy(survey: ArraySurvey) -> float:
+    """Energy of the compressed pulse [samples], of a peak of 1."""
+    length = 2 ** int(np.ceil(np.log2(4 * survey.pulse.duration * survey.sampling_rate + 64)))
+    sent = survey.pulse.spectrum(survey.sampling_rate, length)
+    compressed = np.abs(np.fft.ifft(np.abs(sent) ** 2)) ** 2
+    return float(compressed.sum() / compressed.max())
 
 
 class StepPicture:

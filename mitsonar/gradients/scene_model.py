@@ -78,6 +78,7 @@ class SceneLinearised:
     def forward(self, tangents: Values) -> np.ndarray:
         """Give J v; see `Linearised.forward`."""
         directions = self._values.directions(tangents)
+        self._values.hold()
         moved = self._about.pushed(lambda: self._values.set_tangents(directions))
         self._values.clear()
         return moved
@@ -88,6 +89,7 @@ class SceneLinearised:
         if weights.shape != self.value.shape:
             raise ValueError(f"weights have the shape {weights.shape}, and the record {self.value.shape}; give one for "
                              "every value of it")
+        self._values.hold()
         self._values.clear()
         self._about.pull(weights)
         return self._values.gradients()

@@ -58,6 +58,7 @@ class SceneValues:
                 raise ValueError(f"the scene has no parameter {key!r} that gradients could be of{meant(key, known)}; "
                                  f"it has {', '.join(known)}")
         self.keys = tuple(dict.fromkeys(keys))
+        self._holder: AttachedValues | None = None      # whose leaves are in the scene now
         self.start = {key: self._array(key) for key in self.keys}
         self.units = {key: UNITS.get(key.rpartition(".")[2], "") for key in self.keys}
 
@@ -70,7 +71,7 @@ class SceneValues:
 
     def write(self, values: Values) -> None:
         """Put values into the scene; those left out are as at the start."""
-        checked = self.checked(values)
+        checked, self._holder = self.checked(values), None
         for key in self.keys:
             new = checked.get(key, self.start[key])
             if not np.array_equal(new, self._array(key)):
@@ -109,9 +110,19 @@ class SceneValues:
         for key in self.keys:
             leaf = self._value(key, self._array(key))
             dr.enable_grad(leaf)
-            self._parameters[key] = leaves[key] = leaf
+            leaves[key] = leaf
+        found = AttachedValues(self, leaves)
+        self.hold(found, leaves)
+        return found
+
+    def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
+        """Put leaves into the scene, unless they are there."""
+        if self._holder is holder:
+            return
+        for key, leaf in leaves.items():
+            self._parameters[key] = leaf
         self._parameters.update()
-        return AttachedValues(self, leaves)
+        self._holder = holder
 
 
 class AttachedValues:
@@ -125,6 +136,10 @@ class AttachedValues:
 
     def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
         self._values, self._leaves = values, dict(leaves)
+
+    def hold(self) -> None:
+        """Be in the scene, whatever has been written into it since."""
+        self._values.hold(self, self._leaves)
 
     def directions(self, tangents: Values) -> dict[str, np.ndarray]:
         """Directions of all leaves, 0 where none is given."""
