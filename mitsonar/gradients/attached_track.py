@@ -24,34 +24,25 @@ from ..survey.rows import Rays
 from ..tracing.tracer import Sources
 from .tangents import tangent
 
-__all__ = ["AttachedTrack", "Offsets", "moved_track"]
+__all__ = ["AttachedTrack", "Offsets"]
 
 STEP = 1e-5                        # [rad] of the differences that rotations are derived by: their error is 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)
 class Offsets:
-    """Offsets from a track.
+    """Offsets from a track that carry gradients.
 
     Attributes
     ----------
-    position, attitude : (P, 3) [m], [rad]
-        Scene coordinates; heading, pitch, roll.
-    attached_position, attached_attitude : Float64 (3 P,) or None
-        The same with gradients.
+    position, attitude : Float64 (3 rows,) or None
+        None: without. A row a ping, or one for all.
+    rows : int
     """
 
-    position: np.ndarray
-    attitude: np.ndarray
-    attached_position: mi.Float64 | None = None
-    attached_attitude: mi.Float64 | None = None
-
-
-def moved_track(track: Track, offsets: Offsets) -> Track:
-    """Give a track by so much off."""
-    angles = np.stack([track.heading, track.pitch, track.roll], 1) + offsets.attitude
-    return replace(track, position=track.position + offsets.position, heading=angles[:, 0], pitch=angles[:, 1],
-                   roll=angles[:, 2])
+    position: mi.Float64 | None
+    attitude: mi.Float64 | None
+    rows: int
 
 
 class PingStates(Record):
@@ -75,7 +66,6 @@ class AttachedTrack:
     drawn, track : Track
         When the rays were drawn, and as it is now.
     offsets : Offsets
-        Of which `track` is the sum.
     layers : LayerTable
         Of the water, attached where sound speeds are.
     """
@@ -85,13 +75,11 @@ class AttachedTrack:
         start, now = drawn.rotation(), track.rotation()
         self._rotation, self._relative = now, np.einsum("pij,pkj->pik", now, start)
         self._start = start
-        self._turns = offsets.attached_attitude is not None or not np.allclose(now, start, rtol=0, atol=0)
-        angles = [np.zeros_like(offsets.attitude) for _ in range(6)]
-        for k in range(3):
-            angles[2 * k][:, k], angles[2 * k + 1][:, k] = STEP, -STEP
-        zero = np.zeros_like(offsets.position)
-        ahead = [moved_track(track, Offsets(position=zero, attitude=some)).rotation() for some in angles]
-        self._slopes = np.stack([(ahead[2 * k] - ahead[2 * k + 1]) / (2 * STEP) for k in range(3)])   # (3, P, 3, 3)
+        self._turns = offsets.attitude is not None or not np.array_equal(now, start)
+        here = np.zeros((1, 3))
+        ahead, behind = ([track.moved(here, by * STEP * np.eye(3)[None, k]).rotation() for k in range(3)]
+                         for by in (1, -1))
+        self._slopes = (np.stack(ahead) - np.stack(behind)) / (2 * STEP)                              # (3, P, 3, 3)
 
     def place(self, place: Place) -> Place:
         """The same place with gradients."""
@@ -108,26 +96,31 @@ class AttachedTrack:
 
     def _position(self, place: Place) -> mi.Float64 | None:
         """Offsets of a block's pings as increments, four wide."""
-        if self._offsets.attached_position is None:
+        if self._offsets.position is None:
             return None
         index = dr.arange(mi.UInt32, 4 * len(place.ping))
-        ping = dr.gather(mi.UInt32, upload(mi.UInt32, place.ping.astype(np.uint32)), index // 4)
+        ping = dr.gather(mi.UInt32, self._row_of(place), index // 4)
         axis = index % 4
-        return dr.gather(mi.Float64, self._offsets.attached_position, 3 * ping + axis, axis < 3)
+        return dr.gather(mi.Float64, self._offsets.position, 3 * ping + axis, axis < 3)
+
+    def _row_of(self, place: Place) -> mi.UInt32:
+        """Row of the offsets of a block's pings."""
+        rows = place.ping if self._offsets.rows > 1 else np.zeros_like(place.ping)
+        return upload(mi.UInt32, rows.astype(np.uint32))
 
     def _rotations(self, place: Place, rotation: np.ndarray, slopes: np.ndarray, wide: int) -> mi.Float | None:
         """Rotations of a block's pings, (B, 3, wide), their numbers as given and their gradients by the slopes."""
-        if self._offsets.attached_attitude is None:
+        if self._offsets.attitude is None:
             return None
         ping = place.ping
         values = np.zeros((len(ping), 3, wide), np.float32)
         values[..., :3] = rotation[ping]
         total = upload(mi.Float, values)
         index = dr.arange(mi.UInt32, values.size)
-        number = dr.gather(mi.UInt32, upload(mi.UInt32, ping.astype(np.uint32)), index // (3 * wide))
+        number = dr.gather(mi.UInt32, self._row_of(place), index // (3 * wide))
         for k in range(3):
             values[..., :3] = slopes[k, ping]
-            angle = dr.gather(mi.Float64, self._offsets.attached_attitude, 3 * number + k)
+            angle = dr.gather(mi.Float64, self._offsets.attitude, 3 * number + k)
             total = total + upload(mi.Float, values) * mi.Float(tangent(angle))
         return total
 

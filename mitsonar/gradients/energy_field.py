@@ -19,7 +19,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..survey.first_hits import FirstHits, received
+from ..propagation.layer_table import LayerTable
+from ..survey.first_hits import FirstHits, Losses, received
 from ..survey.places import Place, Places
 from ..survey.rows import Rays, Rows
 from ..survey.survey import Survey
@@ -123,7 +124,7 @@ class EnergyField:
         """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
         place = scenery.attached(block.ping)
         total = dr.zeros(mi.Float64, place.rows * self._rows.bins.count)
-        first_hits = FirstHits(self._rows, scenery.water, self._tents.of)
+        first_hits = FirstHits(self._rows, scenery.losses, self._tents.of)
         for one in kept:
             rays, hits = self._finished(scenery, place, one)
             self._tents.add(total, first_hits.echoes(place, rays, hits))
@@ -148,21 +149,29 @@ class Scenery:
     survey : Survey
     tracer : Tracer
     rows : Rows
+
+    Attributes
+    ----------
+    facets, layers, losses
+        Of the scene, with gradients where it carries any.
+    track : AttachedTrack or None
+        None where rays leave as they were drawn, and nothing about them carries a gradient.
     """
 
     def __init__(self, survey: Survey, tracer: Tracer, rows: Rows):
-        self._survey, self.tracer = survey, tracer
+        self.survey, self.tracer = survey, tracer
         self._places = Places(survey, tracer, rows.underway, rows.per_ping)
         self.water: DeviceWater = tracer.water
+        self.losses: Losses = self.water
         self.layers = self.water.direct.layers
         self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
         self.facets = AttachedGeometry(survey.geometry)
         self.track: AttachedTrack | None = None
 
-    def again(self) -> Scenery:
-        """The same scenery with gradients of its own: those of a product are used up by it."""
+    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | None) -> Scenery:
+        """Give the same scenery with other facets, layers, track or losses."""
         other = copy.copy(self)
-        other.facets = AttachedGeometry(self._survey.geometry)
+        vars(other).update(changes)
         return other
 
     @property

@@ -18,6 +18,7 @@ from .model import Values
 __all__ = ["AttachedValues", "SceneValues", "differentiable"]
 
 VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
+DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
 UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad", "sound_speed": "m/s",
          "absorption_db": "dB/m", "strength": "1", "mu_db": "dB", "target_strength_db": "dB", "position": "m"}
 
@@ -25,7 +26,8 @@ UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "ra
 def differentiable(scene: mi.Scene) -> list[str]:
     """Names of the parameters of a scene that gradients may be asked for."""
     parameters: Any = mi.traverse(scene)
-    return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0]
+    return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
+            and key.rpartition(".")[2] not in DERIVED]
 
 
 class SceneValues:

@@ -70,6 +70,19 @@ class Track:
             object.__setattr__(self, name, value)
         self._check()
 
+    def moved(self, position: np.ndarray, attitude: np.ndarray) -> Track:
+        """Give the track that is off by so much.
+
+        Parameters
+        ----------
+        position : (P, 3) or (1, 3) [m]
+            Scene coordinates.
+        attitude : (P, 3) or (1, 3) [rad]
+            Heading, pitch, roll.
+        """
+        heading, pitch, roll = np.stack([self.heading, self.pitch, self.roll]) + np.transpose(attitude)
+        return Track(time=self.time, position=self.position + position, heading=heading, pitch=pitch, roll=roll)
+
     def _check(self) -> None:
         for name in FIELDS:
             _refuse(~np.isfinite(getattr(self, name)).reshape(self.time.size, -1).all(axis=1), name,

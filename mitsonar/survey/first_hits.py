@@ -14,12 +14,12 @@ import mitsuba as mi
 from ..echoes.sonar_equation import echo_energy, speed_ratio
 from ..scene.materials import scattering_strength
 from ..tracing.hits import Hits
-from ..tracing.water import DeviceWater
+from ..tracing.water import Way
 from .places import Place
 from .rows import Rays, RowResponse, Rows
 from .underway import Reception
 
-__all__ = ["Binning", "Echoes", "FirstHits", "received"]
+__all__ = ["Binning", "Echoes", "FirstHits", "Losses", "received"]
 
 
 class Binning(Protocol):
@@ -53,18 +53,26 @@ class Echoes:
     active: mi.Bool
 
 
+class Losses(Protocol):
+    """What knows absorption: `DeviceWater`."""
+
+    def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way) -> mi.Float:
+        """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
+        ...
+
+
 class FirstHits:
     """Echoes of first hits.
 
     Parameters
     ----------
     rows : Rows
-    water : DeviceWater
+    water : Losses
     binning : Binning or None
         None: that of the rows.
     """
 
-    def __init__(self, rows: Rows, water: DeviceWater, binning: Binning | None = None):
+    def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None):
         self._rows, self._water = rows, water
         self._binning: Binning = rows.bins.of if binning is None else binning
 

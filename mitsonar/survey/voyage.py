@@ -81,6 +81,9 @@ class Route:
         Where a record in degrees lays the origin of a scene that does not say it itself.
     interval : float or None [s]
         Between pings, where another sonar on the same track says it.
+    position_error, attitude_error : (P, 3) or (1, 3), or None [m], [rad]
+        By which pings are elsewhere than the route leads, scene coordinates, and held otherwise: heading, pitch, roll.
+        A row a ping, or one for all; they hold while its echoes are under way.
     """
 
     pings: int
@@ -100,6 +103,8 @@ class Route:
     frame: Frame | None
     interval: float | None = None
     circle: float | None = None
+    position_error: np.ndarray | None = None
+    attitude_error: np.ndarray | None = None
 
     def lay(self, geometry: Geometry, shortest: float) -> Passage:
         """Lay the route over a scene.
@@ -127,6 +132,10 @@ class Route:
         if self.random_motion.moves or np.any(self.offset):
             trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
             voyage = Voyage.of(trajectory, voyage.track.time)
+        if self.position_error is not None or self.attitude_error is not None:
+            errors = (np.zeros((1, 3)) if error is None else error for error in (self.position_error,
+                                                                                 self.attitude_error))
+            voyage = Voyage(track=voyage.track.moved(*errors), trajectory=voyage.trajectory)
         return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), frame=self.frame,
                        sailed=lengths[0], planned=lengths[1])
 

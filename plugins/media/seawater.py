@@ -7,6 +7,9 @@ A profile is linear between its depths and constant beyond. A cast is a file tha
 temperature and salinity, if it has them, set the absorption. A formula gives the speed down to 6000 m, or as deep as it
 reaches, and is constant below.
 
+`mi.traverse` names the sound speeds at the profile's nodes (``sound_speed``) and a factor of the absorption
+(``absorption_scale``).
+
 Sonars that steer beams measure the sound speed at their head. ``head_sound_speed`` is then the profile's node at
 ``head_depth``, in place of one within 5 mm; the water is linear from there to the nodes above and below.
 
@@ -19,9 +22,11 @@ Sonars that steer beams measure the sound speed at their head. ``head_sound_spee
 """
 from collections.abc import Callable
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.arrays import upload
 from mitsonar.io import casts
 from mitsonar.water import SoundSpeedProfile, absorption, absorption_db, ambient_noise_db, seawater, sound_speed
 from mitsonar.water.column import AbsorptionColumn
@@ -74,6 +79,10 @@ class Seawater(mi.Medium):
     Attributes
     ----------
     volume : VolumeScattering or None
+    speeds : Float64 (K,) [m/s]
+        Sound speeds at the profile's nodes, for `mi.traverse`.
+    absorption_scale : Float64 (1,) [-]
+        By which absorption is multiplied, for `mi.traverse`.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -87,6 +96,8 @@ class Seawater(mi.Medium):
         self.volume = _volume(attributes)
         self.cast, water = _cast_and_profile(attributes)
         self.profile = _with_head(attributes, water)
+        self.speeds = upload(mi.Float64, self.profile.sound_speed)
+        self.absorption_scale = upload(mi.Float64, np.ones(1))
         try:
             self.absorption_column(100e3)          # refuse water outside the formula's range now, not at the first ping
         except ValueError as error:
@@ -95,6 +106,10 @@ class Seawater(mi.Medium):
 
     def absorption_column(self, frequency: float) -> AbsorptionColumn:
         """Absorption against depth at one frequency [Hz], as an `AbsorptionColumn`."""
+        column, scale = self._column(frequency), float(dr.detach(self.absorption_scale).numpy()[0])
+        return column if scale == 1 else AbsorptionColumn(column.depth, scale * column.absorption_db)
+
+    def _column(self, frequency):
         if self.given_absorption is not None:
             return self.given_absorption
         if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
@@ -122,7 +137,19 @@ class Seawater(mi.Medium):
         return float(ambient_noise_db(frequency, self.wind_speed, self.shipping))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        pass
+        callback.put("sound_speed", self.speeds, mi.ParamFlags.Differentiable)
+        callback.put("absorption_scale", self.absorption_scale, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys: list[str]) -> None:
+        speeds, scale = (dr.detach(value).numpy() for value in (self.speeds, self.absorption_scale))
+        nodes = len(self.profile.depth)
+        if len(speeds) != nodes:
+            raise ValueError(f"seawater: sound_speed has {len(speeds)} numbers, and the profile {nodes} nodes; give one "
+                             "for each.")
+        if not np.array_equal(speeds, self.profile.sound_speed):
+            self.profile = SoundSpeedProfile(self.profile.depth, speeds)
+        if len(scale) != 1 or not np.isfinite(scale[0]) or scale[0] < 0:
+            raise ValueError(f"seawater: absorption_scale is {scale.tolist()}; give one number of 0 or more.")
 
     # A ray integrator of light would ask these; sound is traced by `sonar_path`, for which the water is clear.
     def intersect_aabb(self, ray: mi.Ray3f) -> tuple[mi.Bool, mi.Float, mi.Float]:

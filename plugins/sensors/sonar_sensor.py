@@ -2,8 +2,11 @@
 from dataclasses import replace
 from typing import Any, NoReturn
 
+import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from mitsonar.device.arrays import upload
 from mitsonar.device.chance import pass_seed, sonar_seed
 from mitsonar.survey.sensor import slowest_speed
 from mitsonar.survey.voyage import Route
@@ -61,12 +64,17 @@ class SonarSensor(mi.Sensor):
         Which pass over the ground it is, from 0.
     leader : SonarSensor or None
         Whose track it shares.
+    position_offset, attitude_offset : Float64 (3 rows,) [m], [rad]
+        By which pings are off the route, for `mi.traverse`: east, north, up; heading, pitch, roll.
+    rows : int
+        Of these: pings, where the scene writes how many, else one row for all.
     provenance : dict or None
         File, resolved text and parameters, told by `mitsonar.load_file`.
     loaded : dict or None
         What the scene held when it was loaded, likewise.
     """
 
+    follows_offsets = True             # whether its run takes a track's offsets, not its trajectory alone
     kind: str
     declared: tuple[Attribute | Group, ...]
     frequency: float
@@ -85,6 +93,8 @@ class SonarSensor(mi.Sensor):
         if not hasattr(attributes.film, "sampling"):
             raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
         self.read(attributes)
+        self.rows = self.route.pings if self.route.bounded else 1
+        self.position_offset, self.attitude_offset = (upload(mi.Float64, np.zeros(3 * self.rows)) for _ in range(2))
         super().__init__(props)
         self._check_in_time(attributes)
 
@@ -139,6 +149,21 @@ class SonarSensor(mi.Sensor):
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
+        callback.put("medium", self.water, mi.ParamFlags.NonDifferentiable)
+        if self.follows_offsets:
+            callback.put("position_offset", self.position_offset, mi.ParamFlags.Differentiable)
+            callback.put("attitude_offset", self.attitude_offset, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys: list[str]) -> None:
+        super().parameters_changed(keys)
+        found = {}
+        for name in ("position", "attitude"):
+            offset = dr.detach(getattr(self, f"{name}_offset")).numpy()
+            if len(offset) != 3 * self.rows or not np.all(np.isfinite(offset)):
+                raise ValueError(f"{self.kind}: {name}_offset has {len(offset)} numbers, finite or not; give "
+                                 f"{3 * self.rows} finite ones, three for each of its pings.")
+            found[f"{name}_error"] = offset.reshape(-1, 3).copy() if np.any(offset) else None
+        self.route = replace(self.route, **found)
 
     def sample_ray(self, *_: Any, **__: Any) -> NoReturn:
         raise ValueError(f"a sonar ({self.kind}) sends sound; render it with the integrator sonar_path")

@@ -89,6 +89,7 @@ class SyntheticAperture(SonarSensor):
     """See the module's text; `mitsonar.survey.synthetic_aperture` plans its run and makes its echoes and its image."""
 
     kind, declared = "synthetic_aperture", ATTRIBUTES
+    follows_offsets = False            # its echoes follow the trajectory
 
     def read(self, attributes: Attributes) -> None:
         """Take the pulse, the rows of elements and what an image of them is to be."""
