@@ -1,0 +1,214 @@
+"""Whether gradients are what they say: forward, backward and differences of a record must be one.
+
+    w·(J v) = (Jᵀ w)·v                                  forward and backward               (asymmetry)
+    w·(J v) = [w·F(x + h v) - ...] / h                  derivative and difference          (error)
+    J (v_1 + v_2 + ...) = J v_1 + J v_2 + ...           together and alone
+
+F -> `ForwardModel.value`, whose chance stands still; v -> smooth directions of one parameter alone, w -> slow weights of
+the record (`check_directions`). The error is the rms over directions of derivative less difference, over the larger rms
+of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree; where
+they do not, shadows or edges cross bins, and nothing is decided.
+
+Records that swing about zero, as the signals of elements do, are also looked at under a weight that swings as their
+derivative does: a slow weight would see little of them.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..spelling import meant
+from .check_differences import Difference, Line, difference_at, first_step, settled_step
+from .check_directions import Part, generator, parts, slow_weights
+from .check_table import DISCONNECTED, OFF, RIGHT, UNDECIDED, UNSEEN, GradientCheck, PartCheck
+from .model import ForwardModel, Linearised
+
+__all__ = ["check_gradients"]
+
+ZERO = 1e-6                        # a derivative is zero that is this share of the difference
+STILL = 1e-7                       # change of a weighted record, as a share, that is rounding
+NOISE = 1e-5                       # the same, where differences do not agree either
+SWINGS = 0.2                       # share of a record's size that is below zero
+
+
+def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, directions: int = 3,
+                    tolerance: float = 0.01, seed: int = 0,
+                    progress: Callable[[int, int], object] | None = None) -> GradientCheck:
+    """Compare a model's derivatives forward, backward, and with differences, each parameter alone.
+
+    Parameters
+    ----------
+    model : ForwardModel
+        With an attribute `shape`, weights vary slowly over each axis of the record; its linearisation may tell
+        shares of what it leaves out, as `told`.
+    keys : sequence of str, optional
+        Parameters to check; default: all.
+    directions : int
+        Random smooth directions of each part of a parameter.
+    tolerance : float
+        Error up to which a derivative is right.
+    seed : int
+        Of directions and weights.
+    progress : function, optional
+        Called with the parts done and their total.
+
+    Returns
+    -------
+    GradientCheck
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown or an option out of its range, or no record is to be had.
+    """
+    keys = _keys(model, keys)
+    if directions < 1:
+        raise ValueError(f"directions is {directions}; give 1 or more")
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance is {tolerance:g}; give a share between 0 and 1, such as 0.01")
+    about = model.linearised(model.start)
+    todo = {key: parts(np.asarray(model.start[key], float), directions, generator(seed, key)) for key in keys}
+    pieces = [(key, part) for key in keys for part in todo[key]]
+    checker = _Checker(model, about, tolerance, seed)
+    rows = []
+    for number, (key, part) in enumerate(pieces):
+        rows.append(checker.row(key, part))
+        if progress is not None:
+            progress(number + 1, len(pieces))
+    return GradientCheck(rows=tuple(checker.together(rows, todo)), directions=directions, tolerance=tolerance,
+                         told=dict(getattr(about, "told", {})))
+
+
+class _Checker:
+    """Makes the rows of one model."""
+
+    def __init__(self, model: ForwardModel, about: Linearised, tolerance: float, seed: int):
+        self._model, self._about, self._tolerance = model, about, tolerance
+        self._base = model.value(model.start)
+        if not np.isfinite(self._base).any() or not np.any(self._base[np.isfinite(self._base)]):
+            raise ValueError("the record is empty: nothing in it has a gradient; let the sonar hear something")
+        shape = getattr(model, "shape", self._base.shape)
+        self._size = np.abs(np.nan_to_num(self._base, posinf=0.0, neginf=0.0))
+        self._slow = slow_weights(self._base, shape, generator(seed, ""))
+        finite = self._base[np.isfinite(self._base)]
+        self._swings = -finite[finite < 0].sum() > SWINGS * np.abs(finite).sum()
+        self._notes = self._of_records(about)
+
+    def row(self, key: str, part: Part) -> PartCheck:
+        """Give what is found of a part."""
+        start = np.asarray(self._model.start[key], float)
+        moves = [self._about.forward({key: direction}) for direction in part.directions]
+        about = {"key": key, "part": part.name, "unit": self._model.units.get(key, ""), "size": start.size}
+        broken = sum(int(np.count_nonzero(~np.isfinite(move) & np.isfinite(self._base))) for move in moves)
+        if broken:
+            return PartCheck(**about, verdict=OFF, notes=(f"forward derivatives are not finite in {broken} places",))
+        weights = self._weights(moves)
+        used = np.any(weights != 0, axis=0)
+        forward = np.stack([weights @ np.where(used, move, 0.0) for move in moves])            # (direction, weight)
+        back = [self._about.backward(weight)[key] for weight in weights]
+        broken = sum(int(np.count_nonzero(~np.isfinite(gradient))) for gradient in back)
+        if broken:
+            return PartCheck(**about, verdict=OFF, notes=(f"gradients are not finite in {broken} places",))
+        backward = np.array([[np.sum(gradient * direction) for gradient in back] for direction in part.directions])
+        try:
+            differences, step = self._differences(key, start, part, weights, about["unit"])
+        except ValueError as error:
+            return PartCheck(**about, verdict=UNDECIDED, notes=(str(error),))
+        return self._judged(about, weights, forward, backward, differences, step)
+
+    def together(self, rows: list[PartCheck], todo: dict[str, list[Part]]) -> list[PartCheck]:
+        """Add to the rows whether all parameters that move at once move the record by the sum of what each does."""
+        if len(todo) < 2:
+            return rows
+        first = {key: found[0].directions[0] for key, found in todo.items()}
+        alone = np.sum([self._about.forward({key: direction}) for key, direction in first.items()], axis=0)
+        both = np.isfinite(alone) & np.isfinite(self._base)
+        error = _share(self._about.forward(first)[both] - alone[both], alone[both])
+        if error <= self._tolerance:
+            return rows
+        return [*rows, PartCheck(key="all together", unit="", size=sum(direction.size for direction in first.values()),
+                                 verdict=OFF, error=error, notes=("their derivatives are not the sum of each's",))]
+
+    def _of_records(self, about):
+        """What is wrong with the records themselves."""
+        notes = []
+        empty = int(np.count_nonzero(~np.isfinite(self._base)))
+        if empty:
+            notes.append(f"{empty} of {self._base.size} values of the record are not finite, and have no weight")
+        finite = np.isfinite(self._base)
+        error = _share((about.value - self._base)[finite], self._base[finite])
+        if not error <= self._tolerance:
+            notes.append(f"the record with derivatives differs from that without by {error:.1e}")
+        return tuple(notes)
+
+    def _weights(self, moves):
+        if not self._swings or not np.any(moves[0]):
+            return self._slow
+        like = np.where(np.isfinite(self._base), moves[0], 0.0) * np.abs(self._slow[0])
+        return np.vstack([self._slow, like / (np.abs(like) @ self._size)])
+
+    def _differences(self, key, start, part, weights, unit):
+        def line(direction):
+            return Line(lambda distance: self._model.value({key: start + distance * direction}), self._base, weights)
+
+        lines = [line(direction) for direction in part.directions]
+        step = settled_step(lines[0], first_step(start, unit))
+        return [difference_at(one, step) for one in lines], step
+
+    def _judged(self, about, weights, forward, backward, differences: list[Difference], step):
+        best = np.stack([one.best for one in differences])
+        wrong = best - forward
+        sizes = np.maximum(_rms(best), _rms(forward))                  # (weight,)
+        seen = sizes > ZERO * sizes.max(initial=0.0)
+        moved = max(one.moved for one in differences)
+        apart = _rms(np.stack([one.coarse - one.fine for one in differences]))
+        numbers = {"step": step, "moved": moved}
+        if np.any(seen):
+            numbers |= {"error": float((_rms(wrong)[seen] / sizes[seen]).max()),
+                        "asymmetry": float((_rms(forward - backward)[seen] / sizes[seen]).max()),
+                        "disagreement": float((apart[seen] / sizes[seen]).max())}
+            size = np.sum(forward ** 2)
+            numbers["slope"] = float(np.sum(best * forward) / size) if size > 0 else np.nan
+        zero = bool(np.all(np.maximum(_rms(forward), _rms(backward)) <= ZERO * sizes))
+        expected = 4 * step * float((np.abs(forward) / (np.abs(weights) @ self._size)).max(initial=0.0))
+        verdict, notes = self._verdict(numbers, zero, max(moved, expected))
+        if verdict == UNSEEN:                                          # nothing but rounding to compare
+            numbers = {"step": step, "moved": moved}
+        return PartCheck(**about, **numbers, verdict=verdict, notes=(*self._notes, *notes))
+
+    def _verdict(self, numbers, zero, moves):
+        error, apart, tolerance = numbers.get("error", 0.0), numbers.get("disagreement", 0.0), self._tolerance
+        shaken = apart > tolerance
+        words = ("differences do not converge: shadows or edges",) if shaken else ()
+        if moves < STILL or (zero and moves < NOISE and apart > 0.5):
+            return UNSEEN, ()
+        if zero:
+            return DISCONNECTED, (*words, f"the record moves by {numbers['moved']:.1e}, and its gradient is zero")
+        if numbers["asymmetry"] > tolerance:
+            return OFF, (*words, f"forward and backward derivatives differ by {numbers['asymmetry']:.1e}")
+        if any("differs from" in note for note in self._notes):
+            return OFF, words
+        if shaken and apart > 0.5 * error:
+            return UNDECIDED, words
+        return (RIGHT if error <= tolerance else OFF), words
+
+
+def _keys(model, keys):
+    if keys is None:
+        return list(model.start)
+    for key in keys:
+        if key not in model.start:
+            raise ValueError(f"there is no parameter {key!r}{meant(key, model.start)}; there are "
+                             f"{', '.join(model.start)}")
+    return list(dict.fromkeys(keys))
+
+
+def _rms(values):
+    """Over directions, (W,)."""
+    return np.sqrt(np.mean(np.square(values), axis=0))
+
+
+def _share(wrong, right):
+    size = float(np.linalg.norm(right))
+    return float(np.linalg.norm(wrong)) / size if size > 0 else 0.0 if not np.any(wrong) else np.inf

@@ -1,0 +1,125 @@
+"""What a check of gradients found: a verdict for each part of each parameter, as text, as a dataset, as lines of CSV."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["DISCONNECTED", "NOT_DIFFERENTIATED", "OFF", "RIGHT", "UNDECIDED", "UNSEEN", "GradientCheck", "PartCheck"]
+
+RIGHT = "right"
+OFF = "off"
+DISCONNECTED = "disconnected"      # the gradient is zero, the difference is not
+UNSEEN = "unseen"                  # the record does not depend on it, by either
+UNDECIDED = "undecided"            # differences at two steps disagree by more than what is asked
+NOT_DIFFERENTIATED = "not differentiated"
+WRONG = (OFF, DISCONNECTED)
+NUMBERS = {"error": "of derivatives, as a share of what they are: rms over directions, the worse of two weights",
+           "slope": "of differences over derivatives",
+           "asymmetry": "of forward and backward derivatives, as a share",
+           "disagreement": "of differences at two steps, as a share",
+           "step": "of the differences, in the unit of the parameter",
+           "moved": "change of the weighted record between the outermost steps, as a share"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartCheck:
+    """What was found of one part of one parameter.
+
+    Parameters
+    ----------
+    key, unit : str
+        Of the parameter.
+    part : str
+        Component or index; empty where it was checked as a whole.
+    size : int
+        Numbers that the parameter has.
+    verdict : str
+        right, off, disconnected, unseen, undecided or not differentiated.
+    error, slope, asymmetry, disagreement, step, moved : float
+        See `NUMBERS`; NaN where there is nothing to compare.
+    notes : tuple of str
+        What else there is to say, in words.
+    """
+
+    key: str
+    unit: str
+    size: int
+    verdict: str
+    part: str = ""
+    error: float = np.nan
+    slope: float = np.nan
+    asymmetry: float = np.nan
+    disagreement: float = np.nan
+    step: float = np.nan
+    moved: float = np.nan
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class GradientCheck:
+    """What was found of parameters of a model.
+
+    Parameters
+    ----------
+    rows : tuple of PartCheck
+    directions : int
+        Of each part, at most.
+    tolerance : float
+        Errors up to which a derivative is right.
+    told : mapping of str to float
+        Shares that the model tells of itself, such as of bins in shadow.
+    """
+
+    rows: tuple[PartCheck, ...]
+    directions: int
+    tolerance: float
+    told: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def wrong(self) -> tuple[PartCheck, ...]:
+        """The parts that are off or disconnected."""
+        return tuple(row for row in self.rows if row.verdict in WRONG)
+
+    def text(self) -> str:
+        """Give a table in words."""
+        head = ("parameter", "verdict", "error", "slope", "forward/backward", "two steps", "step")
+        lines = [head, *(_cells(row) for row in self.rows)]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+        shown = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+                 for line in lines]
+        shown += [f"{_name(row)}: {note}" for row in self.rows for note in row.notes]
+        shown += [f"{name}: {share:.1%}" for name, share in self.told.items()]
+        return "\n".join(shown)
+
+    def to_dataset(self) -> xr.Dataset:
+        """Give the table as a dataset with one dimension, `row`."""
+        import xarray as xr
+
+        columns: dict = {name: ("row", [getattr(row, name) for row in self.rows])
+                         for name in ("key", "part", "unit", "verdict")}
+        columns["size"] = ("row", np.array([row.size for row in self.rows], np.int64))
+        columns |= {name: ("row", np.array([getattr(row, name) for row in self.rows], float), {"long_name": text})
+                    for name, text in NUMBERS.items()}
+        columns["notes"] = ("row", ["; ".join(row.notes) for row in self.rows])
+        return xr.Dataset(columns, attrs={
+            "title": "Gradients against differences", "directions": self.directions, "tolerance": self.tolerance,
+            **{f"share_{name.replace(' ', '_')}": float(share) for name, share in self.told.items()}})
+
+
+def _name(row):
+    return f"{row.key} {row.part}".rstrip()
+
+
+def _cells(row):
+    def share(value):
+        return "-" if np.isnan(value) else f"{value:.1e}"
+
+    step = "-" if np.isnan(row.step) else f"{row.step:.2g} {row.unit}".rstrip()
+    slope = "-" if np.isnan(row.slope) else f"{row.slope:.4f}"
+    return _name(row), row.verdict, share(row.error), slope, share(row.asymmetry), share(row.disagreement), step
