@@ -4,10 +4,10 @@
     w·(J v) = [w·F(x + h v) - ...] / h                  derivative and difference          (error)
     J (v_1 + v_2 + ...) = J v_1 + J v_2 + ...           together and alone
 
-F -> `ForwardModel.value`, whose chance stands still; v -> smooth directions of one parameter alone, w -> slow weights of
-the record (`check_directions`). The error is the rms over directions of derivative less difference, over the larger rms
-of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree; where
-they do not, shadows or edges cross bins, and nothing is decided.
+F -> `ForwardModel.value`, whose chance stands still; v -> smooth directions of one parameter alone, w -> slow weights
+of the record (`check_directions`). The error is the rms over directions of derivative less difference, over the larger
+rms of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree;
+where they do not, shadows or edges cross bins, and nothing is decided.
 
 Records that swing about zero, as the signals of elements do, are also looked at under a weight that swings as their
 derivative does: a slow weight would see little of them.

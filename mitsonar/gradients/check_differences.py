@@ -2,9 +2,9 @@
 
     D(h) = [f(-2h) - 8 f(-h) + 8 f(h) - f(2h)] / 12h = f' - h⁴ f⁽⁵⁾ / 30 + ...
 
-f -> weighted sums of the record, h -> the step. A large step bends, a small one drowns in rounding, and shadows or edges
-leave no step that is good. So the step is halved from a large one on, and the one taken is that at which D(h) and D(h/2)
-agree best. No gradient takes part in the choice.
+f -> weighted sums of the record, h -> the step. A large step bends, a small one drowns in rounding, and shadows or
+edges leave no step that is good. So the step is halved from a large one on, and the one taken is that at which D(h) and
+D(h/2) agree best. No gradient takes part in the choice.
 """
 from __future__ import annotations
 

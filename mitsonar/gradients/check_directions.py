@@ -7,8 +7,8 @@
 Both vary slowly: a record of many rays is smooth in a slow motion of what it sees, while a single node that moves alone
 shows the edges of facets and bins. A direction's largest component is 1, in the unit of its parameter.
 
-The components of vectors are moved one after the other, and few numbers one by one. In one sum, what is large would hide
-that what is small has no gradient.
+The components of vectors are moved one after the other, and few numbers one by one. In one sum, what is large would
+hide that what is small has no gradient.
 """
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a check of gradients found: a verdict for each part of each parameter, as text, as a dataset, as lines of CSV."""
+"""What a check of gradients found: a verdict for each part of each parameter, as text and as a dataset."""
 from __future__ import annotations
 
 from collections.abc import Mapping
