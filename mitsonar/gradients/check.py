@@ -15,6 +15,7 @@ derivative does: a slow weight would see little of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from ..spelling import meant
 from .check_differences import Difference, Line, difference_at, first_step, settled_step
 from .check_directions import Part, generator, parts, slow_weights
 from .check_table import DISCONNECTED, OFF, RIGHT, UNDECIDED, UNSEEN, GradientCheck, PartCheck
-from .model import ForwardModel, Linearised
+from .model import ForwardModel
 
 __all__ = ["check_gradients"]
 
@@ -67,25 +68,36 @@ def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, d
         raise ValueError(f"directions is {directions}; give 1 or more")
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance:g}; give a share between 0 and 1, such as 0.01")
-    about = model.linearised(model.start)
-    todo = {key: parts(np.asarray(model.start[key], float), directions, generator(seed, key)) for key in keys}
-    pieces = [(key, part) for key in keys for part in todo[key]]
-    checker = _Checker(model, about, tolerance, seed)
-    rows = []
-    for number, (key, part) in enumerate(pieces):
-        rows.append(checker.row(key, part))
+    todo = [(key, part) for key in keys
+            for part in parts(np.asarray(model.start[key], float), directions, generator(seed, key))]
+    checker = _Checker(model, tolerance, seed)
+    products = [checker.products(key, part) for key, part in todo]         # before the model is anywhere else
+    extra, rows = checker.together(todo), []
+    for number, ((key, part), derivatives) in enumerate(zip(todo, products, strict=True)):
+        rows.append(checker.row(key, part, derivatives))
         if progress is not None:
-            progress(number + 1, len(pieces))
-    return GradientCheck(rows=tuple(checker.together(rows, todo)), directions=directions, tolerance=tolerance,
-                         told=dict(getattr(about, "told", {})))
+            progress(number + 1, len(todo))
+    rows += extra + checker.afterwards(todo, products)
+    return GradientCheck(rows=tuple(rows), directions=directions, tolerance=tolerance, told=checker.told)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Products:
+    """Derivatives of weighted sums of a record: weights (W, N), forward and backward (direction, W)."""
+
+    weights: np.ndarray
+    forward: np.ndarray
+    backward: np.ndarray
 
 
 class _Checker:
     """Makes the rows of one model."""
 
-    def __init__(self, model: ForwardModel, about: Linearised, tolerance: float, seed: int):
-        self._model, self._about, self._tolerance = model, about, tolerance
+    def __init__(self, model: ForwardModel, tolerance: float, seed: int):
+        self._model, self._tolerance = model, tolerance
         self._base = model.value(model.start)
+        self._about = about = model.linearised(model.start)
+        self.told: dict[str, float] = dict(getattr(about, "told", {}))
         if not np.isfinite(self._base).any() or not np.any(self._base[np.isfinite(self._base)]):
             raise ValueError("the record is empty: nothing in it has a gradient; let the sonar hear something")
         shape = getattr(model, "shape", self._base.shape)
@@ -95,40 +107,72 @@ class _Checker:
         self._swings = -finite[finite < 0].sum() > SWINGS * np.abs(finite).sum()
         self._notes = self._of_records(about)
 
-    def row(self, key: str, part: Part) -> PartCheck:
-        """Give what is found of a part."""
-        start = np.asarray(self._model.start[key], float)
+    def products(self, key: str, part: Part) -> _Products | PartCheck:
+        """Give the derivatives of a part, or what is wrong with them."""
         moves = [self._about.forward({key: direction}) for direction in part.directions]
-        about = {"key": key, "part": part.name, "unit": self._model.units.get(key, ""), "size": start.size}
         broken = sum(int(np.count_nonzero(~np.isfinite(move) & np.isfinite(self._base))) for move in moves)
         if broken:
-            return PartCheck(**about, verdict=OFF, notes=(f"forward derivatives are not finite in {broken} places",))
+            return self._failed(key, part, OFF, f"forward derivatives are not finite in {broken} places")
         weights = self._weights(moves)
         used = np.any(weights != 0, axis=0)
-        forward = np.stack([weights @ np.where(used, move, 0.0) for move in moves])            # (direction, weight)
+        forward = np.stack([weights @ np.where(used, move, 0.0) for move in moves])
         back = [self._about.backward(weight)[key] for weight in weights]
         broken = sum(int(np.count_nonzero(~np.isfinite(gradient))) for gradient in back)
         if broken:
-            return PartCheck(**about, verdict=OFF, notes=(f"gradients are not finite in {broken} places",))
+            return self._failed(key, part, OFF, f"gradients are not finite in {broken} places")
         backward = np.array([[np.sum(gradient * direction) for gradient in back] for direction in part.directions])
-        try:
-            differences, step = self._differences(key, start, part, weights, about["unit"])
-        except ValueError as error:
-            return PartCheck(**about, verdict=UNDECIDED, notes=(str(error),))
-        return self._judged(about, weights, forward, backward, differences, step)
+        return _Products(weights=weights, forward=forward, backward=backward)
 
-    def together(self, rows: list[PartCheck], todo: dict[str, list[Part]]) -> list[PartCheck]:
-        """Add to the rows whether all parameters that move at once move the record by the sum of what each does."""
-        if len(todo) < 2:
-            return rows
-        first = {key: found[0].directions[0] for key, found in todo.items()}
+    def row(self, key: str, part: Part, products: _Products | PartCheck) -> PartCheck:
+        """Give what is found of a part."""
+        if isinstance(products, PartCheck):
+            return products
+        start = np.asarray(self._model.start[key], float)
+        lines = [self._line(key, start, direction, products.weights) for direction in part.directions]
+        try:
+            step = settled_step(lines[0], first_step(start, self._model.units.get(key, "")))
+            differences = [difference_at(line, step) for line in lines]
+        except ValueError as error:
+            return self._failed(key, part, UNDECIDED, str(error))
+        return self._judged(key, part, products, differences, step)
+
+    def _line(self, key, start, direction, weights):
+        return Line(lambda distance: self._model.value({key: start + distance * direction}), self._base, weights)
+
+    def _failed(self, key, part, verdict, note):
+        return PartCheck(**self._named(key, part), verdict=verdict, notes=(note,))
+
+    def _named(self, key, part):
+        return {"key": key, "part": part.name, "unit": self._model.units.get(key, ""),
+                "size": np.size(self._model.start[key])}
+
+    def together(self, todo: Sequence[tuple[str, Part]]) -> list[PartCheck]:
+        """Say if all parameters that move at once do not move the record by the sum of what each does."""
+        first: dict[str, np.ndarray] = {}
+        for key, part in todo:
+            first.setdefault(key, part.directions[0])
+        if len(first) < 2:
+            return []
         alone = np.sum([self._about.forward({key: direction}) for key, direction in first.items()], axis=0)
-        both = np.isfinite(alone) & np.isfinite(self._base)
-        error = _share(self._about.forward(first)[both] - alone[both], alone[both])
-        if error <= self._tolerance:
-            return rows
-        return [*rows, PartCheck(key="all together", unit="", size=sum(direction.size for direction in first.values()),
-                                 verdict=OFF, error=error, notes=("their derivatives are not the sum of each's",))]
+        return self._same("all together", self._about.forward(first), alone,
+                          "their derivatives are not the sum of each one's")
+
+    def afterwards(self, todo: Sequence[tuple[str, Part]],
+                   products: Sequence[_Products | PartCheck]) -> list[PartCheck]:
+        """Say if a linearisation is another after the model was asked for other values."""
+        for (key, part), before in zip(todo, products, strict=True):
+            if isinstance(before, _Products) and np.any(before.forward[0]):
+                used = np.any(before.weights != 0, axis=0)
+                after = before.weights @ np.where(used, self._about.forward({key: part.directions[0]}), 0.0)
+                return self._same("the same again", after, before.forward[0],
+                                  "a linearisation does not stay the same once the model is asked for other values")
+        return []
+
+    def _same(self, name, found, expected, note):
+        there = np.isfinite(expected)
+        error = _share((found - expected)[there], expected[there])
+        return [] if error <= self._tolerance else [
+            PartCheck(key=name, unit="", size=0, verdict=OFF, error=error, notes=(note,))]
 
     def _of_records(self, about):
         """What is wrong with the records themselves."""
@@ -148,15 +192,8 @@ class _Checker:
         like = np.where(np.isfinite(self._base), moves[0], 0.0) * np.abs(self._slow[0])
         return np.vstack([self._slow, like / (np.abs(like) @ self._size)])
 
-    def _differences(self, key, start, part, weights, unit):
-        def line(direction):
-            return Line(lambda distance: self._model.value({key: start + distance * direction}), self._base, weights)
-
-        lines = [line(direction) for direction in part.directions]
-        step = settled_step(lines[0], first_step(start, unit))
-        return [difference_at(one, step) for one in lines], step
-
-    def _judged(self, about, weights, forward, backward, differences: list[Difference], step):
+    def _judged(self, key, part, products, differences: list[Difference], step):
+        weights, forward, backward = products.weights, products.forward, products.backward
         best = np.stack([one.best for one in differences])
         wrong = best - forward
         sizes = np.maximum(_rms(best), _rms(forward))                  # (weight,)
@@ -175,7 +212,7 @@ class _Checker:
         verdict, notes = self._verdict(numbers, zero, max(moved, expected))
         if verdict == UNSEEN:                                          # nothing but rounding to compare
             numbers = {"step": step, "moved": moved}
-        return PartCheck(**about, **numbers, verdict=verdict, notes=(*self._notes, *notes))
+        return PartCheck(**self._named(key, part), **numbers, verdict=verdict, notes=(*self._notes, *notes))
 
     def _verdict(self, numbers, zero, moves):
         error, apart, tolerance = numbers.get("error", 0.0), numbers.get("disagreement", 0.0), self._tolerance

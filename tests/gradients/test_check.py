@@ -137,6 +137,31 @@ def test_a_parameter_that_is_lost_beside_others_is_found(monkeypatch):
     assert [row.key for row in check.wrong] == ["all together"]
 
 
+def test_a_linearisation_that_follows_the_model_elsewhere_is_found():
+    class Shared(Fake):
+        def value(self, values):
+            self.last = values
+            return super().value(values)
+
+    class Stale(FakeLinearised):
+        def forward(self, tangents):
+            return super().forward(tangents) * (self.model.last is self.model.start)
+
+    model = Shared()
+
+    def linearised(values):
+        found = Fake.linearised(model, values)
+        model.last = model.start
+        stale = Stale(found.value, found._jacobians, found._start)
+        stale.model = model
+        return stale
+
+    model.linearised = linearised
+    check = check_gradients(model, ["depth"])
+    assert [row.verdict for row in check.rows] == ["right", "off"]
+    assert "does not stay the same" in check.rows[1].notes[0]
+
+
 def test_signals_that_swing_are_seen_by_a_weight_that_swings_as_they_do():
     """A delay of a tone: slow weights see nothing of it, and half of its derivative missing must be found."""
     class Tone:
