@@ -13,13 +13,16 @@ import mitsuba as mi
 import numpy as np
 
 from .gradients.pictures import picture_of
+from .gradients.check_table import GradientCheck
+from .gradients.scene_check import check_parameters
 from .gradients.scene_model import SceneLinearised, SceneModel
+from .gradients.scene_values import differentiable
 from .io.files import FilePath
 from .scene.errors import as_exception
 from .spelling import meant
 from .verbs import checked_seed, opened
 
-__all__ = ["QUANTITIES", "directional_derivative", "gradient", "scene_model"]
+__all__ = ["QUANTITIES", "directional_derivative", "gradient", "gradient_check", "scene_model"]
 
 QUANTITIES = "level", "intensity"
 DECIBELS = 10 / np.log(10)
@@ -123,6 +126,34 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
         return SceneModel(scene, keys, picture, seed=chosen.own_seed(seed))
     except RuntimeError as error:
         raise as_exception(error) from error
+
+
+def gradient_check(scene: mi.Scene | FilePath, keys: Sequence[str] | None = None, *, sensor: int | str = 0,
+                   seed: int = 0, directions: int = 3, tolerance: float = 0.01,
+                   progress: Callable[[float, float], object] | None = None) -> GradientCheck:
+    """Compare gradients of a scene's parameters, forward and backward, with differences, each parameter alone.
+
+    Parameters
+    ----------
+    scene, sensor, seed
+        As of `mitsonar.render`.
+    keys : sequence of str, optional
+        Names of `mi.traverse(scene)`; default: all that gradients can be of.
+    directions, tolerance
+        See `gradients.check.check_gradients`.
+    progress : function, optional
+        Called with the parameters done and their number.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `scene_model`, or if an option is out of its range.
+    """
+    scene, *_ = opened(scene, sensor)
+    scene_model(scene, differentiable(scene)[:1], sensor=sensor, seed=seed)        # what is wrong with sonar or scene
+    return check_parameters(lambda key: scene_model(scene, [key], sensor=sensor, seed=seed),
+                            list(dict.fromkeys(keys)) if keys else differentiable(scene), refuse=keys is not None,
+                            directions=directions, tolerance=tolerance, seed=seed, progress=progress)
 
 
 def _check_quantity(of: str) -> None:

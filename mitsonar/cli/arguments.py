@@ -27,6 +27,10 @@ class Parser(argparse.ArgumentParser):
         """Parse, and say of an unknown option which one may be meant."""
         found = argparse.Namespace() if namespace is None else namespace
         found, rest = self.parse_known_args(args, found)
+        behind = getattr(found, "behind_options", None)                    # argparse takes none there into a list
+        if behind is not None and not any(word.startswith("-") for word in rest):
+            setattr(found, behind, [*getattr(found, behind), *rest])
+            rest = []
         if rest:
             commands = next(action for action in self._actions if isinstance(action, argparse._SubParsersAction))
             command = commands.choices[found.command]

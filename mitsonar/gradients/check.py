@@ -5,8 +5,8 @@
     J (v_1 + v_2 + ...) = J v_1 + J v_2 + ...           together and alone
 
 F -> `ForwardModel.value`, whose chance stands still; v -> smooth directions of one parameter alone, w -> slow weights
-of the record (`check_directions`). The error is the rms over directions of derivative less difference, over the larger
-rms of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree;
+of the record (`check_directions`). The error is the rms over both of derivative less difference, over the larger rms
+of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree;
 where they do not, shadows or edges cross bins, and nothing is decided.
 
 Records that swing about zero, as the signals of elements do, are also looked at under a weight that swings as their
@@ -68,6 +68,8 @@ def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, d
         raise ValueError(f"directions is {directions}; give 1 or more")
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance:g}; give a share between 0 and 1, such as 0.01")
+    empty = [PartCheck(key=key, unit=model.units.get(key, ""), size=0, verdict=UNSEEN, notes=("it is empty",))
+             for key in keys if np.size(model.start[key]) == 0]
     todo = [(key, part) for key in keys
             for part in parts(np.asarray(model.start[key], float), directions, generator(seed, key))]
     checker = _Checker(model, tolerance, seed)
@@ -77,7 +79,7 @@ def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, d
         rows.append(checker.row(key, part, derivatives))
         if progress is not None:
             progress(number + 1, len(todo))
-    rows += extra + checker.afterwards(todo, products)
+    rows += empty + extra + checker.afterwards(todo, products)
     return GradientCheck(rows=tuple(rows), directions=directions, tolerance=tolerance, told=checker.told)
 
 
@@ -195,19 +197,16 @@ class _Checker:
     def _judged(self, key, part, products, differences: list[Difference], step):
         weights, forward, backward = products.weights, products.forward, products.backward
         best = np.stack([one.best for one in differences])
-        wrong = best - forward
-        sizes = np.maximum(_rms(best), _rms(forward))                  # (weight,)
-        seen = sizes > ZERO * sizes.max(initial=0.0)
+        size = max(_rms(best), _rms(forward))
         moved = max(one.moved for one in differences)
-        apart = _rms(np.stack([one.coarse - one.fine for one in differences]))
         numbers = {"step": step, "moved": moved}
-        if np.any(seen):
-            numbers |= {"error": float((_rms(wrong)[seen] / sizes[seen]).max()),
-                        "asymmetry": float((_rms(forward - backward)[seen] / sizes[seen]).max()),
-                        "disagreement": float((apart[seen] / sizes[seen]).max())}
-            size = np.sum(forward ** 2)
-            numbers["slope"] = float(np.sum(best * forward) / size) if size > 0 else np.nan
-        zero = bool(np.all(np.maximum(_rms(forward), _rms(backward)) <= ZERO * sizes))
+        if size > 0:
+            apart = np.stack([one.coarse - one.fine for one in differences])
+            numbers |= {"error": _rms(best - forward) / size, "asymmetry": _rms(forward - backward) / size,
+                        "disagreement": _rms(apart) / size}
+        if np.any(forward):
+            numbers["slope"] = float(np.sum(best * forward) / np.sum(forward ** 2))
+        zero = max(_rms(forward), _rms(backward)) <= ZERO * size
         expected = 4 * step * float((np.abs(forward) / (np.abs(weights) @ self._size)).max(initial=0.0))
         verdict, notes = self._verdict(numbers, zero, max(moved, expected))
         if verdict == UNSEEN:                                          # nothing but rounding to compare
@@ -242,8 +241,8 @@ def _keys(model, keys):
 
 
 def _rms(values):
-    """Over directions, (W,)."""
-    return np.sqrt(np.mean(np.square(values), axis=0))
+    """Over directions and weights: these are scaled alike, and one that nearly cancels shall not count for more."""
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _share(wrong, right):

@@ -1,7 +1,7 @@
 """What a check of gradients found: a verdict for each part of each parameter, as text and as a dataset."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DISCONNECTED", "NOT_DIFFERENTIATED", "OFF", "RIGHT", "UNDECIDED", "UNSEEN", "GradientCheck", "PartCheck"]
+__all__ = ["DISCONNECTED", "NOT_DIFFERENTIATED", "OFF", "RIGHT", "UNDECIDED", "UNSEEN", "GradientCheck", "PartCheck",
+           "joined"]
 
 RIGHT = "right"
 OFF = "off"
@@ -19,7 +20,7 @@ UNSEEN = "unseen"                  # the record does not depend on it, by either
 UNDECIDED = "undecided"            # differences at two steps disagree by more than what is asked
 NOT_DIFFERENTIATED = "not differentiated"
 WRONG = (OFF, DISCONNECTED)
-NUMBERS = {"error": "of derivatives, as a share of what they are: rms over directions, the worse of two weights",
+NUMBERS = {"error": "of derivatives, as a share of what they are: rms over directions and weights",
            "slope": "of differences over derivatives",
            "asymmetry": "of forward and backward derivatives, as a share",
            "disagreement": "of differences at two steps, as a share",
@@ -87,13 +88,17 @@ class GradientCheck:
         return tuple(row for row in self.rows if row.verdict in WRONG)
 
     def text(self) -> str:
-        """Give a table in words."""
+        """Give a table in words; what is said of many parts is said once."""
         head = ("parameter", "verdict", "error", "slope", "forward/backward", "two steps", "step")
         lines = [head, *(_cells(row) for row in self.rows)]
         widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
         shown = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
                  for line in lines]
-        shown += [f"{_name(row)}: {note}" for row in self.rows for note in row.notes]
+        said: dict[str, list[str]] = {}
+        for row in self.rows:
+            for note in row.notes:
+                said.setdefault(note, []).append(_name(row))
+        shown += [f"{', '.join(names)}: {note}" for note, names in said.items()]
         shown += [f"{name}: {share:.1%}" for name, share in self.told.items()]
         return "\n".join(shown)
 
@@ -110,6 +115,16 @@ class GradientCheck:
         return xr.Dataset(columns, attrs={
             "title": "Gradients against differences", "directions": self.directions, "tolerance": self.tolerance,
             **{f"share_{name.replace(' ', '_')}": float(share) for name, share in self.told.items()}})
+
+
+def joined(checks: Sequence[GradientCheck]) -> GradientCheck:
+    """Give checks with the same options as one, and of what several tell the largest share."""
+    told: dict[str, float] = {}
+    for check in checks:
+        for name, share in check.told.items():
+            told[name] = max(share, told.get(name, share))
+    return GradientCheck(rows=tuple(row for check in checks for row in check.rows), directions=checks[0].directions,
+                         tolerance=checks[0].tolerance, told=told)
 
 
 def _name(row):

@@ -26,6 +26,7 @@ def script(folder, capfd):
     (["mitsonar", "render", "sidescan_f"], {"sidescan_flat"}),
     (["mitsonar", "render", "sce"], {"scene.xml"}),
     (["mitsonar", "describe", "published"], {"published_figure_2", "published_figure_3"}),
+    (["mitsonar", "gradient-check", "sidescan_f"], {"sidescan_flat"}),
     (["mitsonar", "render", "--prev"], {"--preview"}),
     (["mitsonar", "plot", "a.exr", "--tvg", "t"], {"target"}),
 ], ids=" ".join)

@@ -1,0 +1,70 @@
+"""The command that compares gradients with differences: gradient-check."""
+import os
+from typing import TYPE_CHECKING
+
+from ..io import scenes
+from .arguments import Commands, add_scene, number, parameters, set_up, whole
+from .completion import FILES, complete_with
+from .progress import Progress
+from .words import announce, warn
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["add"]
+
+TABLES = (".csv", ".nc")
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser's."""
+    check = commands.add_parser("gradient-check", help="compare gradients of a scene's parameters, forward and "
+                                                        "backward, with differences, each parameter alone")
+    add_scene(check)
+    check.add_argument("keys", metavar="KEY", nargs="*",
+                       help="a parameter, as mi.traverse names it, such as bed.vertex_positions; default: all that "
+                            "gradients can be of")
+    check.add_argument("--sensor", default=0, metavar="ID", help="which of the scene's sonars: its id; default: the "
+                                                                 "first")
+    check.add_argument("--directions", type=whole, default=3, metavar="N",
+                       help="smooth random directions of each part of a parameter; default: 3")
+    check.add_argument("--tolerance", type=number, default=0.01, metavar="SHARE",
+                       help="error up to which a gradient is right; default: 0.01")
+    complete_with(check.add_argument("-o", "--output", metavar="OUT.csv|nc", help="write the table there, too"), FILES)
+    check.set_defaults(run=_check, behind_options="keys")
+
+
+def _check(arguments):
+    from ..io.files import check_writable
+
+    path = scenes.find(arguments.scene)
+    if arguments.output is not None:
+        if os.path.splitext(arguments.output)[1].lower() not in TABLES:
+            raise ValueError(f"cannot write {arguments.output}: its name must end in .csv or .nc")
+        check_writable(arguments.output)
+    from ..gradient_verbs import gradient_check
+    from ..scene.loading import load_file
+
+    set_up(arguments.threads)
+    scene = load_file(path, **parameters(arguments))
+    with Progress("parameters", "checking") as progress:
+        found = gradient_check(scene, arguments.keys or None, sensor=arguments.sensor, seed=arguments.seed,
+                               directions=arguments.directions, tolerance=arguments.tolerance, progress=progress)
+    print(found.text(), flush=True)
+    if arguments.output is not None:
+        _write(found.to_dataset(), arguments.output)
+        announce(arguments.output)
+    for row in found.wrong:
+        warn(f"the gradient of {row.key}{f' {row.part}' if row.part else ''} is {row.verdict}: do not fit by it")
+    return 1 if found.wrong else 0
+
+
+def _write(table: "xr.Dataset", path: str) -> None:
+    from ..io import netcdf
+    from ..io.files import replacing
+
+    if os.path.splitext(path)[1].lower() == ".nc":
+        netcdf.write(table, path)
+        return
+    with replacing(path) as temporary:
+        table.to_dataframe().to_csv(temporary, index=False, lineterminator="\n")
