@@ -16,7 +16,7 @@ from .attitude import Motion
 from .record import VARIABLES, check, variable
 from .reduction import Installation, Located, Measured, located
 
-__all__ = ["installation_of", "measured_of", "placed", "profile_of", "resounded"]
+__all__ = ["heads_of", "installation_of", "measured_of", "parts_of", "placed", "profile_of", "resounded"]
 
 PLACES = ("depth", "x", "y", "across_track", "along_track", "grazing")
 # What was known of the soundings where they were before.
@@ -56,8 +56,8 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     head = soundings["head_sound_speed"].values if head_speed is None else _speeds(head_speed, soundings)
     motion, measured = Motion.of(soundings), measured_of(soundings)
     rows = {one.name: np.full(soundings["valid"].shape, np.nan) for one in fields(Located)}
-    for number, pings in _heads(soundings):
-        for part, some in _parts(soundings, pings):
+    for number, pings in heads_of(soundings):
+        for part, some in parts_of(soundings, pings):
             installed = installation_of(soundings, number)
             one = replace(measured[pings], travel_time=np.where(some, measured.travel_time[pings], np.nan))
             places = located(one, motion, replace(installed, transmit_offset=installed.transmit_offset + part), profile,
@@ -97,7 +97,7 @@ def installation_of(soundings: xr.Dataset, head: int | None = None) -> Installat
     return Installation(**values)
 
 
-def _heads(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
+def heads_of(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
     """Receiving heads and their pings; None where there is one."""
     if "head" not in soundings or "head_receive_offset" not in soundings:
         return [(None, np.arange(soundings.sizes["ping"]))]
@@ -105,7 +105,7 @@ def _heads(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
     return [(int(number), np.flatnonzero(heads == number)) for number in np.unique(heads)]
 
 
-def _parts(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def parts_of(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Where parts of the transmit array lie from its offset (3,), and the soundings (ping, beam) of their sectors."""
     valid = soundings["valid"].values[pings]
     if "sector_offset" not in soundings:

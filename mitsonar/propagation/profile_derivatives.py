@@ -14,6 +14,7 @@ layer; the uniform water beyond the profile has the speed of its end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +23,7 @@ from ..water import SoundSpeedProfile
 from .arc_derivatives import arc_derivatives
 from .eigenrays import Eigenray
 
-__all__ = ["RayDerivatives", "ray_derivatives"]
+__all__ = ["PassageDerivatives", "RayDerivatives", "hats", "passage_derivatives", "ray_derivatives"]
 
 BLOCK = 1 << 18                    # numbers of a block of rays: memory stays bounded
 
@@ -125,6 +126,38 @@ def ray_derivatives(profile: SoundSpeedProfile, source_depth: ArrayLike, target_
     wide = {"time_by_speed": -integrals[0], "range_by_speed": by_speed}
     return RayDerivatives(**{name: values.reshape(shape) for name, values in flat.items()},
                           **{name: values.reshape(*shape, nodes) for name, values in wide.items()})
+
+
+class PassageDerivatives(NamedTuple):
+    """Of N rays of given ray parameter between two depths, and K nodes.
+
+    Attributes
+    ----------
+    time_by_speed : array (N, K) [s²/m]
+        Of the time between fixed ends; that at fixed parameter is ``p * range_by_speed`` more.
+    range_by_speed : array (N, K) [s]
+        Of the range at fixed parameter.
+    range_by_parameter : array (N,) [m²/s]
+    """
+
+    time_by_speed: np.ndarray
+    range_by_speed: np.ndarray
+    range_by_parameter: np.ndarray
+
+
+def passage_derivatives(profile: SoundSpeedProfile, parameter: np.ndarray, upper: np.ndarray,
+                        lower: np.ndarray) -> PassageDerivatives:
+    """Differentiate direct rays of given ray parameter (N,) [s/m] between two depths (N,) [m], which they reach."""
+    nodes = profile.depth.size
+    by_speed, spread = np.empty((2, len(parameter), nodes)), np.empty(len(parameter))
+    size = max(1, BLOCK // (nodes + 2))
+    for start in range(0, len(parameter), size):
+        some = slice(start, start + size)
+        p, ends = parameter[some], (upper[some], lower[some])
+        sums = _Sums(profile, p, np.sqrt(np.maximum([1 - (p * profile.at(depth)) ** 2 for depth in ends], 0)))
+        sums.follow(*ends, np.full(len(p), np.nan))
+        by_speed[:, some], spread[some] = sums.integrals, sums.spread
+    return PassageDerivatives(-by_speed[0], by_speed[1], spread)
 
 
 def hats(profile: SoundSpeedProfile, depth: np.ndarray) -> np.ndarray:

@@ -1,0 +1,79 @@
+"""A seabed of depths at the nodes of a grid, linear between them, and where a place lies in it."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["BedGrid", "BedShares"]
+
+
+class BedShares(NamedTuple):
+    """Nodes about N places and their shares in the depth there.
+
+    Attributes
+    ----------
+    node : array (N, 4) of int
+        Flat numbers.
+    share, by_x, by_y : array (N, 4)
+        Of sum 1, and their slopes [1/m].
+    """
+
+    node: np.ndarray
+    share: np.ndarray
+    by_x: np.ndarray
+    by_y: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BedGrid:
+    """Depths at the nodes of a grid; beyond its edges the bed is as at the edge.
+
+    Parameters
+    ----------
+    x, y : array (nx,), (ny,) [m]
+        Increasing; one node: the bed is the same all along that axis.
+    depth : array (ny, nx) [m]
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite, places do not increase or the shape of the depths is another.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    depth: np.ndarray
+
+    def __post_init__(self):
+        for name in ("x", "y", "depth"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), float))
+        for name, axis in (("x", self.x), ("y", self.y)):
+            if axis.ndim != 1 or not axis.size or not np.isfinite(axis).all() or (np.diff(axis) <= 0).any():
+                raise ValueError(f"bed: {name} must be a list of increasing numbers, at least one.")
+        if self.depth.shape != (self.y.size, self.x.size) or not np.isfinite(self.depth).all():
+            raise ValueError(f"bed: depth must hold {self.y.size} rows of {self.x.size} finite numbers, one for each y "
+                             f"and x; got the shape {self.depth.shape}.")
+
+    def shares(self, x: np.ndarray, y: np.ndarray) -> BedShares:
+        """Tell where places (N,) lie."""
+        (i, u, du), (j, v, dv) = _place(self.x, x), _place(self.y, y)
+        i2, j2 = np.minimum(i + 1, self.x.size - 1), np.minimum(j + 1, self.y.size - 1)
+        width = self.x.size
+        node = np.stack([j * width + i, j * width + i2, j2 * width + i, j2 * width + i2], -1)
+        share = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], -1)
+        by_x = np.stack([-du * (1 - v), du * (1 - v), -du * v, du * v], -1)
+        by_y = np.stack([-dv * (1 - u), -dv * u, dv * (1 - u), dv * u], -1)
+        return BedShares(node, share, by_x, by_y)
+
+
+def _place(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Node before, share of the node after, and its slope."""
+    if nodes.size == 1:
+        return np.zeros(len(at), int), np.zeros(len(at)), np.zeros(len(at))
+    k = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)
+    gap = nodes[k + 1] - nodes[k]
+    share = (at - nodes[k]) / gap
+    inside = (share >= 0) & (share <= 1)
+    return k, np.clip(share, 0, 1), np.where(inside, 1 / gap, 0)

@@ -1,0 +1,146 @@
+"""What a fit of a sound-speed profile answers: the speeds, how well they are known, and what could not be seen."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from ..water import SoundSpeedProfile
+
+__all__ = ["ProfileFit"]
+
+LEAST_SPAN = 0.25                  # of the column, that nodes must be told over for a profile to be one
+WELL = 1 / 3                       # of the prior's deviation, that a node's must be below to count as told
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProfileFit:
+    """Speeds at the nodes of a profile, fitted to times of soundings.
+
+    Attributes
+    ----------
+    depth : array (K,) [m]
+        Of the nodes.
+    start, speed : array (K,) [m/s]
+        Before and after.
+    deviation, prior_deviation : array (K,) [m/s]
+        After and before, with all that is believed of the water; where a node is not `told`, the first holds only if
+        the layers lie in the order that they had at the start.
+    told : array (K,) of bool
+        Nodes that the soundings themselves place and tell. Over a bed of one depth the order of the layers above leaves
+        no trace in times and angles: they tell how much of the water has which speed, and no more. Nodes are told
+        between the shallowest and the deepest soundings alone, where these differ, and at the head, by its sensor.
+    singular_values : array (K,)
+        Of the times by the speeds, both in units of their deviations, the bed and the roll being free: what is above 1
+        is known better by the soundings than before.
+    patterns : array (K, K) [m/s]
+        A row a singular value: what it is of, one deviation large.
+    column_mean, column_mean_deviation : float [m/s]
+        Of the speed from the head down to the middle of the bed.
+    bed_depths : array (2,) [m]
+        Between which nearly all soundings lie: 2nd and 98th percentile.
+    bed : array (ny, nx) [m]
+    roll : float [rad]
+    soundings : int
+    noise : float [s]
+        Of the two-way times: as given, or as it was found to be where that is more.
+    misfit : array (I,) [s]
+        Root mean square of times, iteration by iteration.
+    head_depth : float [m]
+    stopped : str
+        Why the iterations ended.
+    rival : array (K,) [m/s] or None
+        Of an answer that is no profile: another one, of layers in another order.
+    rival_misfit : float [s]
+        That of the rival.
+    """
+
+    depth: np.ndarray
+    start: np.ndarray
+    speed: np.ndarray
+    deviation: np.ndarray
+    prior_deviation: np.ndarray
+    told: np.ndarray
+    singular_values: np.ndarray
+    patterns: np.ndarray
+    column_mean: float
+    column_mean_deviation: float
+    bed_depths: np.ndarray
+    bed: np.ndarray
+    roll: float
+    soundings: int
+    noise: float
+    misfit: np.ndarray
+    head_depth: float
+    stopped: str
+    rival: np.ndarray | None = None
+    rival_misfit: float = np.nan
+
+    @property
+    def resolved(self) -> np.ndarray:
+        """Share of each node that is known by the soundings, not from before: (K,), 0 to 1."""
+        return 1 - (self.deviation / self.prior_deviation) ** 2
+
+    @property
+    def parameters(self) -> float:
+        """How many numbers the soundings have told."""
+        square = self.singular_values ** 2
+        return float((square / (1 + square)).sum())
+
+    @property
+    def is_profile(self) -> bool:
+        """Whether nodes are told over enough of the column to call the answer a profile."""
+        some = self.depth[self.told & (self.depth > self.head_depth)]
+        column = self.bed_depths[1] - self.head_depth
+        return bool(some.size >= 2 and np.ptp(some) >= LEAST_SPAN * column)
+
+    @property
+    def profile(self) -> SoundSpeedProfile:
+        """The answer as a profile.
+
+        Raises
+        ------
+        ValueError
+            If the soundings do not tell one.
+        """
+        if not self.is_profile:
+            raise ValueError(self.verdict)
+        return SoundSpeedProfile(self.depth, self.speed)
+
+    @property
+    def verdict(self) -> str:
+        """What was observable, in a sentence or two."""
+        low, high = self.bed_depths
+        mean = (f"the mean sound speed from the head to the bed is {self.column_mean:.2f} +- "
+                f"{self.column_mean_deviation:.2f} m/s")
+        if not self.is_profile:
+            other = "" if self.rival is None else (
+                f" (other layers, up to {np.abs(self.rival - self.speed).max():.1f} m/s different, meet the times to "
+                f"{1e6 * self.rival_misfit:.0f} us where these meet them to {1e6 * self.misfit[-1]:.0f})")
+            return (f"soundings between {low:.1f} and {high:.1f} m do not tell a profile: rays down to one depth leave "
+                    f"no trace of the order of the layers above{other}; {mean}; to know more, survey a slope that "
+                    "rises to where the layers lie, from several lines.")
+        some = self.told & (self.depth > self.head_depth)
+        above = int((~self.told & (self.depth < low)).sum())
+        rest = (f"; of the {above} nodes above {low:.0f} m no more is told than their mean" if above else "")
+        return (f"soundings between {low:.1f} and {high:.1f} m tell the speed at {int(some.sum())} of the "
+                f"{self.depth.size} nodes, to {np.median(self.deviation[some]):.2f} m/s in the middle{rest}; {mean}.")
+
+    def to_dataset(self) -> xr.Dataset:
+        """Give all of it as a dataset."""
+        by_node = {"start_sound_speed": (self.start, "m/s"), "sound_speed": (self.speed, "m/s"),
+                   "deviation": (self.deviation, "m/s"), "prior_deviation": (self.prior_deviation, "m/s"),
+                   "resolved": (self.resolved, "1"), "told": (self.told.astype(np.int8), "1")}
+        variables = {name: ("node", values, {"units": unit}) for name, (values, unit) in by_node.items()}
+        variables |= {"depth": ("node", self.depth, {"units": "m"}),
+                      "singular_value": ("pattern", self.singular_values, {"units": "1"}),
+                      "pattern_sound_speed": (("pattern", "node"), self.patterns, {"units": "m/s"}),
+                      "misfit": ("iteration", self.misfit, {"units": "s"}),
+                      "bed_depth": (("y", "x"), self.bed, {"units": "m"})}
+        if self.rival is not None:
+            variables["rival_sound_speed"] = ("node", self.rival, {"units": "m/s"})
+        about = {"verdict": self.verdict, "stopped": self.stopped, "soundings": self.soundings, "noise_s": self.noise,
+                 "column_mean_m_s": self.column_mean, "column_mean_deviation_m_s": self.column_mean_deviation,
+                 "head_depth_m": self.head_depth, "roll_rad": self.roll}
+        return xr.Dataset(variables, attrs=about)
