@@ -12,6 +12,7 @@
         columns              many layers at once, by a table
     reduction     soundings from angles and times to places
     resounding    a record reduced anew, with another profile or another sound speed of the head
+    sounding_beams  what of a record no profile has touched: horizontal slowness and time
     bottom_backscatter, snippets     the bed's strength, sounding by sounding and sample by sample
     errors        errors of soundings by cause: detection, refraction, motion
     smile         what a wrong profile or head's speed does to a swath, by ray theory

@@ -30,6 +30,7 @@ from .profile_problem import ProfileProblem
 __all__ = ["fit_profile"]
 
 MOST_KNOWN = 250_000               # nodes of a given bed
+RIVAL_STEPS = 10
 RIVAL = 1.2                        # times the misfit of the answer, up to which another fits as well
 
 
@@ -82,18 +83,18 @@ def fit_profile(soundings: xr.Dataset | SoundingBeams, start: SoundSpeedProfile,
     bed = laid_bed(beams, start, prior, cell) if bed is None else bed
     problem = ProfileProblem(beams, start, bed, prior, known)
     fit = problem.fitted(noise, iterations, progress)
-    return fit if fit.is_profile else _with_rival(fit, beams, bed, prior, known, iterations)
+    return fit if fit.is_profile or not fit.is_overlapping else _with_rival(fit, beams, bed, prior, known, iterations)
 
 
 def _with_rival(fit: ProfileFit, beams: SoundingBeams, bed: BedGrid, prior: ProfilePrior, known: bool,
                 iterations: int) -> ProfileFit:
     """Fit once more, about the same layers upside down: where the order leaves no trace, that fits as well."""
-    top, bottom = fit.head_depth, fit.bed_depths[1]
+    top, bottom = fit.head_depth, fit.bed_depths[-1]
     inside = (fit.depth > top) & (fit.depth < bottom)
     over = np.interp(top + bottom - fit.depth, fit.depth, fit.speed)
     mirrored = SoundSpeedProfile(fit.depth, np.where(inside, over, fit.speed))
     try:
-        rival = ProfileProblem(beams, mirrored, bed, prior, known).fitted(fit.noise, iterations, None)
+        rival = ProfileProblem(beams, mirrored, bed, prior, known).fitted(fit.noise, min(iterations, RIVAL_STEPS), None)
     except ValueError:                                 # beams that do not come down through such water
         return fit
     apart = abs(rival.column_mean - fit.column_mean) if rival.misfit[-1] < RIVAL * fit.misfit[-1] else 0.0

@@ -11,6 +11,7 @@ from ..water import SoundSpeedProfile
 __all__ = ["ProfileFit"]
 
 LEAST_SPAN = 0.25                  # of the column, that nodes must be told over for a profile to be one
+ONE_WAY = 0.15                     # directions nearer to each other than this are one
 WELL = 1 / 3                       # of the prior's deviation, that a node's must be below to count as told
 
 
@@ -38,10 +39,13 @@ class ProfileFit:
         A row a singular value: what it is of, one deviation large.
     column_mean, column_mean_deviation : float [m/s]
         Of the speed from the head down to the middle of the bed.
-    bed_depths : array (2,) [m]
-        Between which nearly all soundings lie: 2nd and 98th percentile.
+    bed_depths : array (3,) [m]
+        Of the soundings: 2nd, 50th and 98th percentile.
     bed : array (ny, nx) [m]
     roll : float [rad]
+    directions : float
+        Root mean square distance of the unit vectors, in the plane, along which a patch of the bed was seen, in the
+        middle of all soundings; infinite where the bed was known. Of one line it is nearly nothing.
     soundings : int
     noise : float [s]
         Of the two-way times: as given, or as it was found to be where that is more.
@@ -69,6 +73,7 @@ class ProfileFit:
     bed_depths: np.ndarray
     bed: np.ndarray
     roll: float
+    directions: float
     soundings: int
     noise: float
     misfit: np.ndarray
@@ -89,10 +94,17 @@ class ProfileFit:
         return float((square / (1 + square)).sum())
 
     @property
+    def is_overlapping(self) -> bool:
+        """Whether the same bed was seen at several angles, or known: if not, depth and speed trade places."""
+        return self.directions > ONE_WAY
+
+    @property
     def is_profile(self) -> bool:
         """Whether nodes are told over enough of the column to call the answer a profile."""
         some = self.depth[self.told & (self.depth > self.head_depth)]
-        column = self.bed_depths[1] - self.head_depth
+        if not self.is_overlapping:
+            return False
+        column = self.bed_depths[-1] - self.head_depth
         return bool(some.size >= 2 and np.ptp(some) >= LEAST_SPAN * column)
 
     @property
@@ -111,9 +123,13 @@ class ProfileFit:
     @property
     def verdict(self) -> str:
         """What was observable, in a sentence or two."""
-        low, high = self.bed_depths
+        low, _, high = self.bed_depths
         mean = (f"the mean sound speed from the head to the bed is {self.column_mean:.2f} +- "
                 f"{self.column_mean_deviation:.2f} m/s")
+        if not self.is_overlapping:
+            return ("each part of the bed was seen from one direction only, so that its depth and the speed of sound "
+                    "trade places: nothing is told of the water but what the smoothness of the bed makes of it; survey "
+                    "lines that overlap or cross, or give the bed.")
         if not self.is_profile:
             other = "" if self.rival is None else (
                 f" (other layers, up to {np.abs(self.rival - self.speed).max():.1f} m/s different, meet the times to "
@@ -142,5 +158,5 @@ class ProfileFit:
             variables["rival_sound_speed"] = ("node", self.rival, {"units": "m/s"})
         about = {"verdict": self.verdict, "stopped": self.stopped, "soundings": self.soundings, "noise_s": self.noise,
                  "column_mean_m_s": self.column_mean, "column_mean_deviation_m_s": self.column_mean_deviation,
-                 "head_depth_m": self.head_depth, "roll_rad": self.roll}
+                 "head_depth_m": self.head_depth, "roll_rad": self.roll, "directions": self.directions}
         return xr.Dataset(variables, attrs=about)

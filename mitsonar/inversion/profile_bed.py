@@ -35,7 +35,7 @@ def laid_bed(beams: SoundingBeams, profile: SoundSpeedProfile, prior: ProfilePri
         step = cell
     else:
         share = np.sqrt(max(width * height, width, height) * PER_NODE / len(x))
-        step = float(max(share, max(width, height) / MOST_ALONG, 0.1))
+        step = float(max(share, max(width, height) / MOST_ALONG, np.sqrt(width * height / (0.8 * MOST_NODES)), 0.1))
     counts = [int(np.ceil(side / step)) + 1 for side in (width, height)]
     if np.prod(counts) > MOST_NODES:
         raise ValueError(f"fit of a profile: a bed of {counts[0]} by {counts[1]} nodes {step:g} m apart is more than "

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ OUTLIER = 3.0                      # deviations beyond which a time counts less 
 LONGEST = 15.0                     # [m/s] a step of a node's speed
 HALVINGS = 10
 STILL = 0.02                       # of a node's deviation: a profile that moves by less stands still
+TELLING = 0.1                      # a fall of the cost that nothing follows from: that of one deviation is 1
 SAME_NOISE = 0.98
 PATCH = 2                          # nodes to the side of a patch of the bed on which misfits go together
 
@@ -43,7 +44,7 @@ class ProfileProblem:
         from ..gradients.sounding_times import BED, ROLL, SPEED, SoundingTimes
 
         self.beams, self.start, self.bed, self.prior = beams, start, bed, prior
-        self.rolls = prior.roll_deviation > 0
+        self.rolls, self.known = prior.roll_deviation > 0, known
         self.names = SPEED, BED, ROLL
         self.model = SoundingTimes(beams, start, bed, (SPEED, BED, ROLL) if self.rolls else (SPEED, BED))
         self.covariance = prior.covariance(start.depth)
@@ -117,7 +118,7 @@ class ProfileProblem:
         state, misfits, stopped = self.first(), [], "the iterations were used up"
         trusted = max(noise, self.noise_found(state))
         for _ in range(iterations):
-            new, moved = self.stepped(state, trusted)
+            new, moved, gained = self.stepped(state, trusted)
             if new is None:
                 stopped = "no shorter step fits better"
                 break
@@ -126,13 +127,18 @@ class ProfileProblem:
             if progress is not None:
                 progress(len(misfits), misfits[-1])
             before, trusted = trusted, max(noise, min(trusted, self.noise_found(state)))
-            if moved < STILL and trusted > SAME_NOISE * before:
+            if (moved < STILL or gained < TELLING) and trusted > SAME_NOISE * before:
                 stopped = "the profile stands still"
                 break
         return self.answer(state, trusted, np.array(misfits), stopped)
 
-    def stepped(self, state: _State, noise: float) -> tuple[_State | None, float]:
-        """Go one step of Gauss-Newton's, and say how far a node moved, in deviations; None: no step fits better."""
+    def stepped(self, state: _State, noise: float) -> tuple[_State | None, float, float]:
+        """Go one step of Gauss-Newton's; None: no step fits better.
+
+        Returns
+        -------
+        state, how far the farthest node moved, in its deviations, and by how much the cost fell
+        """
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
         off, bed_off = self._off(state)
@@ -145,8 +151,10 @@ class ProfileProblem:
         step = np.linalg.solve(schur, push - cross.T @ solver.solve(bed_push))
         bed_step = solver.solve(bed_push - cross @ step)
         after = np.linalg.inv(0.5 * (schur + schur.T))
-        new, share = self._shorter(state, step, bed_step, self.cost(state, noise), noise)
-        return new, float(share * np.sqrt(np.max((step ** 2 / np.diag(after))[:nodes])))
+        cost = self.cost(state, noise)
+        new, share = self._shorter(state, step, bed_step, cost, noise)
+        gained = 0.0 if new is None else cost - self.cost(new, noise)
+        return new, float(share * np.sqrt(np.max((step ** 2 / np.diag(after))[:nodes]))), gained
 
     def _shorter(self, state: _State, step: np.ndarray, bed_step: np.ndarray, cost: float,
                  noise: float) -> tuple[_State | None, float]:
@@ -155,10 +163,11 @@ class ProfileProblem:
         share = min(1.0, LONGEST / max(np.abs(step[:nodes]).max(), 1e-12))
         for _ in range(HALVINGS):
             try:
-                new = self.at(state.speed + share * step[:nodes], state.bed + share * bed_step,
-                              state.roll + (share * step[-1] if self.rolls else 0.0))
-                if self.cost(new, noise) < cost * (1 + 1e-12):
-                    return new, share
+                new = (state.speed + share * step[:nodes], state.bed + share * bed_step,
+                       state.roll + (share * step[-1] if self.rolls else 0.0))
+                rest = self.beams.travel_time - self.model.value(self.values(*new))
+                if self.cost(replace(state, speed=new[0], bed=new[1], roll=new[2], rest=rest), noise) <= cost:
+                    return self.at(*new), share
             except ValueError:                         # water that beams do not come down in
                 pass
             share /= 2
@@ -194,21 +203,47 @@ class ProfileProblem:
         return ProfileFit(
             depth=np.array(self.start.depth), start=np.array(self.start.sound_speed), speed=state.speed,
             deviation=deviation, prior_deviation=np.sqrt(np.diag(prior)), told=self._told(deviation, low, high),
+            directions=self._directions(state),
             singular_values=np.sqrt(np.maximum(squares[order], 0)), patterns=(root @ vectors[:, order]).T,
             column_mean=float(share @ state.speed), column_mean_deviation=float(np.sqrt(share @ after @ share)),
-            bed_depths=np.array([low, high]), bed=state.bed.reshape(self.bed.depth.shape), roll=state.roll,
+            bed_depths=np.array([low, middle, high]), bed=state.bed.reshape(self.bed.depth.shape), roll=state.roll,
             soundings=len(self.beams), noise=noise, misfit=misfits, head_depth=self.head_depth, stopped=stopped)
 
     def _scatter(self, state: _State, weight: np.ndarray, given: np.ndarray) -> np.ndarray:
         """Covariance of the push on the dense unknowns as residuals make it that go together on a patch of the bed."""
+        rows = (state.by_dense - state.by_bed @ given) * (weight * state.rest)[:, None]
+        sums = self._patches(state) @ rows
+        return sums.T @ sums
+
+    def _patches(self, state: _State) -> Any:
+        """Which soundings are on which patch of the bed: sparse (P, N) of ones."""
         from scipy import sparse
 
-        rows = (state.by_dense - state.by_bed @ given) * (weight * state.rest)[:, None]
-        node = np.asarray(state.by_bed.argmax(axis=1)).ravel()
-        j, i = np.divmod(node, self.bed.x.size)
-        patch = (j // PATCH) * self.bed.x.size + i // PATCH
-        sums = sparse.csr_array((np.ones(len(patch)), (patch, np.arange(len(patch))))) @ rows
-        return sums.T @ sums
+        j, i = np.divmod(np.asarray(state.by_bed.argmax(axis=1)).ravel(), self.bed.x.size)
+        _, patch = np.unique((j // PATCH) * self.bed.x.size + i // PATCH, return_inverse=True)
+        return sparse.csr_array((np.ones(len(patch)), (patch, np.arange(len(patch)))))
+
+    def _directions(self, state: _State) -> float:
+        """How far apart the directions are from which a place of the bed was seen; nothing matters of a known bed.
+
+        Along one line the direction changes with the place, and evenly: on each patch what a plane through the
+        directions leaves is what another look brought.
+        """
+        if self.known:
+            return float("inf")
+        beams, patches = self.beams, self._patches(state)
+        places = self.model.places(self.values(state.speed, state.bed, state.roll))[:, :2]
+        count = patches.sum(axis=1)
+        own = places - patches.T @ ((patches @ places) / count[:, None])
+        plane = np.concatenate([np.ones((len(own), 1)), own / own.std()], axis=1)
+        matrix = (patches @ (plane[:, :, None] * plane[:, None]).reshape(len(plane), 9)).reshape(-1, 3, 3)
+        matrix += 1e-6 * np.eye(3)                     # of patches with few soundings
+        rest = np.zeros(patches.shape[0])
+        for along in (beams.east, beams.north):
+            sine = beams.slowness * beams.head_speed * along
+            right = patches @ (plane * sine[:, None])
+            rest += patches @ sine ** 2 - (right * np.linalg.solve(matrix, right[..., None])[..., 0]).sum(1)
+        return float(np.median(np.sqrt(np.maximum(patches.T @ (rest / count), 0))))
 
     def _told(self, deviation: np.ndarray, low: float, high: float) -> np.ndarray:
         depth = self.start.depth

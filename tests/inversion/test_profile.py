@@ -69,9 +69,16 @@ def test_a_level_bed_is_no_reason_to_claim_a_profile(level):
 
 
 def test_a_level_bed_tells_the_mean(level, sloping):
-    fine = np.linspace(HEAD, 41.5, 4000)
-    assert level.column_mean == pytest.approx(CAST.at(fine).mean(), abs=0.3)
+    fine = np.linspace(HEAD, level.bed_depths[1], 4000)
+    assert level.column_mean == pytest.approx(CAST.at(fine).mean(), abs=0.1)
     assert (level.singular_values > 1).sum() < (sloping.singular_values > 1).sum()
+
+
+def test_one_line_over_an_unknown_bed_tells_nothing(sloping):
+    fit = fit_profile(over(8, 42, lines=1, crossing=0), START, noise=5e-6, prior=PRIOR)
+    assert fit.directions < 0.1 < 0.3 < sloping.directions
+    with pytest.raises(ValueError, match="seen from one direction only, so that its depth and the speed"):
+        fit.profile
 
 
 def test_singular_values_and_deviations_are_of_one_posterior(sloping):
