@@ -24,7 +24,7 @@ import numpy as np
 
 from ..device.arrays import arrays_of, looped, upload
 from ..device.types import DrJitArray, Float, Float64, Int32, UInt32
-from .impulses import Nearest, Peterson, make_kernel
+from .impulses import Kernel, Nearest, Peterson, make_kernel
 from .taps import tap_weights, turned
 
 __all__ = ["ImpulseResponses", "centre"]
@@ -83,7 +83,7 @@ class ImpulseResponses:
         Rows and columns of the result.
     sampling_rate, frequency : float [Hz]
         Of the record; of the carrier.
-    kernel : {"band_limited", "peterson", "nearest"}
+    kernel : {"band_limited", "peterson", "nearest"} or Kernel
     taps : int, optional
         Length of the ``peterson`` kernel [samples], a multiple of 4.
     sheets : int
@@ -101,12 +101,12 @@ class ImpulseResponses:
     """
 
     def __init__(self, like: DrJitArray | type, *, elements: int, samples: int, sampling_rate: float, frequency: float,
-                 kernel: str = "band_limited", taps: int | None = None, sheets: int = 1):
+                 kernel: str | Kernel = "band_limited", taps: int | None = None, sheets: int = 1):
         if elements < 1 or samples < 1:
             raise ValueError(f"impulse responses of {elements} elements and {samples} samples were asked for; both "
                              f"must be 1 or more")
         self.lib = lib = arrays_of(like)
-        self.kernel = make_kernel(kernel, taps=taps)
+        self.kernel = make_kernel(kernel, taps=taps) if isinstance(kernel, str) else kernel
         self.elements, self.samples, self.sheets = int(elements), int(samples), int(sheets)
         self.planes, self.packet = (1, 2) if isinstance(self.kernel, Nearest) else (4, 8)
         self.span = self.samples + 2 * self.kernel.margin  # samples kept

@@ -34,8 +34,8 @@ from numpy.typing import ArrayLike
 
 from .bells import Bell
 
-__all__ = ["KERNELS", "BandLimited", "Nearest", "Peterson", "element_responses", "in_band_error_db", "make_kernel",
-           "response_spectrum"]
+__all__ = ["KERNELS", "BandLimited", "Kernel", "Later", "Nearest", "Peterson", "element_responses", "in_band_error_db",
+           "make_kernel", "response_spectrum"]
 
 FLAT = 1 / 3                       # [cycles per sample], edge of the flat band
 GUARD = 64                         # [samples] of zeros on either side of a record while its spectrum is divided
@@ -134,11 +134,39 @@ class BandLimited(Bell):
 
     def finish(self, records: np.ndarray) -> np.ndarray:
         """Divide the spectrum of records (..., samples) by the bell's, up to the roll-off; keeps their precision."""
-        samples = records.shape[-1]
-        length = scipy.fft.next_fast_len(samples + 2 * GUARD)
-        spectrum = scipy.fft.fft(records, length, axis=-1, workers=-1)
-        spectrum *= _division(length).astype(np.real(records).dtype)
-        return scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True, workers=-1)[..., :samples]
+        length = scipy.fft.next_fast_len(records.shape[-1] + 2 * GUARD)
+        return _filtered(records, _division(length).astype(np.real(records).dtype))
+
+    def finish_transposed(self, records: np.ndarray) -> np.ndarray:
+        """Give the transpose of `finish`, conjugate, of records (..., samples)."""
+        return self.finish(records)
+
+
+@dataclass(frozen=True)
+class Later(BandLimited):
+    """What `BandLimited` responses change by when echoes come later, per second: -2πi (f₀ + f) of their spectrum.
+
+    Attributes
+    ----------
+    frequency, sampling_rate : float [Hz]
+    """
+
+    frequency: float = 0.0
+    sampling_rate: float = 1.0
+
+    def finish(self, records: np.ndarray) -> np.ndarray:
+        """Divide the spectrum of records (..., samples) by the bell's and differentiate."""
+        return self._differentiated(records, -2j * np.pi)
+
+    def finish_transposed(self, records: np.ndarray) -> np.ndarray:
+        """Give the transpose of `finish`, conjugate, of records (..., samples)."""
+        return self._differentiated(records, 2j * np.pi)
+
+    def _differentiated(self, records: np.ndarray, factor: complex) -> np.ndarray:
+        length = scipy.fft.next_fast_len(records.shape[-1] + 2 * GUARD)
+        offset = scipy.fft.fftfreq(length, 1 / self.sampling_rate)
+        filter = factor * (self.frequency + offset) * _division(length)
+        return _filtered(records, filter.astype(np.result_type(records, np.complex64)))
 
 
 Kernel: TypeAlias = Nearest | Peterson | BandLimited
@@ -234,6 +262,14 @@ def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.
     time = np.arange(responses.shape[-1]) / sampling_rate
     found = np.asarray(responses, complex) @ np.exp(-2j * np.pi * np.outer(time, offset))
     return 20 * np.log10(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+
+
+def _filtered(records: np.ndarray, filter: np.ndarray) -> np.ndarray:
+    """Multiply the spectra of records (..., samples), padded to the filter's length (N,)."""
+    samples = records.shape[-1]
+    spectrum = scipy.fft.fft(records, len(filter), axis=-1, workers=-1)
+    spectrum *= filter
+    return scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True, workers=-1)[..., :samples]
 
 
 def _columns(amplitude: ArrayLike, delay: np.ndarray) -> np.ndarray:

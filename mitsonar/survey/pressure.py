@@ -123,13 +123,8 @@ class PressureRecord:
         response : complex64 (rx, sample)
             Of the echoes with about this factor. Factors without echoes are left out.
         """
-        weight = self.survey.transmit_weight(ping)
-        begin, pulse = piece or (0.0, self.survey.pulse)
-        still = pulse is self.survey.pulse and np.all(doppler == 1.0)
-        glide = glide_of(pulse) if pulse is self.survey.pulse else None
-        classes = OneClass() if still else DopplerClasses(doppler, begin, pulse, glide)
-        senders, count = np.flatnonzero(weight).tolist(), len(classes.factors)
-        delay = self.survey.transmit_delay(ping)
+        classes = self.classes(doppler, piece)
+        count = len(classes.factors)
         # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
         sums = self.sums()
         together = min(max(1, SUMS_BYTES // (4 * dr.width(sums.sums))), count)
@@ -137,15 +132,27 @@ class PressureRecord:
             now = range(first, min(first + together, count))
             if first or together > 1:
                 sums = self.sums(len(now))
-            for number, element in enumerate(senders):
-                part = len(now) / count / len(senders)
-                self._add(sums, classes, now, ping, element, weight=float(weight[element]),
-                          delay=float(delay[element]),
-                          progress=_of_a_part(progress, first / count + number * part, part))
+            self.add_all(sums, classes, now, ping, _of_a_part(progress, first / count, len(now) / count))
             for sheet, one in enumerate(now):
                 response = sums.read(sheet)
                 if response.any():
                     yield float(classes.factors[one]), response
+
+    def classes(self, doppler: np.ndarray, piece: tuple[float, Pulse] | None = None) -> EchoClasses:
+        """Make the classes of echoes that some Doppler factors stand for; arguments as of `transmissions`."""
+        begin, pulse = piece or (0.0, self.survey.pulse)
+        still = pulse is self.survey.pulse and np.all(doppler == 1.0)
+        glide = glide_of(pulse) if pulse is self.survey.pulse else None
+        return OneClass() if still else DopplerClasses(doppler, begin, pulse, glide)
+
+    def add_all(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range, ping: int,
+                progress: Progress | None = None) -> None:
+        """Add the echoes of all transmit elements, with their delays and weights, to the sums of the wanted classes."""
+        weight, delay = self.survey.transmit_weight(ping), self.survey.transmit_delay(ping)
+        senders = np.flatnonzero(weight).tolist()
+        for number, element in enumerate(senders):
+            self._add(sums, classes, wanted, ping, element, weight=float(weight[element]), delay=float(delay[element]),
+                      progress=_of_a_part(progress, number / len(senders), 1 / len(senders)))
 
     def sums(self, sheets: int = 1) -> ImpulseResponses:
         """Make the sums of all receive elements, at zero: a sheet for each of some classes."""

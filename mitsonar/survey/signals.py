@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import drjit as dr
 import numpy as np
@@ -25,7 +26,8 @@ from .cost import sentence
 from .elements.arrivals import ArrivalCounts
 from .pressure import PressureRecord
 
-__all__ = ["LEAD", "pair_responses", "ping_attributes", "ping_coordinates", "received_signals"]
+__all__ = ["LEAD", "SentPiece", "echoes_of_the_pulse", "pair_responses", "ping_attributes", "ping_coordinates",
+           "received_signals", "sent_pieces"]
 
 LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
 NEAREST = 1.0                      # [m]: nearer echoes do not decide into how many pieces a pulse is cut
@@ -101,7 +103,7 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
             if progress is not None:
                 progress(before + share, len(pings))
 
-        signals = amplitude_from_db(survey.source_level_db) * _echoes_of_the_pulse(record, ping, within)
+        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(record, ping, within)
         if survey.noise is not None:
             signals = signals + survey.noise.drawn(survey.samples, record.seed, int(ping))
         if survey.receive.delay.any():
@@ -116,27 +118,43 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
     return array.assign_attrs(seed=record.seed, source_level_db=survey.source_level_db)
 
 
-def _echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[float], None]) -> np.ndarray:
+def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[float], None]) -> np.ndarray:
     """Sum the echoes of the pulse, for a source level of 0 dB: complex64 (rx, sample)."""
     survey, speed = record.survey, record.survey.sound_speed(ping)
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
+    pieces = sent_pieces(survey, ping)
+    for done, sent in enumerate(pieces):
+        def within(share: float, before: int = done) -> None:
+            progress((before + share) / len(pieces))
+
+        for factor, response in record.transmissions(ping, sent.factors, piece=(sent.begin, sent.pulse),
+                                                     progress=within):
+            if survey.absorption_db is not None:
+                # as long as the way, not from the beginning of the pulse on
+                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
+                                    survey.start - sent.begin)
+            signals = signals + received(response, sent.pulse, survey.sampling_rate, factor)
+    return signals
+
+
+class SentPiece(NamedTuple):
+    """A piece of the pulse, when it begins [s], and the Doppler factors (K,) that stand for its echoes."""
+
+    begin: float
+    pulse: Pulse
+    factors: np.ndarray
+
+
+def sent_pieces(survey: ArraySurvey, ping: int) -> list[SentPiece]:
+    """Cut the pulse into pieces, so short that each echo has one Doppler factor for all of one."""
+    speed = survey.sound_speed(ping)
     fastest, acceleration = _fastest(survey, ping)
     nearest = _nearest(survey, ping)
     pieces = survey.pulse.pieces(pieces_of(survey.pulse, fastest, speed, nearest, acceleration))
     closing = closing_speeds(survey, ping, fastest=fastest, acceleration=acceleration, nearest=nearest)
-    for done, (begin, piece) in enumerate(pieces):
-        def within(share: float, before: int = done) -> None:
-            progress((before + share) / len(pieces))
-
-        glide = glide_of(piece) if len(pieces) == 1 else None
-        for factor, response in record.transmissions(ping, _doppler_factors(piece, closing, speed, glide),
-                                                     piece=(begin, piece), progress=within):
-            if survey.absorption_db is not None:
-                # as long as the way, not from the beginning of the pulse on
-                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
-                                    survey.start - begin)
-            signals = signals + received(response, piece, survey.sampling_rate, factor)
-    return signals
+    return [SentPiece(begin, piece, _doppler_factors(piece, closing, speed,
+                                                     glide_of(piece) if len(pieces) == 1 else None))
+            for begin, piece in pieces]
 
 
 def _say_cost(say: Say | None, record: PressureRecord, pings: Sequence[int], *, all_transmit: bool = False) -> None:

@@ -1,0 +1,200 @@
+"""The transpose of `accumulation`: what records at an array's elements say of each echo, on the device.
+
+    u[h, e] = conj(a exp(-2πi (φ + f₀ δ_e)) g_e) Σ_n k(n - m - μ - f_s δ_e) w[e, n]              [per hit and element]
+
+Symbols as of `accumulation`, w -> weights of the records. For real changes dα of an echo's amplitude, relative to it,
+Re Σ conj(w) dz = Re u dα. An echo that is later by dτ is found the same way in records with another kernel, whose
+`finish` differentiates: see `impulses.Later`.
+
+A lane streams hits past a few rows and keeps sums of its own. How many there are depends on hits and elements alone, so
+every bit of the result does.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias, cast
+
+import drjit as dr
+import numpy as np
+
+from ..device.arrays import arrays_of, looped, picked, upload
+from ..device.types import Bool, DrJitArray, Float, Int32, UInt32
+from .accumulation import LANES, OfPair
+from .impulses import BandLimited
+from .taps import tap_weights, turned
+
+__all__ = ["EchoPairs", "GatheredWeights"]
+
+NEIGHBOURS = 16                    # lanes that read neighbouring hits
+ROUNDS = 16                        # hits of a lane
+ROWS = 4                           # of a lane, where elements suffice
+
+OfEcho: TypeAlias = Callable[[Float, Float, Sequence[Float], Sequence[Float]], tuple[Sequence[Float], Sequence[Float]]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EchoPairs:
+    """Pairs of hits and elements: attributes as the arguments of `ImpulseResponses.add`."""
+
+    amplitude: tuple[Float, Float]
+    phase: Float
+    sample: Int32
+    fraction: Float
+    hit_fields: Sequence[Float]
+    element_fields: Sequence[Float | np.ndarray]
+    difference: OfPair
+    rows: np.ndarray
+    gain: OfPair | None = None
+    sheet: UInt32 | None = None
+
+    @property
+    def count(self) -> int:
+        """How many hits there are."""
+        return max(dr.width(field) for field in (*self.amplitude, self.phase, self.sample, *self.hit_fields))
+
+
+class GatheredWeights:
+    """Weights of records at elements, on the device.
+
+    Parameters
+    ----------
+    like : Dr.Jit array or type
+        Of the backend.
+    weights : complex (sheets, E, samples)
+        Of records as `ImpulseResponses.read` gives them.
+    kernel : BandLimited
+        Whose records they are.
+    sampling_rate, frequency : float [Hz]
+    """
+
+    def __init__(self, like: DrJitArray | type, weights: np.ndarray, *, kernel: BandLimited, sampling_rate: float,
+                 frequency: float):
+        self.lib = lib = arrays_of(like)
+        self.kernel, margin = kernel, kernel.margin
+        self.sheets, self.elements, samples = weights.shape
+        self.span = samples + 2 * margin
+        wide = np.zeros((self.sheets, self.elements, self.span), np.complex64)
+        wide[..., margin:margin + samples] = weights
+        for sheet in range(self.sheets):
+            wide[sheet] = kernel.finish_transposed(wide[sheet])
+        self._values = upload(lib.Float, wide.view(np.float32))
+        self._frequency, self._rate = (dr.opaque(lib.Float, value) for value in (frequency, sampling_rate))
+        self._row, self._last = dr.opaque(lib.UInt32, self.span), dr.opaque(lib.UInt32, self.span - kernel.taps)
+        self._sheet = dr.opaque(lib.UInt32, self.span * self.elements)
+
+    def gather(self, pairs: EchoPairs, of_echo: OfEcho) -> tuple[np.ndarray, np.ndarray]:
+        """Sum what `of_echo` makes of u over hits.
+
+        Parameters
+        ----------
+        pairs : EchoPairs
+        of_echo : callable
+            ``of_echo(real, imaginary, hit_fields, element_fields)`` gives, of real and imaginary part of u, numbers to
+            be summed for each row, and others to be summed over all rows together.
+
+        Returns
+        -------
+        each : float64 (rows, K)
+        common : float64 (L,)
+        """
+        lib = self.lib
+        U, together = lib.UInt32, ROWS if len(pairs.rows) >= ROWS else 1
+        hits, fields, rows = self._opaque(pairs)
+        teams, bundle = -(-len(pairs.rows) // together), NEIGHBOURS * ROUNDS
+        lanes = -(-pairs.count // bundle) * NEIGHBOURS
+        number = {name: dr.opaque(U, value) for name, value in dict(
+            lanes=lanes, bundle=bundle, count=pairs.count, last=len(pairs.rows) - 1).items()}
+        with dr.suspend_grad():
+            index = dr.arange(U, lanes * teams)
+            team = index // number["lanes"]
+            lane = index - team * number["lanes"]
+            group = lane // NEIGHBOURS
+            begin = group * number["bundle"] + (lane - group * NEIGHBOURS)
+            end = dr.minimum((group + 1) * number["bundle"], number["count"])
+            owned = []
+            for k in range(together):
+                element = team * together + k
+                exists = element <= number["last"]
+                element = dr.minimum(element, number["last"])
+                owned.append((exists, dr.gather(U, rows, element) * self._row,
+                              [dr.gather(lib.Float, field, element) for field in fields]))
+
+            def turn(hit: UInt32, each: list, common: list) -> tuple:
+                read, place, on = self._read(hits, pairs, hit)
+                for number, (exists, row, here) in enumerate(owned):
+                    u = self._of_pair(read, place, pairs, here, row + on, exists)
+                    own, shared = of_echo(*u, read[4:], here)
+                    each[number] = [total + dr.select(exists, part, 0) for total, part in zip(each[number], own)]
+                    common = [total + dr.select(exists, part, 0) for total, part in zip(common, shared)]
+                return hit + NEIGHBOURS, each, common
+
+            # how many numbers there are
+            own, shared = of_echo(lib.Float(0), lib.Float(0), [lib.Float(0)] * (len(hits) - 4),
+                                  [lib.Float(0)] * len(fields))
+            state = (begin, [[dr.zeros(lib.Float, dr.width(index)) for _ in own] for _ in owned],
+                     [dr.zeros(lib.Float, dr.width(index)) for _ in shared])
+            _, each, common = looped(state, lambda hit, each, common: hit < end, turn, "gather")
+            dr.eval(each, common)
+        totals = np.zeros((teams, together, len(own)))
+        for k, numbers in enumerate(each):
+            for which, part in enumerate(numbers):
+                totals[:, k, which] = part.numpy().reshape(teams, lanes).sum(1, dtype=float)
+        return (totals.reshape(teams * together, -1)[:len(pairs.rows)],
+                np.array([part.numpy().sum(dtype=float) for part in common]))
+
+    def of_pairs(self, pairs: EchoPairs) -> np.ndarray:
+        """Give u of every pair, complex (count, rows): for few of them."""
+        lib = self.lib
+        hits, fields, rows = self._opaque(pairs)
+        with dr.suspend_grad():
+            index, count = dr.arange(lib.UInt32, pairs.count * len(pairs.rows)), dr.opaque(lib.UInt32, len(pairs.rows))
+            hit = index // count
+            element = index - hit * count
+            read, place, on = self._read(hits, pairs, hit)
+            here = [dr.gather(lib.Float, field, element) for field in fields]
+            row = dr.gather(lib.UInt32, rows, element) * self._row + on
+            real, imaginary = self._of_pair(read, place, pairs, here, row, lib.Bool(True))
+            dr.eval(real, imaginary)
+        return (real.numpy() + 1j * imaginary.numpy()).reshape(pairs.count, -1)
+
+    def _opaque(self, pairs: EchoPairs) -> tuple[list[Float], list[Float], UInt32]:
+        """Fields of hits and elements, and rows, that change without a new kernel."""
+        lib = self.lib
+        fields = [cast(Float, field) if dr.is_jit_v(field) else upload(lib.Float, np.asarray(field, np.float32))
+                  for field in pairs.element_fields]
+        hits = [dr.detach(lib.Float(field)) for field in (*pairs.amplitude, pairs.phase, pairs.fraction,
+                                                          *pairs.hit_fields)]
+        rows = upload(lib.UInt32, pairs.rows.astype(np.uint32))
+        dr.make_opaque(hits, pairs.sample, pairs.sheet, fields, rows)
+        return hits, fields, rows
+
+    def _read(self, hits: list[Float], pairs: EchoPairs, hit: UInt32) -> tuple[list[Float], Int32, UInt32]:
+        """What is known of a hit, its sample, and where its sheet begins."""
+        on = self.lib.UInt32(0)
+        if self.sheets > 1 and pairs.sheet is not None:
+            on = picked(pairs.sheet, hit) * self._sheet
+        return ([field if dr.width(field) == 1 else dr.gather(self.lib.Float, field, hit) for field in hits],
+                picked(pairs.sample, hit), on)
+
+    def _of_pair(self, read: list[Float], sample: Int32, pairs: EchoPairs, here: list[Float], row: UInt32,
+                 active: Bool) -> tuple[Float, Float]:
+        """Real and imaginary part of u of one hit at one element."""
+        lib = self.lib
+        real, imaginary, phase, fraction = read[:4]
+        delta = pairs.difference(read[4:], here)
+        factor = None if pairs.gain is None else pairs.gain(read[4:], here)
+        cosine, sine = turned(lib, dr.fma(self._frequency, delta, phase))
+        if factor is not None:
+            cosine, sine = cosine * factor, sine * factor
+        real, imaginary = dr.fma(real, cosine, imaginary * sine), dr.fma(imaginary, cosine, -(real * sine))
+        place = dr.fma(self._rate, delta, fraction)
+        whole = dr.floor(place)
+        tap = lib.UInt32(sample + lib.Int32(whole) + (self.kernel.margin + 1 - self.kernel.taps // 2))
+        active &= (tap <= self._last) & (abs(place) < LANES)
+        tap = dr.select(active, tap, 0)
+        x = y = lib.Float(0)
+        for k, weight in enumerate(tap_weights(lib, self.kernel, place - whole)):
+            there = dr.gather(lib.Array2f, self._values, row + tap + k, active)
+            x, y = dr.fma(weight, there.x, x), dr.fma(weight, there.y, y)
+        return dr.fma(real, x, imaginary * y), dr.fma(real, y, -(imaginary * x))
