@@ -66,8 +66,8 @@ def gradient(scene: mi.Scene | FilePath, keys: Sequence[str], weights: Weights, 
     chosen = weights(record.reshape(model.shape)) if callable(weights) else weights
     cotangent = np.asarray(chosen, float)
     if cotangent.shape != model.shape:
-        raise ValueError(f"weights have the shape {cotangent.shape}, and the record {model.shape} (ping, row, bin); give "
-                         "one for every value of it")
+        raise ValueError(f"weights have the shape {cotangent.shape}, and the record {model.shape} (ping, row, "
+                         "bin); give one for every value of it")
     there = slope > 0
     if not np.all(np.isfinite(cotangent.ravel()[there])):
         raise ValueError("weights hold numbers that are not finite; give 0 where a value does not count")

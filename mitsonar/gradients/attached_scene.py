@@ -76,7 +76,7 @@ class AttachedScene:
         if any(dr.grad_enabled(value) for value in moving):
             track = self._turned(scenery, scenery.survey.track, layers, attached=True)
         return scenery.again(facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
-                             losses=AttachedWater(scenery.water, water.absorption_scale))
+                             speeds=water.speeds, losses=AttachedWater(scenery.water, water.absorption_scale))
 
     def _turned(self, scenery: Scenery, track: Track, layers: Any, *, attached: bool) -> AttachedTrack:
         sensor = self._sensor

@@ -19,6 +19,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..device.arrays import upload
 from ..propagation.layer_table import LayerTable
 from ..survey.first_hits import FirstHits, Losses, received
 from ..survey.places import Place, Places
@@ -55,7 +56,7 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """What a pass of rays hits, detached."""
+    """What a pass of rays hits, detached; the rays are as they were drawn."""
 
     rays: Rays
     hits: Hits
@@ -110,9 +111,9 @@ class EnergyField:
         place, found = scenery.of(block.ping), []
         with dr.suspend_grad():
             for rays in block.rays:
-                rays = scenery.turned(place, rays)
+                direction = scenery.turned(place, rays).direction
                 hits, met = scenery.tracer.trace_met(place.sources, place.origin(rays.ping), place.source(rays.ping),
-                                                     rays.direction)
+                                                     direction)
                 if scenery.mirrors:
                     hits = replace(hits, valid=hits.valid & (hits.label != scenery.surface))
                 on_mesh, face, u, v = scenery.tracer.facet(met, hits.valid)
@@ -137,7 +138,7 @@ class EnergyField:
         distance = mi.Float(dr.sqrt(way.x * way.x + way.y * way.y))
         shift = None
         if scenery.moves:
-            shift = ray_shift(scenery.layers, origin, rays.direction, hits)
+            shift = ray_shift(scenery.layers, scenery.speeds, origin, rays.direction, hits)
         return rays, finished(hits, kept.facets, scenery.facets, scenery.layers, mi.Float(down), distance, shift)
 
 
@@ -164,11 +165,12 @@ class Scenery:
         self.water: DeviceWater = tracer.water
         self.losses: Losses = self.water
         self.layers = self.water.direct.layers
+        self.speeds = upload(mi.Float64, survey.profile.sound_speed)
         self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
         self.facets = AttachedGeometry(survey.geometry)
         self.track: AttachedTrack | None = None
 
-    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | None) -> Scenery:
+    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | mi.Float64 | None) -> Scenery:
         """Give the same scenery with other facets, layers, track or losses."""
         other = copy.copy(self)
         vars(other).update(changes)

@@ -15,14 +15,17 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..device.arrays import arrays_of
 from ..propagation.layer_table import LayerTable
 from ..propagation.two_point import LEVEL
 from ..tracing.hits import Hits
 from .tangents import tangent
+from .walked_rays import walked
 
 __all__ = ["RayShift", "ray_shift"]
 
-SERIES_LIMIT = 3e-3                # of a_4: times err by 0.03 a_4^1.25 of themselves, derivatives by some 1e-3
+# of a_4: times err by 0.03 a_4^1.25 of themselves, derivatives by more. The walk knows range and time, not spreading
+SERIES_LIMIT, WIDENS = 1e-4, 3e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +42,8 @@ class RayShift:
         Of the logarithm of the spreading area.
     ray_parameter, sound_speed : Float64 (R,) [s/m], [m/s]
     heading : Vector2f (R,) [-]
-    known : Bool (R,)
-        Where they are known.
+    widens : Bool (R,)
+        Where `spreading` is known; elsewhere it stands still.
     """
 
     across: mi.Vector3f
@@ -50,16 +53,19 @@ class RayShift:
     ray_parameter: mi.Float64
     sound_speed: mi.Float64
     heading: mi.Vector2f
-    known: mi.Bool
+    widens: mi.Bool
 
 
-def ray_shift(layers: LayerTable, origin: dr.ArrayBase, direction: mi.Vector3f, hits: Hits) -> RayShift:
+def ray_shift(layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase, direction: mi.Vector3f,
+              hits: Hits) -> RayShift:
     """Give how rays move at the depths of their hits.
 
     Parameters
     ----------
     layers : LayerTable
         Attached where sound speeds are.
+    speeds : Float64 (K,) [m/s]
+        Those of the profile's nodes.
     origin : Array3f64 (R,) [m]
         Of the rays, attached where the sonar's place is.
     direction : Vector3f (R,)
@@ -82,20 +88,26 @@ def ray_shift(layers: LayerTable, origin: dr.ArrayBase, direction: mi.Vector3f, 
     distance = dr.sqrt(reach.x * reach.x + reach.y * reach.y)
     down = dr.detach(sine0) * dr.detach(-reach.z) > 0                  # it went straight to its depth
     near = abs(dr.detach(-reach.z)) < LEVEL * distance
-    known = hits.valid & down & ~near & (abs(there.fourth) < SERIES_LIMIT)
+    series = hits.valid & down & ~near & (there.fourth < WIDENS)
+    exact = series & (there.fourth < SERIES_LIMIT)
+    walk = hits.valid & ~exact
+    lib: Any = arrays_of(mi.Float)
+    across, time = walked(layers, lib, speeds, depth0, sine0, dr.detach(-hits.point.z), distance, walk)
 
-    def increment(value: Any) -> Any:
-        return dr.select(known, tangent(value), 0)
+    def increment(value: Any, where: mi.Bool) -> Any:
+        return dr.select(where, tangent(value), 0)
 
-    moved = mi.Float(increment(there.range))
+    moved = mi.Float(increment(there.range, exact) + increment(across, walk))
+    later = increment(there.time, exact) + increment(time, walk)
+    arc = mi.Float(increment(there.arc, series) + increment(time, hits.valid & ~series) * dr.detach(speed0))
     shift = [mi.Float(tangent(axis)) for axis in (origin.x, origin.y)]
     turned = [dr.select(hits.valid, mi.Float(distance) * tangent(part), 0) for part in (heading.x, heading.y)]
     along = [dr.detach(part) * moved for part in (heading.x, heading.y)]
     return RayShift(
-        across=mi.Vector3f(shift[0] + turned[0] + along[0], shift[1] + turned[1] + along[1], 0),
-        travel_time=increment(there.time), arc_length=mi.Float(increment(there.arc)),
-        spreading=mi.Float(increment(there.log_area)), ray_parameter=increment(parameter),
-        sound_speed=increment(there.speed), heading=mi.Vector2f(tangent(heading.x), tangent(heading.y)), known=known)
+        across=mi.Vector3f(shift[0] + turned[0] + along[0], shift[1] + turned[1] + along[1], 0), travel_time=later,
+        arc_length=arc, spreading=mi.Float(increment(there.log_area, series)),
+        ray_parameter=increment(parameter, hits.valid), sound_speed=increment(there.speed, hits.valid),
+        heading=mi.Vector2f(tangent(heading.x), tangent(heading.y)), widens=series)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,4 +157,4 @@ def _at_depth(table: LayerTable, parameter: mi.Float64, depth0: mi.Float64, mome
         + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
     log_area = dr.log(dr.select(there & (dr.detach(area) > 0), area, 1))
     return _AtDepth(range=distance, time=time, arc=arc, log_area=log_area, speed=speed,
-                    fourth=dr.select(there, dr.detach(a4), 1.0))
+                    fourth=dr.select(there, abs(dr.detach(a4)), 1.0))

@@ -144,8 +144,8 @@ class Seawater(mi.Medium):
         speeds, scale = (dr.detach(value).numpy() for value in (self.speeds, self.absorption_scale))
         nodes = len(self.profile.depth)
         if len(speeds) != nodes:
-            raise ValueError(f"seawater: sound_speed has {len(speeds)} numbers, and the profile {nodes} nodes; give one "
-                             "for each.")
+            raise ValueError(f"seawater: sound_speed has {len(speeds)} numbers, and the profile {nodes} nodes; give "
+                             "one for each.")
         if not np.array_equal(speeds, self.profile.sound_speed):
             self.profile = SoundSpeedProfile(self.profile.depth, speeds)
         if len(scale) != 1 or not np.isfinite(scale[0]) or scale[0] < 0:

@@ -84,7 +84,7 @@ def test_a_strength_is_a_factor(load):
 
 
 def test_a_lifted_flat_bed_moves_as_differences_say(load):
-    """Its deepest point is where it is hit: tables must not end there. Weights keep away from the ends of the record."""
+    """Its deepest point is where it is hit, and no table may end there. Weights keep away from the record's ends."""
     text = sidescan(waves="")
     model = mitsonar.scene_model(load(text), [POSITIONS])
     start, about = model.start[POSITIONS], model.linearised({})
