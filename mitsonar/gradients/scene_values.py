@@ -118,9 +118,12 @@ class SceneValues:
         return found
 
     def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
-        """Put leaves into the scene, unless they are there."""
+        """Put leaves into the scene, unless they are there; nothing else in it carries gradients then."""
         if self._holder is holder:
             return
+        for key in self._parameters.keys():                            # an earlier model's would push along with ours
+            if key not in leaves and dr.grad_enabled(self._parameters[key]):
+                self._parameters[key] = dr.detach(self._parameters[key])
         for key, leaf in leaves.items():
             self._parameters[key] = leaf
         self._parameters.update()
