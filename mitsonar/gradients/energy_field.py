@@ -19,7 +19,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
 from ..propagation.layer_table import LayerTable
 from ..survey.first_hits import FirstHits, Losses, received
 from ..survey.places import Place, Places
@@ -56,7 +55,7 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """What a pass of rays hits, detached; the rays are as they were drawn."""
+    """What a pass of rays hits, detached; the rays are as they were drawn, not turned with the sonar."""
 
     rays: Rays
     hits: Hits
@@ -111,9 +110,8 @@ class EnergyField:
         place, found = scenery.of(block.ping), []
         with dr.suspend_grad():
             for rays in block.rays:
-                direction = scenery.turned(place, rays).direction
                 hits, met = scenery.tracer.trace_met(place.sources, place.origin(rays.ping), place.source(rays.ping),
-                                                     direction)
+                                                     scenery.turned(place, rays).direction)
                 if scenery.mirrors:
                     hits = replace(hits, valid=hits.valid & (hits.label != scenery.surface))
                 on_mesh, face, u, v = scenery.tracer.facet(met, hits.valid)
@@ -138,7 +136,7 @@ class EnergyField:
         distance = mi.Float(dr.sqrt(way.x * way.x + way.y * way.y))
         shift = None
         if scenery.moves:
-            shift = ray_shift(scenery.layers, scenery.speeds, origin, rays.direction, hits)
+            shift = ray_shift(scenery.layers, origin, rays.direction, hits)
         return rays, finished(hits, kept.facets, scenery.facets, scenery.layers, mi.Float(down), distance, shift)
 
 
@@ -165,12 +163,11 @@ class Scenery:
         self.water: DeviceWater = tracer.water
         self.losses: Losses = self.water
         self.layers = self.water.direct.layers
-        self.speeds = upload(mi.Float64, survey.profile.sound_speed)
         self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
         self.facets = AttachedGeometry(survey.geometry)
         self.track: AttachedTrack | None = None
 
-    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | mi.Float64 | None) -> Scenery:
+    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | None) -> Scenery:
         """Give the same scenery with other facets, layers, track or losses."""
         other = copy.copy(self)
         vars(other).update(changes)
