@@ -29,7 +29,7 @@ __all__ = ["check_gradients"]
 
 ZERO = 1e-6                        # a derivative is zero that is this share of the difference
 STILL = 1e-7                       # change of a weighted record, as a share, that is rounding
-NOISE = 1e-5                       # the same, where differences do not agree either
+NOISE = 1e-5                       # the same, where differences do not agree either, or forward and backward do not
 SWINGS = 0.2                       # share of a record's size that is below zero
 
 
@@ -208,12 +208,14 @@ class _Checker:
             numbers["slope"] = float(np.sum(best * forward) / np.sum(forward ** 2))
         zero = max(_rms(forward), _rms(backward)) <= ZERO * size
         expected = 4 * step * float((np.abs(forward) / (np.abs(weights) @ self._size)).max(initial=0.0))
-        verdict, notes = self._verdict(numbers, zero, max(moved, expected))
+        first = first_step(np.asarray(self._model.start[key], float), self._model.units.get(key, ""))
+        apart = np.abs(forward - backward) * first / (np.abs(weights) @ self._size)
+        verdict, notes = self._verdict(numbers, zero, max(moved, expected), bool(apart.max(initial=0.0) > NOISE))
         if verdict == UNSEEN:                                          # nothing but rounding to compare
             numbers = {"step": step, "moved": moved}
         return PartCheck(**self._named(key, part), **numbers, verdict=verdict, notes=(*self._notes, *notes))
 
-    def _verdict(self, numbers, zero, moves):
+    def _verdict(self, numbers, zero, moves, two_ways):
         error, apart, tolerance = numbers.get("error", 0.0), numbers.get("disagreement", 0.0), self._tolerance
         shaken = apart > tolerance
         words = ("differences do not converge: shadows or edges",) if shaken else ()
@@ -221,7 +223,7 @@ class _Checker:
             return UNSEEN, ()
         if zero:
             return DISCONNECTED, (*words, f"the record moves by {numbers['moved']:.1e}, and its gradient is zero")
-        if numbers["asymmetry"] > tolerance:
+        if numbers["asymmetry"] > tolerance and two_ways:
             return OFF, (*words, f"forward and backward derivatives differ by {numbers['asymmetry']:.1e}")
         if any("differs from" in note for note in self._notes):
             return OFF, words
