@@ -101,7 +101,8 @@ def directional_derivative(scene: mi.Scene | FilePath, tangents: Mapping[str, np
     return (_record(about, of)[1] * about.forward(tangents)).reshape(model.shape)
 
 
-def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int | str = 0, seed: int = 0) -> SceneModel:
+def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int | str = 0, seed: int = 0,
+                edges: bool = True) -> SceneModel:
     """Give the mean intensities of a sonar's record as a function of parameters of its scene.
 
     It writes the parameters into the scene, and keeps rays and hits between products: for fits, and for many products
@@ -113,6 +114,8 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
         As of `mitsonar.render`.
     keys : sequence of str
         Names of `mi.traverse(scene)`.
+    edges : bool
+        Whether derivatives know that outlines move, and with them what is lit and what lies in shadow.
 
     Raises
     ------
@@ -123,7 +126,7 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
     scene, chosen, integrator = opened(scene, sensor)
     try:
         picture = picture_of(scene, chosen, integrator)
-        return SceneModel(scene, keys, picture, seed=chosen.own_seed(seed))
+        return SceneModel(scene, keys, picture, seed=chosen.own_seed(seed), edges=edges)
     except RuntimeError as error:
         raise as_exception(error) from error
 

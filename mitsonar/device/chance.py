@@ -70,6 +70,7 @@ class Salt:
     # noise in the beams of a line: on rows of sine, and on waves along the line; in rows of signals
     BEAM_AMBIENT, BEAM_NOISE, ROW_NOISE = 0x1F83D9AB, 0x5BE0CD19, 0x3C2B5A17
     RECEIVER_FLAWS = 0x464C4157    # of a multibeam's receivers: what each is off
+    EDGES = 0x6A3C91D7             # of points on edges, at which gradients see a record jump
     SONAR = 0x510E527F             # of a sonar that shares the track of another
     NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed
 

@@ -139,3 +139,16 @@ class AttachedTrack:
         d = rays.direction
         turned = mi.Vector3f(*(row[0] * d.x + row[1] * d.y + row[2] * d.z for row in rows))
         return replace(rays, direction=dr.normalize(turned))
+
+    def drawn(self, place: Place, rays: Rays) -> Rays:
+        """Rays as they were drawn, of those that `turned` gives; detached."""
+        if not self._turns:
+            return rays
+        lib: Any = arrays_of(mi.Float)
+        values = np.zeros((len(place.ping), 3, 4), np.float32)
+        values[..., :3] = self._relative[place.ping].transpose(0, 2, 1)
+        table = upload(mi.Float, values)
+        rows = [dr.gather(lib.Array4f, table, 3 * rays.ping + i) for i in range(3)]
+        d = rays.direction
+        return replace(rays, direction=dr.normalize(
+            mi.Vector3f(*(row[0] * d.x + row[1] * d.y + row[2] * d.z for row in rows))))

@@ -29,14 +29,17 @@ from ..tracing.tracer import Tracer
 from ..tracing.water import DeviceWater
 from .attached_geometry import AttachedGeometry
 from .attached_track import AttachedTrack
+from .edge_terms import EdgeTerms, edge_terms
 from .finish import Facets, finished
+from .jump_lines import JumpLines
+from .line_samples import LineSampler
 from .ray_shift import ray_shift
 from .tent_bins import TentBins
 
 __all__ = ["Block", "EnergyField", "Kept", "Scenery"]
 
 BELOW = 1.0                        # [m]
-
+FEWEST_POINTS, POINTS_PER_RAY = 256, 1 / 8         # of lines at which energies jump, a ping
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
@@ -119,7 +122,18 @@ class EnergyField:
                 found.append(Kept(rays=rays, hits=hits, facets=facets))
         return found
 
-    def sums(self, scenery: Scenery, block: Block, kept: list[Kept]) -> mi.Float64:
+    def edges(self, scenery: Scenery, block: Block, lines: JumpLines) -> EdgeTerms:
+        """Trace either side of points on lines at which energies jump; nothing carries a gradient."""
+        place, survey = scenery.of(block.ping), scenery.survey
+        rays = sum(dr.width(rays.direction) for rays in block.rays)
+        with dr.suspend_grad():
+            sampler = LineSampler(lines, scenery.tracer, self._rows, survey.track.position, self._range, self._seed)
+            samples = sampler.drawn(place, max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY)))
+            first_hits = FirstHits(self._rows, scenery.water, self._tents.of)
+            return edge_terms(scenery.tracer, self._rows, first_hits, place, lines, samples,
+                              surface=scenery.surface if scenery.mirrors else None, drawn=scenery.drawn)
+
+    def sums(self, scenery: Scenery, block: Block, kept: list[Kept], edges: EdgeTerms | None = None) -> mi.Float64:
         """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
         place = scenery.attached(block.ping)
         total = dr.zeros(mi.Float64, place.rows * self._rows.bins.count)
@@ -127,6 +141,12 @@ class EnergyField:
         for one in kept:
             rays, hits = self._finished(scenery, place, one)
             self._tents.add(total, first_hits.echoes(place, rays, hits))
+        if edges is not None:
+            points, across = edges.points, None
+            if scenery.moves:
+                direction = scenery.turned(place, points.drawn).direction
+                across = ray_shift(scenery.layers, place.origin(points.rays.ping), direction, points.hits).across
+            edges.add(total, self._tents, scenery.facets, across)
         return total
 
     def _finished(self, scenery: Scenery, place: Place, kept: Kept) -> tuple[Rays, Hits]:
@@ -190,3 +210,7 @@ class Scenery:
     def turned(self, place: Place, rays: Rays) -> Rays:
         """Rays as the sonar is turned in a place."""
         return rays if self.track is None else self.track.turned(place, rays)
+
+    def drawn(self, place: Place, rays: Rays) -> Rays:
+        """Rays as they were drawn, of what `turned` gives."""
+        return rays if self.track is None else self.track.drawn(place, rays)

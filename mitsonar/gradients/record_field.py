@@ -20,7 +20,9 @@ import numpy as np
 
 from ..scene.geometry import Geometry
 from .attached_scene import AttachedScene
-from .energy_field import Block, EnergyField, Kept
+from .edge_terms import EdgeTerms
+from .energy_field import Block, EnergyField, Kept, Scenery
+from .jump_lines import JumpLines, LineMaker
 from .pictures import Picture
 
 __all__ = ["About", "RecordField"]
@@ -36,6 +38,8 @@ class RecordField:
     picture : Picture
     seed : int
         Of ray directions.
+    edges : bool
+        Whether derivatives know that outlines move, and with them what is lit.
 
     Attributes
     ----------
@@ -43,10 +47,11 @@ class RecordField:
         Pings, rows and bins.
     """
 
-    def __init__(self, picture: Picture, seed: int):
+    def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
         survey = picture.survey
         survey = replace(survey, geometry=Geometry(survey.geometry.scene, smooth_beds=True))
         self._picture = picture
+        self._edges, self._makers = edges, {}
         self.energy = EnergyField(survey, picture.rows, seed)
         self.shape = survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
         self.scene = AttachedScene(picture, survey)
@@ -63,6 +68,18 @@ class RecordField:
     def about(self) -> About:
         """Give the record about the scene as it is, with products by its Jacobian."""
         return About(self)
+
+    def lines(self, scenery: Scenery) -> JumpLines | None:
+        """Give the lines at which energies jump and which move with what carries gradients; None where none does."""
+        if not self._edges:
+            return None
+        geometry = scenery.tracer.geometry
+        moves = self.scene.attached(scenery).moves
+        meshes = tuple(range(len(geometry.meshes)) if moves else geometry.moving())
+        if meshes not in self._makers:
+            self._makers = {meshes: LineMaker(geometry, list(meshes))}
+        lines = self._makers[meshes].lines(geometry)
+        return lines if len(lines.ends) else None
 
     def shown(self, energy: list[np.ndarray]) -> np.ndarray:
         """What the picture shows of blocks of energies [1/m²]."""
@@ -92,27 +109,29 @@ class About:
     def __init__(self, field: RecordField):
         self._field, self._energy = field, field.energy
         self._scenery = field.scene.scenery(field.energy)
+        self._lines = field.lines(self._scenery)
         rays = sum(dr.width(rays.direction) for block in field.energy.blocks for rays in block.rays)
         self._kept = [self._traced(block) for block in field.energy.blocks] if rays <= MOST_KEPT else None
         with dr.suspend_grad():
-            self.value = field.shown([_array(self._energy.sums(self._scenery, *one)) for one in self._each()])
+            self.value = field.shown([_array(self._energy.sums(self._scenery, block, kept))
+                                      for block, kept, _ in self._each()])
 
-    def _traced(self, block: Block) -> list[Kept]:
+    def _traced(self, block: Block) -> tuple[list[Kept], EdgeTerms | None]:
         kept = self._energy.kept(self._scenery, block)
         dr.eval(kept)
-        return kept
+        return kept, None if self._lines is None else self._energy.edges(self._scenery, block, self._lines)
 
-    def _each(self) -> Iterator[tuple[Block, list[Kept]]]:
+    def _each(self) -> Iterator[tuple[Block, list[Kept], EdgeTerms | None]]:
         """Blocks with their hits, traced anew where they are not kept."""
         for number, block in enumerate(self._energy.blocks):
-            yield block, self._traced(block) if self._kept is None else self._kept[number]
+            yield block, *(self._traced(block) if self._kept is None else self._kept[number])
 
     def pushed(self, set_tangents: Callable[[], None]) -> np.ndarray:
         """Give J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""
         found = []
-        for block, kept in self._each():
+        for block, kept, edges in self._each():
             set_tangents()
-            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept)
+            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept, edges)
             if dr.grad_enabled(sums):
                 dr.forward_to(sums, flags=dr.ADFlag.ClearVertices)
             found.append(_array(dr.grad(sums)))
@@ -121,8 +140,8 @@ class About:
     def pull(self, cotangent: np.ndarray) -> None:
         """Send Jᵀ w of weights (N,) to the leaves."""
         weights, first = self._field.transposed(cotangent), 0
-        for block, kept in self._each():
-            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept)
+        for block, kept, edges in self._each():
+            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept, edges)
             count = dr.width(sums)
             if dr.grad_enabled(sums):
                 dr.set_grad(sums, mi.Float64(np.ascontiguousarray(weights[first:first + count])))

@@ -30,6 +30,8 @@ class SceneModel:
         Of the sonar: what is to be made.
     seed : int
         Of ray directions.
+    edges : bool
+        Whether derivatives know that outlines move, and with them what is lit.
 
     Attributes
     ----------
@@ -44,10 +46,11 @@ class SceneModel:
         If a name is unknown or its parameter has no gradient, or sonar and scene do not fit together.
     """
 
-    def __init__(self, scene: mi.Scene, keys: Sequence[str], picture: Picture, *, seed: int = 0):
+    def __init__(self, scene: mi.Scene, keys: Sequence[str], picture: Picture, *, seed: int = 0,
+                 edges: bool = True):
         self._values = SceneValues(scene, keys)
         self.start, self.units = self._values.start, self._values.units
-        self._field = RecordField(picture, seed)
+        self._field = RecordField(picture, seed, edges=edges)
         self.shape = self._field.shape
 
     def value(self, values: Values) -> np.ndarray:

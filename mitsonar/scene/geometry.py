@@ -154,6 +154,11 @@ class Geometry:
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
+    def moving(self) -> list[int]:
+        """Give the numbers in `meshes` of those whose vertices carry gradients."""
+        return [number for number, (_, shape, *_) in enumerate(self.meshes)
+                if dr.grad_enabled(mi.traverse(shape)["vertex_positions"])]
+
     def is_smooth(self, shape: mi.Shape) -> bool:
         """Whether a mesh is met by the normals between its nodes."""
         if getattr(shape, "smooth_normals", False):

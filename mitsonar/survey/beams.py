@@ -85,6 +85,10 @@ class Beams:
                                                          float(place.depth_below_of[0]), key)
             yield Rays(ping=ping, direction=direction, solid_angle=solid_angle * self._share)
 
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> Rays:
+        """Give rays of given directions."""
+        return Rays(ping=ping, direction=direction, solid_angle=solid_angle)
+
     def response(self, place: Place, rays: Rays, towards: Vector) -> RowResponse:
         """Give which beam receives echoes of rays: that whose direction is the nearest."""
         row, pattern = self._beams.receive(place, rays.ping, rays.direction, towards)

@@ -125,6 +125,10 @@ class Rows(Protocol[RaysOf]):
         """
         ...
 
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> RaysOf:
+        """Give rays of directions that somebody else chose, Vector3f (R,), of pings with these numbers in the block."""
+        ...
+
     def response(self, place: Place, rays: RaysOf, towards: Vector) -> RowResponse:
         """Give how echoes are received that come back from `towards`, the way their rays went."""
         ...

@@ -139,6 +139,16 @@ class SideLaunch:
         rays = self._rays(place, row, phi, phi_width, cell, xi_u, strata, None, self._along)
         return rays, mi.Float(uniform(lib, c))
 
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float,
+              grid: tuple[int, int]) -> SideRays:
+        """Give rays of given directions, which come from no table, each of the side that it leaves by."""
+        body = place.body(ping, direction)
+        side = dr.select(body.y < 0, mi.Float(-1), mi.Float(1))
+        v = body.z * dr.cos(self._depression) - abs(body.y) * dr.sin(self._depression)
+        row = 2 * ping + dr.select(side > 0, mi.UInt32(1), mi.UInt32(0))
+        return SideRays(row=row, ping=ping, cell=mi.UInt32(0), direction=direction, side=side, u=body.x, v=v,
+                        strata=strata_of(self._lib, place.rows, grid), quantiles=None, solid_angle=solid_angle)
+
     def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along):
         """Rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1)."""
         u, u_width, _ = draw(along, self._table_of(place, row), xi_u)

@@ -111,6 +111,10 @@ class Sides:
         self._needs = {key: known[key] for key in ((seed, one) for one in np.unique(asked)[-GROUP:])}
         return np.concatenate([known[seed, one] for one in asked])
 
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> SideRays:
+        """Give rays of given directions, each of the side that it leaves by."""
+        return self._launch.aimed(place, ping, direction, solid_angle, self._second_grid)
+
     def response(self, place: Place, rays: SideRays, towards: Vector) -> RowResponse:
         """Give how the side that sent a ray receives its echo: nothing comes from the other side of the body."""
         u, v, same_side = rays.u, rays.v, mi.Bool(True)

@@ -88,6 +88,11 @@ class Steps:
         need = ray_need(rays.ping, rays.cell, *bins_of(place, rays), rows=place.rows, bins=self.bins)
         yield self._launch.drawn(place, refine_quantiles(quantiles, need), self._grids[1], seed, Salt.SECOND_PASS)
 
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> StepRays:
+        """Give rays of given directions; they come from no table."""
+        return StepRays(ping=ping, direction=direction, solid_angle=solid_angle, cell=mi.UInt32(0),
+                        head=place.body(ping, direction))
+
     def response(self, place: Place, rays: StepRays, towards: Vector) -> RowResponse:
         """Give how the beam receives echoes, as the head looks when they are back."""
         back = rays.head if place.still else place.body(rays.ping, towards)

@@ -1,0 +1,217 @@
+"""What records gain and lose where outlines move: the term that derivatives of energies at fixed directions leave out.
+
+    d/dx ∫ E dω = ∫ dE/dx dω + ∫ (E_- - E_+) v_n dl
+
+The second integral is along the lines of launch directions at which the energy E that comes back jumps: outlines of
+bodies and crests of beds, behind which there is shadow, folds between facets, and where meshes meet. E_- and E_+ are
+the energies on either side of a line, v_n its speed in the space of directions, towards the side of E_+ (Li et al.
+2018, Differentiable Monte Carlo ray tracing through edge sampling, ACM Trans. Graph. 37; Zhang et al. 2020, Path-space
+differentiable rendering, ACM Trans. Graph. 39).
+
+A point of a line that moves by dx moves in directions by m(dx), two numbers along and across the ray's vertical plane:
+
+    m(dx) = (e·dx / V, κ h·dx),    V = A κ,    κ = cos θ_0 / X
+    v_n dl = m(τ) x m(dx - dr) ds = g·(dx - dr) ds
+
+e -> unit, across the ray at its end in that plane, downwards; h -> unit, level, across the plane; A -> spreading area;
+τ -> the line per s; dr -> how the ray of one launch moves there (`ray_shift`). E_- and E_+ are those of two rays, a
+hair to either side. Where something hides the line both meet the same, and nothing jumps: nobody asks what is visible.
+Places and energies are detached; gradients come by dx and dr alone.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..device.arrays import arrays_of, upload
+from ..survey.first_hits import Echoes, FirstHits
+from ..survey.places import Place
+from ..survey.rows import Rays, Rows
+from ..tracing.connection import Connection, Connector
+from ..tracing.hits import Hits
+from ..tracing.tracer import Tracer
+from .attached_geometry import AttachedGeometry
+from .jump_lines import JumpLines
+from .line_samples import LineSamples
+from .tangents import tangent
+from .tent_bins import TentBins
+
+__all__ = ["EdgeTerms", "LinePoints", "edge_terms"]
+
+ASIDE, ASIDE_PER_RANGE = 1e-3, 1e-5    # [m], [-] of the rays on either side, over what chords and float32 are off
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinePoints:
+    """Points of lines in directions, detached.
+
+    Attributes
+    ----------
+    hits : Hits
+        The points as if rays ended there: of them only places, and which are valid, count.
+    rays, drawn : Rays (N,)
+        That lead there, and as they would have been drawn, before the sonar was turned.
+    covector : Vector3f (N,)
+        g, times what each point is worth.
+    motion : list of (UInt32, Vector3f)
+        Rows of vertices, and what of v_n dl their motion adds: g shared out.
+    """
+
+    hits: Hits
+    rays: Rays
+    drawn: Rays
+    covector: mi.Vector3f
+    motion: list[tuple[mi.UInt32, mi.Vector3f]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EdgeTerms:
+    """The terms of a block's pings.
+
+    Attributes
+    ----------
+    points : LinePoints
+    sides : list of Echoes
+        Of a worth of one, on either side of the lines.
+    """
+
+    points: LinePoints
+    sides: list[Echoes]
+
+    def add(self, sums: mi.Float64, tents: TentBins, geometry: AttachedGeometry, across: mi.Vector3f | None) -> None:
+        """Add the terms to sums (rows x bins,) [1/m²]: 0, with gradients.
+
+        Parameters
+        ----------
+        across : Vector3f (N,) or None
+            dr, attached; None where rays stand still.
+        """
+        lib: Any = arrays_of(mi.Float)
+        speed = mi.Float(0)
+        for vertex, part in self.points.motion:
+            row = dr.gather(lib.Array4f, geometry.vertices, vertex)
+            speed = speed + dr.dot(part, tangent(mi.Vector3f(row[0], row[1], row[2])))
+        if across is not None:
+            speed = speed - dr.dot(self.points.covector, tangent(across))
+        speed = mi.Float64(dr.select(self.points.hits.valid, speed, 0))
+        for sign, side in zip((1.0, -1.0), self.sides):
+            tents.add(sums, replace(side, units=sign * side.units * speed))
+
+
+def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, lines: JumpLines,
+               samples: LineSamples, *, surface: int | None, drawn: Callable[[Place, Rays], Rays]) -> EdgeTerms:
+    """Trace both sides of points on lines.
+
+    Parameters
+    ----------
+    tracer : Tracer
+    rows : Rows
+    first_hits : FirstHits
+    place : Place
+    lines : JumpLines
+    samples : LineSamples
+    surface : int or None
+        Label of a surface that mirrors: nothing comes back from there.
+    drawn : callable(place, rays)
+        Gives rays as they would have been drawn.
+    """
+    points, aside = _points(tracer, place, lines, samples, drawn)
+    sides, ping = [], points.rays.ping
+    for sign in (-1.0, 1.0):
+        direction = dr.normalize(points.rays.direction + sign * aside)
+        origin, source = place.origin(ping), place.source(ping)
+        hits = tracer.trace(place.sources, origin, source, direction, points.hits.valid)
+        if surface is not None:
+            hits = replace(hits, valid=hits.valid & (hits.label != surface))
+        rays = rows.aimed(place, ping, direction, dr.full(mi.Float, 1, dr.width(direction)))
+        sides.append(first_hits.echoes(place, rays, hits))
+    found = EdgeTerms(points=points, sides=sides)
+    dr.eval(found)
+    return found
+
+
+def _points(tracer: Tracer, place: Place, lines: JumpLines, samples: LineSamples,
+            drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f]:
+    """Points of lines in directions, and the small steps across the lines, towards E_+."""
+    lib: Any = arrays_of(mi.Float)
+    ends = lines.ends[samples.line].astype(float)
+    along = ends[:, 1] - ends[:, 0]
+    middle = ends[:, 0] + samples.place[:, None] * along
+    point = lib.Array3f64(*(upload(mi.Float64, middle[:, k]) for k in range(3)))
+    tau = mi.Vector3f(*(upload(mi.Float, along[:, k].astype(np.float32)) for k in range(3)))
+    ping, worth = upload(mi.UInt32, samples.ping), upload(mi.Float, samples.worth.astype(np.float32))
+    way = Connector(tracer.geometry, tracer.water).connect(place.sources, place.origin(ping), place.source(ping), point,
+                                                           mi.Vector3f(0), occlusion=False)
+    e0, e, h, steepness, level = _axes(way, mi.Vector3f(point - place.origin(ping)))
+    down, side = dr.dot(e, tau) * steepness, dr.dot(h, tau) * level
+    size = dr.sqrt(down * down + side * side)
+    valid = way.exists & dr.isfinite(size) & (size > 1e-12)
+    scale = dr.rcp(dr.select(valid, size, 1))
+    # the normal of the line in directions, and how far a step of one along it leads at the line
+    n_down, n_side = -side * scale, down * scale
+    lever = dr.sqrt(dr.square(n_down / steepness) + dr.square(n_side / level))
+    step = (ASIDE + ASIDE_PER_RANGE * way.arc_length) / lever
+    covector = dr.select(valid, worth * (down * level * h - side * steepness * e), 0)
+    hits = replace(Hits.on_surface(valid=valid, point=point, normal=mi.Vector3f(0, 0, 1),
+                                   arrival_direction=way.arrival_direction, sound_speed=way.sound_speed,
+                                   shape=dr.zeros(mi.ShapePtr, 1), primitive=mi.UInt32(0), uv=mi.Point2f(0)),
+                   travel_time=way.travel_time, ray_parameter=way.ray_parameter)
+    rays = Rays(ping=ping, direction=way.launch_direction, solid_angle=mi.Float(0))
+    points = LinePoints(hits=hits, rays=rays, drawn=drawn(place, rays), covector=covector,
+                        motion=_motion(tracer, lines, samples, middle, covector.numpy().T.astype(float)))
+    return points, step * (n_down * e0 + n_side * h)
+
+
+def _axes(way: Connection, chord: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Float, mi.Float]:
+    """Unit vectors across rays, downwards at launch and at the end, and level; 1 / V and κ [1/m]."""
+    reach, length = mi.Float(way.horizontal_range), dr.maximum(dr.norm(chord), 1e-6)
+    upright = reach < 1e-6 * length
+    per_reach = dr.rcp(dr.select(upright, 1, reach))
+    x, y = dr.select(upright, 1, chord.x * per_reach), dr.select(upright, 0, chord.y * per_reach)
+    launch, arrival = way.launch_direction, way.arrival_direction
+    cosine0, cosine = (dr.sqrt(dr.maximum(1 - dr.square(d.z), 0)) for d in (launch, arrival))
+    level = dr.select(upright, dr.rcp(length), cosine0 * per_reach)
+    e0, e = (mi.Vector3f(d.z * x, d.z * y, -c) for d, c in ((launch, cosine0), (arrival, cosine)))
+    return e0, e, mi.Vector3f(-y, x, 0), dr.rcp(way.spreading_area * level), level
+
+
+def _motion(tracer: Tracer, lines: JumpLines, samples: LineSamples, point: np.ndarray,
+            covector: np.ndarray) -> list[tuple[mi.UInt32, mi.Vector3f]]:
+    """Share covectors (N, 3) out among the vertices that move points (N, 3) of lines."""
+    corners = lines.corners[samples.line]
+    place, meets = samples.place[:, None], samples.line >= lines.edges
+    parts = [(corners[:, 0], (1 - place) * covector), (corners[:, 1], place * covector)]
+    if meets.any():
+        vertices = tracer.geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
+        parts = [(row, np.where(meets[:, None], 0, part)) for row, part in parts]
+        faces = tracer.geometry.faces.numpy().reshape(-1, 4)[:, :3]
+        met = faces[np.where(meets[:, None], lines.faces[samples.line], 0)]                  # (sample, facet, corner)
+        parts += _of_facets(vertices, met, point, np.where(meets[:, None], covector, 0))
+    return [(upload(mi.UInt32, row.astype(np.uint32)),
+             mi.Vector3f(*(upload(mi.Float, part[:, k].astype(np.float32)) for k in range(3)))) for row, part in parts]
+
+
+def _of_facets(vertices: np.ndarray, corners: np.ndarray, point: np.ndarray,
+               covector: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The same of points where two facets meet: g = λ_1 n_1 + λ_2 n_2, and n_i·dx = n_i·dx_i."""
+    triangles = vertices[corners]                                                            # (N, 2, 3, 3)
+    e1, e2 = triangles[:, :, 1] - triangles[:, :, 0], triangles[:, :, 2] - triangles[:, :, 0]
+    across = np.cross(e1, e2)
+    square = np.maximum(np.einsum("nik,nik->ni", across, across), 1e-30)
+    normal = across / np.sqrt(square)[..., None]
+    cosine = np.einsum("nk,nk->n", normal[:, 0], normal[:, 1])
+    seen = np.einsum("nik,nk->ni", normal, covector)
+    weight = (seen - cosine[:, None] * seen[:, ::-1]) / np.maximum(1 - cosine ** 2, 1e-12)[:, None]
+    away = point[:, None] - triangles[:, :, 0]
+    v = np.einsum("nik,nik->ni", np.cross(e1, away), across) / square
+    u = np.einsum("nik,nik->ni", np.cross(away, e2), across) / square
+    found = []
+    for i in range(2):
+        for k, share in enumerate((1 - u - v, u, v)):
+            found.append((corners[:, i, k], (weight * share)[:, i, None] * normal[:, i]))
+    return found
