@@ -36,6 +36,8 @@ HUBER = 2.5                        # deviations beyond which a time counts less
 ENVELOPES, PHASES = 4, 8           # steps of Gauss-Newton by each
 SPREAD = 3.0                       # deviations within which peaks are looked for
 LEAST = {"envelope": 1e-7, "phase": 5e-9}       # [s] of a deviation
+MOST_LEFT_OUT = 0.3                # of the pings, whose cycles are wrong
+SLIPPED = 0.4                      # [cycles] that envelopes are off on the median over elements, where cycles are wrong
 MOST_AMBIGUOUS = 0.05              # share of phases near half a cycle off, from which cycles are in doubt
 RIGID = ("shift forward", "shift to starboard", "shift down", "roll", "pitch", "yaw")
 
@@ -63,6 +65,10 @@ class Calibration:
         of so many.
     ambiguous : float [-]
         Share of the phases that are more than a quarter of a cycle off.
+    slipped : int
+        Echoes of a target at a ping that were used, and whose envelopes say another cycle.
+    left_out : (P,) bool
+        Pings that were left out because of that.
     """
 
     values: dict[str, np.ndarray]
@@ -78,6 +84,8 @@ class Calibration:
     used: int
     asked: int
     ambiguous: float
+    slipped: int
+    left_out: np.ndarray
 
     @property
     def effective(self) -> float:
@@ -101,6 +109,12 @@ class Calibration:
         if self.ambiguous > MOST_AMBIGUOUS:
             said.append(f"{100 * self.ambiguous:.0f} % of the phases are more than a quarter of a cycle off: cycles "
                         "are in doubt; take more bandwidth, stronger targets or better beliefs.")
+        if self.slipped:
+            said.append(f"At {self.slipped} echoes of targets the envelopes say another cycle than the phases: what "
+                        "was found is in doubt.")
+        if self.left_out.any():
+            said.append(f"Pings {', '.join(map(str, np.flatnonzero(self.left_out)))} were left out: their envelopes "
+                        "and phases say different cycles.")
         return said
 
     def to_dataset(self) -> xr.Dataset:
@@ -190,14 +204,28 @@ def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.n
         residual, deviation = _residual(heard, jacobian.value.reshape(model.shape), kind, seen)
         return residual, _weights(residual / deviation) / deviation ** 2, jacobian.dense()[seen][:, unknown] * prior
 
-    at, before = start.copy(), np.nan
-    for kind in ["envelope"] * ENVELOPES + ["phase"] * PHASES:
-        residual, weight, matrix = system(at, kind)
-        if kind == "phase" and np.isnan(before):
-            before = _spread(residual)
-        normal = matrix.T @ (weight[:, None] * matrix) + np.eye(len(unknown))
-        pull = matrix.T @ (weight * residual) - (at - start)[unknown] / prior
-        at[unknown] += prior * np.linalg.solve(normal, pull)
+    def stepped(at: np.ndarray, kind: str, steps: int) -> np.ndarray:
+        """Steps of Gauss-Newton."""
+        for _ in range(steps):
+            residual, weight, matrix = system(at, kind)
+            normal = matrix.T @ (weight[:, None] * matrix) + np.eye(len(unknown))
+            pull = matrix.T @ (weight * residual) - (at - start)[unknown] / prior
+            at = at.copy()
+            at[unknown] += prior * np.linalg.solve(normal, pull)
+        return at
+
+    left_out = np.zeros(model.shape[0], bool)
+    while True:
+        rough = stepped(start, "envelope", ENVELOPES)
+        at = stepped(rough, "phase", PHASES)
+        envelopes = model.linearised(model.shaped(at), coupling["envelope"]).value.reshape(model.shape)
+        slipped = _slipped(heard, envelopes) & ~left_out[:, None]
+        # a ping on another cycle bends all else: the others are asked again without it
+        if not slipped.any() or left_out.sum() + slipped.any(1).sum() > MOST_LEFT_OUT * len(left_out):
+            break
+        left_out |= slipped.any(1)
+        seen = seen & np.repeat(~left_out, model.shape[1] * model.shape[2])
+    before = _spread(system(rough, "phase")[0])
     residual, weight, matrix = system(at, "phase")
     eigenvalues, vectors = np.linalg.eigh(matrix.T @ (weight[:, None] * matrix))
     eigenvalues = np.maximum(eigenvalues, 0)
@@ -209,7 +237,8 @@ def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.n
         believed=believed, units=model.units, gain=gain, gain_uncertainty=gain_doubt,
         singular_values=np.sqrt(eigenvalues[::-1]), rigid=_rigid(model, root, free),
         residual=(before, _spread(residual)), used=int(seen.sum()), asked=seen.size,
-        ambiguous=float(np.mean(np.abs(residual) * heard.frequency > 0.25)))
+        ambiguous=float(np.mean(np.abs(residual) * heard.frequency > 0.25)), slipped=int(slipped.sum()),
+        left_out=left_out)
 
 
 def _model(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfile, transmit: np.ndarray):
@@ -266,6 +295,12 @@ def _residual(heard: MeasuredArrivals, predicted: np.ndarray, kind: str,
     else:
         times, deviation = heard.phase_time(predicted), heard.deviation(heard.frequency)
     return (times - predicted).ravel()[seen], np.maximum(deviation.ravel()[seen], LEAST[kind])
+
+
+def _slipped(heard: MeasuredArrivals, predicted: np.ndarray) -> np.ndarray:
+    """At which pings (P, K) envelopes of a target are nearly half a cycle off where phases have been fitted."""
+    off = np.ma.masked_invalid(heard.time - predicted)
+    return np.ma.filled(np.abs(np.ma.median(off, axis=2)) * heard.frequency > SLIPPED, False)
 
 
 def _weights(residual: np.ndarray) -> np.ndarray:

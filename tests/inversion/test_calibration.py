@@ -89,6 +89,18 @@ def test_cycles_in_doubt_are_told(rng):
     assert any("in doubt" in sentence for sentence in found(model, phases, believed).sentences())
 
 
+def test_a_ping_whose_phases_are_of_another_cycle_is_left_out(rng):
+    from mitsonar.inversion.calibration import BELIEVED, found
+    model = ArrivalModel(track(), RING, np.zeros(3), TARGETS, UNIFORM, duration=0.05)
+    believed = {name: np.full(start.shape, 0.01 * BELIEVED[name]) for name, start in model.start.items()}
+    measured = heard(model, {}, rng)
+    late = measured.time.copy()
+    late[2] += 0.7 / measured.frequency
+    answer = found(model, replace(measured, time=late), believed)
+    assert np.flatnonzero(answer.left_out).tolist() == [2]
+    assert any("Pings 2 were left out" in sentence for sentence in answer.sentences())
+
+
 @pytest.mark.parametrize("how, words", [
     ({"keys": ["rx_positions"]}, "did you mean"), ({"targets": np.zeros((2, 2))}, "three finite numbers")])
 def test_models_that_cannot_be_are_refused(how, words):
