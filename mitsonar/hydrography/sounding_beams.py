@@ -11,6 +11,7 @@ as one: through other water its place is that of `resounded` to a few millimetre
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -21,7 +22,7 @@ from .legs import Starts
 from .record import check
 from .resounding import heads_of, installation_of, measured_of, parts_of, profile_of
 
-__all__ = ["SoundingBeams", "beams_of", "slowness_to"]
+__all__ = ["SoundingBeams", "beams_of", "beams_of_lines", "slowness_to"]
 
 STEPS = 60
 CLOSE = 1e-9                       # [m]
@@ -138,6 +139,40 @@ def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
               "slowness": slowness, "travel_time": 2 * time, "head_speed": head,
               "starboard": east * np.cos(heading) - north * np.sin(heading)}
     return SoundingBeams(**{name: value[found] for name, value in values.items()})
+
+
+def beams_of_lines(lines: Sequence[xr.Dataset], under_way: bool = True) -> SoundingBeams:
+    """Take the beams of several lines, in the frame of the first.
+
+    Parameters
+    ----------
+    lines : sequence of xarray.Dataset
+        In one coordinate system, each about the origin that its attributes tell; without one, all in one frame.
+    under_way : bool
+        As of `beams_of`.
+
+    Returns
+    -------
+    SoundingBeams
+        Line after line.
+
+    Raises
+    ------
+    ValueError
+        If there is no line, coordinate systems differ, or as of `beams_of`.
+    """
+    if not lines:
+        raise ValueError("beams: there is no line of soundings; give one at least.")
+    first, parts = lines[0].attrs, []
+    for line in lines:
+        if line.attrs.get("crs") != first.get("crs"):
+            raise ValueError(f"beams: one line is in {first.get('crs')} and another in {line.attrs.get('crs')}; give "
+                             "lines in one coordinate system.")
+        beams = beams_of(line, under_way)
+        shift = np.subtract(line.attrs.get("origin") or (0.0, 0.0), first.get("origin") or (0.0, 0.0))
+        parts.append({**{one.name: getattr(beams, one.name) for one in fields(beams)},
+                      "x": beams.x + shift[0], "y": beams.y + shift[1]})
+    return SoundingBeams(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
 
 def slowness_to(starts: Starts, depth: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

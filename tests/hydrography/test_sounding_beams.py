@@ -10,7 +10,7 @@ import pytest
 
 from mitsonar.hydrography.legs import Starts
 from mitsonar.hydrography.resounding import profile_of, resounded
-from mitsonar.hydrography.sounding_beams import SoundingBeams, beams_of
+from mitsonar.hydrography.sounding_beams import SoundingBeams, beams_of, beams_of_lines
 from mitsonar.io.survey_lines import reading
 from mitsonar.water import SoundSpeedProfile
 
@@ -45,3 +45,21 @@ def test_real_beams_through_other_water_lead_where_soundings_are_reduced_to(name
 def test_beams_that_are_none_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         SoundingBeams(**{**ONE, **change})
+
+
+def test_lines_about_other_origins_come_into_the_frame_of_the_first(soundings):
+    origins = (1000.0, 0.0), (1200.0, 50.0)
+    first, second = (soundings.assign_attrs(crs="EPSG:32632", origin=origin) for origin in origins)
+    alone, both = beams_of(soundings), beams_of_lines([first, second])
+    count = len(alone)
+    np.testing.assert_allclose(both.x[:count], alone.x)
+    np.testing.assert_allclose(both.x[count:], alone.x + 200)
+    np.testing.assert_allclose(both.y[count:], alone.y + 50)
+    np.testing.assert_array_equal(both.slowness[count:], alone.slowness)
+
+
+def test_lines_in_other_coordinate_systems_and_none_at_all_are_refused(soundings):
+    with pytest.raises(ValueError, match="one line is in EPSG:32632 and another in EPSG:32633; give lines in one"):
+        beams_of_lines([soundings.assign_attrs(crs=f"EPSG:3263{zone}") for zone in (2, 3)])
+    with pytest.raises(ValueError, match="there is no line of soundings"):
+        beams_of_lines([])
