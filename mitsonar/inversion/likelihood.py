@@ -1,0 +1,197 @@
+"""How likely a record is where a model gives its means: the data's side of a fit.
+
+    Gaussian    D = (y - m)² / σ²
+    gamma       D = 2 L (y / m - 1 - ln(y / m)),    variance m² / L
+
+y -> the record; m -> ``predicted``; σ -> ``deviation``; L -> ``looks``: speckle's intensity, averaged over L looks, is
+gamma distributed about its mean (Goodman, 1976, Some fundamental properties of speckle, eq. 18; the deviance is that of
+McCullagh and Nelder, 1989, table 2.1). Half the sum of D is the misfit. It is lowest at the truth on average; least
+squares of intensities is not, once it weighs bins by what they came out as, and of levels it is off by ψ(L) - ln L.
+
+A Gauss-Newton step needs each bin's slope ½ dD/dm and weight w, the expected curvature (Fisher's scoring). With
+``robust`` = k, deviances beyond k² grow like their root (Huber, 1964), and weigh less.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+__all__ = ["Gamma", "Gaussian", "Likelihood", "Terms"]
+
+LEAST_SHARE = 1e-6                 # of the record's mean: a mean below is no echo, and gamma's log has no value there
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """A record's misfit, bin by bin; bins that do not count have zeros.
+
+    Attributes
+    ----------
+    deviance : (N,) float64
+    slope : (N,) float64
+        ½ dD/dm.
+    weight : (N,) float64
+        Expected ½ d²D/dm², at least 0.
+    """
+
+    deviance: np.ndarray
+    slope: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def misfit(self) -> float:
+        """Half the sum of deviances."""
+        return 0.5 * float(self.deviance.sum())
+
+
+class Likelihood(Protocol):
+    """What a fit asks of the data.
+
+    Attributes
+    ----------
+    counted : (N,) bool
+        Bins that count.
+    expected : float
+        What the sum of deviances is on average, at the truth.
+    """
+
+    counted: np.ndarray
+    expected: float
+
+    def terms(self, predicted: np.ndarray) -> Terms:
+        """Give the misfit of means (N,).
+
+        Raises
+        ------
+        ValueError
+            If the shape does not fit, or a mean that counts is not finite.
+        """
+        ...
+
+
+class Gaussian:
+    """A record with normal errors.
+
+    Parameters
+    ----------
+    record : (...) float
+        NaN where a bin does not count.
+    deviation : float or (...) float
+        σ, in the record's unit.
+    robust : float, optional
+        Deviations beyond which a bin counts less.
+
+    Raises
+    ------
+    ValueError
+        If no bin counts, a deviation is not above zero, or shapes do not fit.
+    """
+
+    def __init__(self, record: np.ndarray, deviation: float | np.ndarray, *, robust: float | None = None):
+        self._record, self.counted = _record(record)
+        self._deviation = _positive("deviation", deviation, np.shape(record))
+        self._robust = _checked_robust(robust)
+        self.expected = float(self.counted.sum())
+
+    def terms(self, predicted: np.ndarray) -> Terms:
+        """Give the misfit of means (N,); see `Likelihood.terms`."""
+        means = _means(predicted, self.counted)
+        rest = np.where(self.counted, means - self._record, 0) / self._deviation
+        weight = np.where(self.counted, 1 / self._deviation ** 2, 0)
+        return _tamed(rest ** 2, rest / self._deviation, weight, self._robust)
+
+
+class Gamma:
+    """A record of speckled intensities.
+
+    Parameters
+    ----------
+    record : (...) float [µPa²]
+        Intensities; NaN, or 0 where there is no echo at all, where a bin does not count.
+    looks : float or (...) float
+        L, effective looks of each bin: 1 is full speckle. An error of the model of the relative deviation s makes them
+        1 / (1/L + s²).
+    background : float or (...) float [µPa²]
+        Added to the model's means: noise that the record has.
+    robust : float, optional
+        Deviations beyond which a bin counts less.
+
+    Raises
+    ------
+    ValueError
+        If no bin counts, an intensity is below zero, looks are not above zero, or shapes do not fit.
+    """
+
+    def __init__(self, record: np.ndarray, looks: float | np.ndarray = 1.0, *,
+                 background: float | np.ndarray = 0.0, robust: float | None = None):
+        from scipy.special import digamma
+
+        given = np.asarray(record, float)
+        if np.any(given < 0):
+            raise ValueError(f"{int((given < 0).sum())} intensities are below zero; give intensities, not levels")
+        self._record, self.counted = _record(np.where(given == 0, np.nan, given))
+        self._looks = _positive("looks", looks, given.shape)
+        floor = np.broadcast_to(np.asarray(background, float), given.shape).ravel()
+        if not (np.isfinite(floor).all() and (floor >= 0).all()):
+            raise ValueError("background holds numbers that are below zero or not finite; give intensities")
+        # a mean of nothing would be infinitely unlikely where there is an echo
+        self._floor = np.maximum(floor, LEAST_SHARE * float(self._record[self.counted].mean()))
+        self._robust = _checked_robust(robust)
+        each = 2 * self._looks * (np.log(self._looks) - digamma(self._looks))
+        self.expected = float(each[self.counted].sum())
+
+    def terms(self, predicted: np.ndarray) -> Terms:
+        """Give the misfit of means (N,); see `Likelihood.terms`."""
+        means = np.where(self.counted, np.maximum(_means(predicted, self.counted), 0) + self._floor, 1)
+        looks = np.where(self.counted, self._looks, 0)
+        ratio = np.where(self.counted, self._record, 1) / means
+        deviance = np.where(self.counted, 2 * looks * (ratio - 1 - np.log(ratio)), 0)
+        return _tamed(deviance, looks * (1 - ratio) / means, looks / means ** 2, self._robust)
+
+
+def _tamed(deviance: np.ndarray, slope: np.ndarray, weight: np.ndarray, robust: float | None) -> Terms:
+    """Terms, with deviances beyond robust² as their roots."""
+    if robust is None:
+        return Terms(deviance=deviance, slope=slope, weight=weight)
+    root = np.sqrt(np.maximum(deviance, 0))
+    less = np.minimum(1, robust / np.maximum(root, robust))
+    tamed = np.where(root > robust, robust * (2 * root - robust), deviance)
+    return Terms(deviance=tamed, slope=less * slope, weight=less * weight)
+
+
+def _record(record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A flat record with zeros where it does not count, and where it does."""
+    flat = np.asarray(record, float).ravel()
+    counted = np.isfinite(flat)
+    if not counted.any():
+        raise ValueError("no value of the record counts; give finite numbers where it does")
+    return np.where(counted, flat, 0), counted
+
+
+def _positive(name: str, value: float | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """A flat array of numbers above zero, as many as the record has."""
+    array = np.asarray(value, float)
+    if array.shape not in ((), shape):
+        raise ValueError(f"{name} has the shape {array.shape}; give one number, or an array of the record's {shape}")
+    if not (np.isfinite(array).all() and (array > 0).all()):
+        raise ValueError(f"{name} holds numbers that are not finite and above zero; mask bins in the record, by NaN")
+    return np.broadcast_to(array, shape).ravel()
+
+
+def _checked_robust(robust: float | None) -> float | None:
+    if robust is not None and not (np.isfinite(robust) and robust > 0):
+        raise ValueError(f"robust is {robust:g}; give a number of deviations above zero, or leave it out")
+    return robust
+
+
+def _means(predicted: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """A model's means, checked."""
+    means = np.asarray(predicted, float).ravel()
+    if means.shape != counted.shape:
+        raise ValueError(f"the model gives {means.size} values, and the record has {counted.size}; fit a record of the "
+                         "same sonar")
+    if not np.isfinite(means[counted]).all():
+        raise ValueError("the model gives values that are not finite where the record counts")
+    return means

@@ -1,0 +1,172 @@
+"""Square roots of smooth covariances, that are never written out: a grid's by cosines, a mesh's by its Laplacian.
+
+    grid    x = σ/s · Cᵀ (1 + l² k²)⁻¹ C z,       k² of each cosine, s its deviation at each node: x has exactly σ
+    mesh    x = σ/s · (M + l² K)⁻¹ M^½ z          M, K -> lumped masses and stiffness of linear triangles
+
+z -> independent numbers of deviation 1; l -> ``length``: in two dimensions the covariance is Matérn's of order 1,
+(d/l) K₁(d/l), 0.12 at d = 3 l (Lindgren, Rue and Lindström, 2011, J. R. Stat. Soc. B 73, eq. 2 and section 2.3).
+With no length, nodes are independent. A step by z's gradient is a step by a smoothed gradient (Nicolet, Jacobson and
+Jakob, 2021).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Root", "grid_root", "independent_root", "mesh_root"]
+
+EXACT = 5000                       # vertices up to which deviations are scaled one by one
+TOGETHER = 256                     # right-hand sides solved at once
+WIDEST = 1e4                       # cells that a length may span: beyond, all nodes are one number in float64
+
+Linear = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Root:
+    """A square root of a covariance: x = forward(z), and its transpose.
+
+    Attributes
+    ----------
+    forward, transpose : callable
+        Of flat float64 arrays (n,).
+    """
+
+    forward: Linear
+    transpose: Linear
+
+
+def independent_root(deviation: np.ndarray) -> Root:
+    """Give that of independent numbers of deviations (n,)."""
+    def scaled(numbers: np.ndarray) -> np.ndarray:
+        return deviation * numbers
+
+    return Root(forward=scaled, transpose=scaled)
+
+
+def grid_root(shape: Sequence[int], spacing: Sequence[float], length: float, deviation: np.ndarray) -> Root:
+    """Give that of a grid of nodes.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes along each axis.
+    spacing : tuple of float [m]
+        Between nodes along each axis.
+    length : float [m]
+    deviation : (n,) float
+        Of each node.
+
+    Raises
+    ------
+    ValueError
+        If a number is not above zero, or axes and spacings are not as many.
+    """
+    from scipy.fft import dctn, idctn
+
+    shape, spacing = tuple(int(count) for count in shape), tuple(float(step) for step in spacing)
+    if len(shape) != len(spacing):
+        raise ValueError(f"a grid of {len(shape)} axes has {len(spacing)} spacings; give one for each")
+    _check_length(length, min(spacing))
+    square, modes = np.zeros(shape), []
+    for axis, (count, step) in enumerate(zip(shape, spacing)):
+        k = np.pi * np.arange(count) / (count * step)
+        square = square + (k ** 2).reshape([-1 if other == axis else 1 for other in range(len(shape))])
+        phase = np.pi * np.outer(np.arange(count) + 0.5, np.arange(count)) / count
+        modes.append((2 / count * np.cos(phase) ** 2) * np.where(np.arange(count) == 0, 0.5, 1))
+    filtered = 1 / (1 + length ** 2 * square)
+    variance = filtered ** 2
+    for axis, mode in enumerate(modes):
+        variance = np.moveaxis(np.tensordot(mode, variance, (1, axis)), 0, axis)
+    scale = deviation.reshape(shape) / np.sqrt(variance)
+
+    def forward(numbers: np.ndarray) -> np.ndarray:
+        return (scale * idctn(filtered * dctn(numbers.reshape(shape), norm="ortho"), norm="ortho")).ravel()
+
+    def transpose(numbers: np.ndarray) -> np.ndarray:
+        return idctn(filtered * dctn(scale * numbers.reshape(shape), norm="ortho"), norm="ortho").ravel()
+
+    return Root(forward=forward, transpose=transpose)
+
+
+def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation: np.ndarray) -> Root:
+    """Give that of a mesh's vertices, distances measured over its surface.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float [m]
+    faces : (F, 3) int
+    length : float [m]
+    deviation : (n,) float
+        Of each vertex; on meshes of more than `EXACT` vertices, of those that are a length away from a border, where
+        it is up to twice as much.
+
+    Raises
+    ------
+    ValueError
+        If a length is not above zero, a face names no vertex, or a vertex is on no face of any area.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    mass, stiffness = _elements(np.asarray(vertices, float), np.asarray(faces))
+    count = mass.size
+    _check_length(length, np.sqrt(mass.max()))
+    solver = splu(sparse.csc_matrix(sparse.diags_array(mass) + length ** 2 * stiffness))
+    root = np.sqrt(mass)
+    if count <= EXACT:
+        spread = np.concatenate([np.sum((root[:, None] * solver.solve(one)) ** 2, 0)
+                                 for one in _unit_columns(count)])
+        scale = deviation / np.sqrt(spread)
+    else:
+        scale = deviation * np.sqrt(4 * np.pi) * length
+
+    def forward(numbers: np.ndarray) -> np.ndarray:
+        return scale * solver.solve(root * numbers)
+
+    def transpose(numbers: np.ndarray) -> np.ndarray:
+        return root * solver.solve(scale * numbers)
+
+    return Root(forward=forward, transpose=transpose)
+
+
+def _unit_columns(count: int):
+    """The identity's columns, some at a time."""
+    for begin in range(0, count, TOGETHER):
+        block = np.zeros((count, min(TOGETHER, count - begin)))
+        block[begin + np.arange(block.shape[1]), np.arange(block.shape[1])] = 1
+        yield block
+
+
+def _elements(vertices: np.ndarray, faces: np.ndarray):
+    """Lumped masses (n,) [m²] and the sparse stiffness (n, n) of linear triangles."""
+    from scipy import sparse
+
+    count = len(vertices)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError(f"a mesh has vertices (n, 3) and faces (F, 3); these are {vertices.shape} and {faces.shape}")
+    if faces.size == 0 or faces.min() < 0 or faces.max() >= count:
+        raise ValueError(f"faces name vertices beyond the {count} that there are")
+    corner = vertices[faces]                                               # (F, 3, 3)
+    against = np.roll(corner, -2, 1) - np.roll(corner, -1, 1)              # the side that faces each corner
+    area = 0.5 * np.linalg.norm(np.cross(against[:, 0], against[:, 1]), axis=1)
+    real = area > 1e-12 * area.max()
+    faces, against, area = faces[real], against[real], area[real]
+    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), count)
+    if not (mass > 0).all():
+        raise ValueError(f"{int((mass <= 0).sum())} vertices are on no face of any area; a smooth prior needs a mesh "
+                         "without them")
+    values = np.einsum("fik,fjk->fij", against, against) / (4 * area[:, None, None])
+    rows, columns = np.repeat(faces, 3, 1), np.tile(faces, (1, 3))
+    stiffness = sparse.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
+    return mass, stiffness.tocsc()
+
+
+def _check_length(length: float, cell: float) -> None:
+    if not (np.isfinite(length) and length > 0 and cell > 0):
+        raise ValueError(f"the prior's length is {length:g} m on cells of {cell:g} m; give numbers above zero")
+    if length > WIDEST * cell:
+        raise ValueError(f"the prior's length is {length:g} m, {length / cell:.0f} cells; give less than {WIDEST:.0f} "
+                         "cells, or fit one number")
