@@ -19,6 +19,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..device.arrays import upload
 from ..propagation.layer_table import LayerTable
 from ..survey.first_hits import FirstHits, Losses, received
 from ..survey.places import Place, Places
@@ -156,7 +157,7 @@ class EnergyField:
         distance = mi.Float(dr.sqrt(way.x * way.x + way.y * way.y))
         shift = None
         if scenery.moves:
-            shift = ray_shift(scenery.layers, origin, rays.direction, hits)
+            shift = ray_shift(scenery.layers, scenery.speeds, origin, rays.direction, hits)
         return rays, finished(hits, kept.facets, scenery.facets, scenery.layers, mi.Float(down), distance, shift)
 
 
@@ -183,11 +184,12 @@ class Scenery:
         self.water: DeviceWater = tracer.water
         self.losses: Losses = self.water
         self.layers = self.water.direct.layers
+        self.speeds = upload(mi.Float64, survey.profile.sound_speed)
         self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
         self.facets = AttachedGeometry(survey.geometry)
         self.track: AttachedTrack | None = None
 
-    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | None) -> Scenery:
+    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | mi.Float64 | None) -> Scenery:
         """Give the same scenery with other facets, layers, track or losses."""
         other = copy.copy(self)
         vars(other).update(changes)
