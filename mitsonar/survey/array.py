@@ -38,6 +38,8 @@ class ArraySensor(Sensor, Protocol):
     transmit, receive : Array
         Delays of steering are made for `nominal_sound_speed`.
     nominal_sound_speed : float [m/s]
+    steering_delays : ((T,), (E,)) [s]
+        Delays of both arrays as they were made: those that follow the sound speed.
     delays_from_file : (bool, bool)
         Of transmit and receive array: their delays are times of a file, not lengths over a sound speed.
     beams : int
@@ -55,6 +57,7 @@ class ArraySensor(Sensor, Protocol):
     transmit: Array
     receive: Array
     nominal_sound_speed: float
+    steering_delays: tuple[np.ndarray, np.ndarray]
     delays_from_file: tuple[bool, bool]
     beams: int
     fan_width: float
@@ -84,10 +87,12 @@ def plan_elements(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings,
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
     depth = -passage.voyage.track.position[:, 2]
     speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
-    # a file's own delays are times; those of steering are lengths over a sound speed
+    # a file's own delays are times, and what delays were changed by since; those of steering are lengths over a speed
     transmit, receive = (
-        array if from_file else replace(array, delay=array.delay * (sensor.nominal_sound_speed / speed))
-        for array, from_file in zip((sensor.transmit, sensor.receive), sensor.delays_from_file))
+        array if from_file else replace(
+            array, delay=steering * (sensor.nominal_sound_speed / speed) + (array.delay - steering))
+        for array, steering, from_file in zip((sensor.transmit, sensor.receive), sensor.steering_delays,
+                                              sensor.delays_from_file))
     return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=transmit,
                      receive=receive, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
                      bins_are_samples=True, self_noise_db=sensor.self_noise_db)

@@ -3,6 +3,10 @@
 The platform moves and turns while sound is on its way. ``mitsonar.render`` forms a fan of beams of the receive array;
 ``mitsonar.impulse_response`` and ``mitsonar.element_signals`` give what every element receives.
 
+`mi.traverse` names the elements' ``tx_position``, ``rx_position``, ``tx_delay``, ``rx_delay``, ``tx_weight`` and
+``rx_weight``. What is written there is there, and beams are formed for it. Pictures by receivers' delays are made of
+their signals.
+
 .. code-block:: xml
 
     <sensor type="array_sonar">
@@ -17,11 +21,13 @@ The platform moves and turns while sound is on its way. ``mitsonar.render`` form
 """
 import mitsuba as mi
 
+from mitsonar.sonar import Array
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Integer, Number
 from .array_attributes import ARRAYS, PICTURE
 from .array_reading import nominal_sound_speed, read_array
+from .element_keys import ElementKeys
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
@@ -57,7 +63,17 @@ class ArraySonar(SonarSensor):
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.transmit, self.receive = (read_array(attributes, side, self.nominal_sound_speed, frequency=self.frequency)
                                        for side in SIDES)
+        self.written_picture = self.picture
+        self.steering_delays = self.transmit.delay, self.receive.delay
         self.delays_from_file = tuple(bool(attributes.given(f"{side}_file")) for side in SIDES)
+
+    def element_keys(self) -> ElementKeys:
+        return ElementKeys(self.kind, self.transmit, self.receive)
+
+    def take_elements(self, transmit: Array, receive: Array) -> None:
+        """Have other elements; receivers' delays are those of signals, so their picture is made of signals."""
+        self.picture = self.way_with_delays(self.written_picture, receive, self.steering_delays[1])
+        super().take_elements(transmit, receive)
 
     def to_string(self) -> str:
         return f"ArraySonar[{self.frequency / 1000:g} kHz, {self.transmit.elements} x {self.receive.elements} elements]"

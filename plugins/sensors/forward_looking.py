@@ -13,6 +13,10 @@ film's window is longer than 2000 of these, the preset's pulse is as much longer
 2000: so instruments change over to longer pulses for longer ranges. A `pulse_ms` or `bandwidth_khz` that is written
 stays.
 
+`mi.traverse` names the elements' ``tx_position``, ``rx_position``, ``tx_delay``, ``rx_delay``, ``tx_weight`` and
+``rx_weight``. What is written there is there, and beams are formed for it. Pictures by receivers' delays are made of
+their signals.
+
 .. code-block:: xml
 
     <sensor type="forward_looking">
@@ -35,6 +39,7 @@ from mitsonar.units import hertz_from_khz
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, SameAs
 from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed
+from .element_keys import ElementKeys
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
@@ -93,6 +98,16 @@ class ForwardLooking(SonarSensor):
         self.pulse = read_pulse(attributes, self.frequency, _longer(attributes, self.nominal_sound_speed))
         wavelength = self.nominal_sound_speed / self.frequency
         self.transmit, self.receive = _transmitter(attributes, wavelength), _receivers(attributes, wavelength)
+        self.written_picture = self.picture
+        self.steering_delays = self.transmit.delay, self.receive.delay
+
+    def element_keys(self) -> ElementKeys:
+        return ElementKeys(self.kind, self.transmit, self.receive)
+
+    def take_elements(self, transmit: Array, receive: Array) -> None:
+        """Have other elements; receivers' delays are those of signals, so their picture is made of signals."""
+        self.picture = self.way_with_delays(self.written_picture, receive, self.steering_delays[1])
+        super().take_elements(transmit, receive)
 
     def to_string(self) -> str:
         return f"ForwardLooking[{self.frequency / 1000:g} kHz, {self.beams} beams of {self.receive.elements} elements]"

@@ -8,11 +8,13 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.device.chance import pass_seed, sonar_seed
+from mitsonar.sonar import Array
 from mitsonar.survey.sensor import slowest_speed
 from mitsonar.survey.voyage import Route
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from ..attributes import Attribute, Attributes, Boolean, Group, Integer, Nested, Number
+from .element_keys import ElementKeys
 from .platform import OF_THE_TRACK, read_route
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # what energies in float32 can hold
@@ -66,6 +68,8 @@ class SonarSensor(mi.Sensor):
         Whose track it shares.
     position_offset, attitude_offset : Float64 (3 rows,) [m], [rad]
         By which pings are off the route, for `mi.traverse`: east, north, up; heading, pitch, roll.
+    elements : ElementKeys or None
+        Numbers of its elements, likewise.
     rows : int
         Of these: pings, where the scene writes how many, else one row for all.
     provenance : dict or None
@@ -93,6 +97,7 @@ class SonarSensor(mi.Sensor):
         if not hasattr(attributes.film, "sampling"):
             raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
         self.read(attributes)
+        self.elements = self.element_keys()
         self.rows = self.route.pings if self.route.bounded else 1
         self.position_offset, self.attitude_offset = (upload(mi.Float64, np.zeros(3 * self.rows)) for _ in range(2))
         super().__init__(props)
@@ -150,12 +155,16 @@ class SonarSensor(mi.Sensor):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
         callback.put("medium", self.water, mi.ParamFlags.NonDifferentiable)
+        if self.elements is not None:
+            self.elements.traverse(callback)
         if self.follows_offsets:
             callback.put("position_offset", self.position_offset, mi.ParamFlags.Differentiable)
             callback.put("attitude_offset", self.attitude_offset, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
         super().parameters_changed(keys)
+        if self.elements is not None:
+            self.take_elements(*self.elements.changed())
         found = {}
         for name in ("position", "attitude"):
             offset = dr.detach(getattr(self, f"{name}_offset")).numpy()
@@ -164,6 +173,23 @@ class SonarSensor(mi.Sensor):
                                  f"{3 * self.rows} finite ones, three for each of its pings.")
             found[f"{name}_error"] = offset.reshape(-1, 3).copy() if np.any(offset) else None
         self.route = replace(self.route, **found)
+
+    def element_keys(self) -> ElementKeys | None:
+        """Give the numbers of its elements that can be changed; None: it has none."""
+        return None
+
+    def take_elements(self, transmit: Array, receive: Array) -> None:
+        """Have other elements from now on; of a kind with `element_keys`."""
+        self.transmit, self.receive = transmit, receive
+
+    def way_with_delays(self, written: str | None, receive: Array, steering: np.ndarray) -> str | None:
+        """Give how a picture is made of receivers with delays other than those of steering: of elements alone."""
+        if np.array_equal(receive.delay, steering):
+            return written
+        if written == "beams":
+            raise ValueError(f"{self.kind}: rx_delay is written, and picture is beams, which know no delays of "
+                             "receivers; leave picture out, or make it elements.")
+        return "elements"
 
     def sample_ray(self, *_: Any, **__: Any) -> NoReturn:
         raise ValueError(f"a sonar ({self.kind}) sends sound; render it with the integrator sonar_path")

@@ -14,6 +14,8 @@ one, for micronavigation. It sets the ping rate for the speed; without it pings 
 Tracks are straight, ``circle_radius`` about the start, or recorded, and ``sway``, ``heave``, ``yaw_deg`` and the like
 disturb them.
 
+`mi.traverse` names the elements' ``tx_position``, ``rx_position``, ``tx_delay`` and ``rx_delay``.
+
 .. code-block:: xml
 
     <sensor type="synthetic_aperture">
@@ -37,6 +39,7 @@ from mitsonar.units import hertz_from_khz, power_from_db
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Text
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
+from .element_keys import GEOMETRY, ElementKeys
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
@@ -105,6 +108,9 @@ class SyntheticAperture(SonarSensor):
         self.windows = tuple(_window(attributes, name) for name in ("image_window", "range_window"))
         self.thin_below = float(power_from_db(attributes.thin_below_db))
         self.route = _paced(attributes, self.route)
+
+    def element_keys(self) -> ElementKeys:
+        return ElementKeys(self.kind, self.transmit, self.receive, GEOMETRY)
 
     def to_string(self) -> str:
         return f"SyntheticAperture[{self.frequency / 1000:g} kHz, {self.receive.elements} receivers]"

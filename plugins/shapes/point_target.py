@@ -9,6 +9,8 @@ calibration sphere has its nulls and resonances, and rings on after its first ec
 Resonances that ring for longer than 1500 / (1.3 bandwidths) are cut off there; metals have no losses. Echoes drawn
 by chance, of more bounces than images have, take the mean strength.
 
+`mi.traverse` names its ``position`` and, of one strength, its ``target_strength_db``.
+
 A table has the columns ``frequency_khz``, ``target_strength_db`` and, where it is known, ``phase_deg`` (that of the
 pressure 1 m away for a wave of phase 0 at `position`, for time e^(+iωt); without it the phase is 0), or ``real`` and
 ``imaginary`` [m] in the place of both. Angles may go with it, every combination of them once: ``aspect_deg``, between
@@ -29,10 +31,12 @@ closer than c / 4d, d the target's part farthest from `position`; the pulse's ba
         <float name="radius" value="0.01905"/>
     </shape>
 """
+import drjit as dr
 import numpy as np
 
 import mitsuba as mi
 
+from mitsonar.device.arrays import upload
 from mitsonar.io import scattering_tables
 from mitsonar.scattering.scattering_functions import ScatteringFunction, SphereScattering
 from mitsonar.scattering.sphere_series import MATERIALS, Solid, SphereBody
@@ -42,13 +46,14 @@ from .grid_mesh import TO_WORLD, GridMesh, fill
 
 SPHERES = "rigid_sphere", "soft_sphere", "fluid_sphere", "elastic_sphere"
 FILLED = SPHERES[2:]
+LOWEST_DB, HIGHEST_DB = -200, 100
 FACE = np.zeros((1, 3), np.uint32)  # without any area: no ray meets it, and Mitsuba wants one
 
 ATTRIBUTES = (
     Point("position", text="its place, z up"),
     Choice("scattering", default="constant", choices=("constant", *SPHERES, "table"),
            text="one strength for all frequencies and directions, an exact sphere, or a table"),
-    Number("target_strength_db", default=0.0, minimum=-200, maximum=100, unit="dB", text="re 1 m²",
+    Number("target_strength_db", default=0.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB", text="re 1 m²",
            only=("scattering", ("constant",))),
     Number("radius", above=0, maximum=100, unit="m", text="of the sphere", only=("scattering", SPHERES)),
     Choice("material", default="tungsten_carbide", choices=tuple(MATERIALS),
@@ -74,7 +79,35 @@ class PointTarget(mi.Mesh):
         self.scattering = _scattering(attributes)
         self.rotation = _rotation(attributes) if self.scattering is not None else None
         super().__init__("point_target", 1, len(FACE), props=props, has_vertex_texcoords=True)
+        self.place, self.strength_db = upload(mi.Float64, self.position), upload(
+            mi.Float64, np.array([float(self.target_strength_db)]))
         fill(self, GridMesh(self.position[None].astype(np.float32), FACE, np.zeros((1, 2), np.float32)))
+
+    def traverse(self, callback: mi.TraversalCallback) -> None:
+        super().traverse(callback)
+        callback.put("position", self.place, mi.ParamFlags.NonDifferentiable)
+        if self.scattering is None:
+            callback.put("target_strength_db", self.strength_db, mi.ParamFlags.NonDifferentiable)
+
+    def parameters_changed(self, keys: list[str]) -> None:
+        place, strength = (dr.detach(value).numpy() for value in (self.place, self.strength_db))
+        if len(place) != 3 or not np.all(np.isfinite(place)):
+            raise ValueError(f"point_target: position is {place.tolist()}; give three finite numbers [m].")
+        if self.scattering is None and not (len(strength) == 1 and LOWEST_DB <= strength[0] <= HIGHEST_DB):
+            raise ValueError(f"point_target: target_strength_db is {strength.tolist()}; give one number from "
+                             f"{LOWEST_DB} to {HIGHEST_DB}.")
+        if np.any(place != self.position):
+            self.position = np.array(place)
+            mi.traverse(self)["vertex_positions"] = upload(mi.Float, place.astype(np.float32))
+            keys = [*keys, "vertex_positions"]
+        elif "vertex_positions" in keys:
+            vertex = dr.detach(mi.traverse(self)["vertex_positions"]).numpy()
+            if np.any(vertex != self.position.astype(np.float32)):
+                self.position = vertex.astype(float)
+                mi.traverse(self)["position"] = upload(mi.Float64, self.position)
+        if self.scattering is None:
+            self.target_strength_db = float(strength[0])
+        super().parameters_changed(keys)
 
     def to_string(self) -> str:
         what = f"{self.target_strength_db:g} dB" if self.scattering is None else type(self.scattering).__name__
