@@ -1,5 +1,7 @@
 """Lambert bottom (`lambert`): σ = μ sin θ_i sin θ_s, in the facet's own frame.
 
+`mi.traverse` names ``strength``, µ itself, or the texture's decibels, ``mu_db.data``.
+
 Of a texture, decibels above -4.97 count as that; it is best ``raw``.
 
 .. code-block:: xml
@@ -44,8 +46,14 @@ class Lambert(Material):
             callback.put("strength", self.strength, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
-        if not isinstance(self.mu_db, mi.Texture):
-            dr.make_opaque(self.strength)
+        if isinstance(self.mu_db, mi.Texture):
+            return
+        strength = dr.detach(self.strength).numpy()
+        # rounding of float32 may lead above the strongest
+        if len(strength) != 1 or not 0 <= strength[0] <= lambert.STRONGEST * (1 + 1e-6):
+            raise ValueError(f"lambert: strength is {strength.tolist()}; give one number from 0 to "
+                             f"{lambert.STRONGEST:.4g}, µ of σ = µ sin θ_i sin θ_s.")
+        dr.make_opaque(self.strength)
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:

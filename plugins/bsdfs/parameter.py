@@ -34,6 +34,20 @@ class Parameter:
         self.value: Any = value if self.textured else upload(mi.Float, numbers)
         self.keep()
 
+    def check(self, name: str) -> None:
+        """Refuse numbers that were changed into what cannot be.
+
+        Raises
+        ------
+        ValueError
+            If there are more or fewer than before, or one is not finite.
+        """
+        if self.textured:
+            return
+        numbers = dr.detach(self.value).numpy()
+        if len(numbers) != self.classes or not np.isfinite(numbers).all():
+            raise ValueError(f"{name} is {numbers.tolist()}; give as many finite numbers as before, {self.classes}.")
+
     def keep(self) -> None:
         """Have numbers stay variables of kernels, after they were changed too."""
         if not self.textured:

@@ -130,7 +130,8 @@ class SedimentBed(Material):
             callback.put(name, texture, mi.ParamFlags.NonDifferentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
-        for parameter in self.parameters.values():
+        for name, parameter in self.parameters.items():
+            parameter.check(f"{self.law.__name__}: {name}")
             parameter.keep()
         self._tabulate()
 

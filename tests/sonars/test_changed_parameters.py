@@ -152,3 +152,18 @@ def test_a_mesh_whose_vertices_are_lifted_answers_sooner(variant):
         return float(image["range"][(level > level.max() - 25).argmax()])
 
     assert first(before) == pytest.approx(10, abs=0.5) and first(after) == pytest.approx(5, abs=0.5)
+
+
+@pytest.mark.parametrize("material, key, value", [
+    ({"type": "lambert"}, "strength", -1.0), ({"type": "lambert"}, "strength", 0.4),
+    ({"type": "sediment", "sediment": "medium sand"}, "density_ratio", np.nan)])
+def test_materials_that_cannot_be_are_refused(variant, material, key, value):
+    from mitsonar.scene.errors import plain
+    from mitsonar.scene.loading import prepare
+
+    prepare()
+    parameters = mi.traverse(mi.load_dict(material))
+    parameters[key] = mi.Float(value)
+    with pytest.raises((RuntimeError, ValueError)) as caught:
+        parameters.update()
+    assert f"{key} is [" in plain(caught.value)
