@@ -1,0 +1,171 @@
+"""The answer of a fit: values, what they may be off, and what was and was not observable."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .observability import Observability
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Fit", "FittedParameter"]
+
+TOLD = 0.5                         # share of a number's prior variance that must be gone to call it told
+HIDDEN = 0.1                       # the same of a pattern that is called unseen
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedParameter:
+    """One parameter of a fit; arrays have its shape.
+
+    Attributes
+    ----------
+    value, start : array
+    uncertainty, prior_deviation : array
+        Deviations after the record was seen, and before.
+    resolved : array
+        1 - posterior / prior variance: 0 is not seen at all, 1 wholly.
+    seen, unseen : (k, ...) array
+        Patterns that the record tells best, and those that are least known after it.
+    unit : str
+    labels : array of int, optional
+        The likeliest class of each number.
+    probabilities : (..., K) array, optional
+        Of each class.
+    classes : tuple of float, optional
+        Their values.
+    """
+
+    value: np.ndarray
+    start: np.ndarray
+    uncertainty: np.ndarray
+    prior_deviation: np.ndarray
+    resolved: np.ndarray
+    seen: np.ndarray
+    unseen: np.ndarray
+    unit: str = ""
+    labels: np.ndarray | None = None
+    probabilities: np.ndarray | None = None
+    classes: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Fit:
+    """What a fit found.
+
+    Attributes
+    ----------
+    parameters : dict[str, FittedParameter]
+    predicted : (N,) array
+        The record that the answer makes.
+    deviance, cost, step : (iterations + 1,) arrays
+        Deviance over what noise would have; misfit with priors; how far unknowns moved [prior deviations].
+    observability : Observability
+        Over all unknowns together, in the order of `parameters`.
+    stopped : str
+        Why it stopped.
+    """
+
+    parameters: dict[str, FittedParameter]
+    predicted: np.ndarray
+    deviance: np.ndarray
+    cost: np.ndarray
+    step: np.ndarray
+    observability: Observability
+    stopped: str
+
+    @property
+    def values(self) -> dict[str, np.ndarray]:
+        """The answer, by name."""
+        return {name: one.value for name, one in self.parameters.items()}
+
+    @property
+    def start(self) -> dict[str, np.ndarray]:
+        """Where it began, by name."""
+        return {name: one.start for name, one in self.parameters.items()}
+
+    @property
+    def uncertainty(self) -> dict[str, np.ndarray]:
+        """Posterior deviations, by name."""
+        return {name: one.uncertainty for name, one in self.parameters.items()}
+
+    @property
+    def resolved(self) -> dict[str, np.ndarray]:
+        """Shares of prior variances that the record took away, by name."""
+        return {name: one.resolved for name, one in self.parameters.items()}
+
+    @property
+    def iterations(self) -> int:
+        """Steps that were made."""
+        return self.cost.size - 1
+
+    @property
+    def unseen(self) -> int:
+        """How many of the least known patterns the record does not tell at all."""
+        return int((self.observability.unseen_resolved < HIDDEN).sum())
+
+    def sentences(self) -> list[str]:
+        """Say what was done, and what was observable."""
+        look = self.observability
+        total = look.deviation.size
+        said = [f"after {self.iterations} steps {self.stopped}",
+                f"the record tells {'' if look.complete else 'at least '}{look.effective:.1f} of {total} numbers"
+                f"{'' if look.complete else f', in the {look.singular_values.size} directions that were looked at'}"]
+        said += [self._of_parameter(name, one) for name, one in self.parameters.items()]
+        if self.unseen:
+            said.append(f"{'at least ' if self.unseen == look.unseen_resolved.size < total else ''}{self.unseen} "
+                        f"pattern{'s' if self.unseen > 1 else ''} of the parameters cannot be told from the record: "
+                        "along them the answer is the prior's")
+        return said
+
+    @staticmethod
+    def _of_parameter(name: str, one: FittedParameter) -> str:
+        unit = f" {one.unit}" if one.unit else ""
+        told = one.resolved > TOLD
+        middle = f"{np.median(one.uncertainty):.3g}{unit}"
+        if one.value.size == 1:
+            return (f"{name} is {one.value.item():.6g} ± {middle}, of which the record told "
+                    f"{100 * one.resolved.item():.0f} %")
+        if not told.any():
+            return (f"{name}: none of its {told.size} numbers is told to better than {np.sqrt(1 - TOLD):.1f} of its "
+                    "prior")
+        return (f"{name}: {int(told.sum())} of {told.size} numbers are told, to ± "
+                f"{np.median(one.uncertainty[told]):.3g}{unit} in the middle of them")
+
+    def to_dataset(self) -> xr.Dataset:
+        """Give all of it as a dataset; `mitsonar.write` makes a netCDF file of it."""
+        import xarray as xr
+
+        variables = {"deviance": ("iteration", self.deviance, {"long_name": "deviance over that of noise"}),
+                     "cost": ("iteration", self.cost), "step": ("iteration", self.step, {"units": "1"}),
+                     "singular_value": ("pattern", self.observability.singular_values, {"units": "1"}),
+                     "unseen_resolved": ("unseen", self.observability.unseen_resolved, {"units": "1"}),
+                     "predicted": ("bin", self.predicted)}
+        for name, one in self.parameters.items():
+            variables |= dict(_variables(name, one))
+        attrs = {"kind": "fit", "parameters": list(self.parameters), "stopped": self.stopped,
+                 "effective_parameters": self.observability.effective,
+                 "complete": self.observability.complete, "observable": "; ".join(self.sentences())}
+        return xr.Dataset(variables, attrs=attrs)
+
+    def __repr__(self) -> str:
+        return "Fit\n" + "\n".join(f"    {one}" for one in self.sentences())
+
+
+def _variables(name: str, one: FittedParameter) -> Iterator[tuple[str, tuple]]:
+    """A parameter's variables of a dataset."""
+    dims = tuple(f"{name}_{axis}" for axis in range(one.value.ndim))
+    unit = {"units": one.unit or "1"}
+    for what, value in (("", one.value), ("_start", one.start), ("_deviation", one.uncertainty),
+                        ("_prior_deviation", one.prior_deviation)):
+        yield name + what, (dims, value, unit)
+    yield f"{name}_resolved", (dims, one.resolved, {"units": "1"})
+    yield f"{name}_seen", (("pattern", *dims), one.seen, unit)
+    yield f"{name}_unseen", (("unseen", *dims), one.unseen, unit)
+    if one.labels is not None and one.probabilities is not None and one.classes is not None:
+        yield f"{name}_class", (dims, one.labels, {"values": list(one.classes)})
+        yield f"{name}_probability", ((*dims, f"{name}_classes"), one.probabilities, {"units": "1"})

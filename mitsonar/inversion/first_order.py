@@ -1,0 +1,99 @@
+"""Steps by gradients alone: Adam, and L-BFGS.
+
+Both go over z: a gradient by z, taken back to x, has been smoothed by the prior's covariance.
+
+    Adam      m = β₁ m + (1 - β₁) g,   v = β₂ v + (1 - β₂) g²,   z -= rate m' / (√v' + ε)
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .gauss_newton import tried
+from .iteration import State
+from .misfit import Misfit
+
+__all__ = ["Adam", "LBFGS"]
+
+FIRST, SECOND, EPSILON = 0.9, 0.99, 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adam:
+    """Steps of Adam (Kingma and Ba, 2015).
+
+    Parameters
+    ----------
+    rate : float
+        [prior deviations] that a number moves, a gradient.
+    gradients : int
+        Gradients a step of the fit.
+
+    Raises
+    ------
+    ValueError
+        If one of them is not above zero.
+    """
+
+    rate: float = 0.05
+    gradients: int = 10
+
+    def __post_init__(self):
+        if not (np.isfinite(self.rate) and self.rate > 0 and self.gradients >= 1):
+            raise ValueError(f"Adam: a rate of {self.rate:g} and {self.gradients} gradients; give numbers above zero")
+
+    def step(self, misfit: Misfit, state: State) -> State:
+        """Give the state after a step; see `Method.step`."""
+        size = state.z.size
+        first, second = state.memory if state.memory.size else np.zeros((2, size))
+        z = state.z
+        for number in range(self.gradients):
+            gradient = misfit.about(z, state.iteration).gradient()
+            done = state.iteration * self.gradients + number + 1
+            first = FIRST * first + (1 - FIRST) * gradient
+            second = SECOND * second + (1 - SECOND) * gradient ** 2
+            z = z - self.rate * (first / (1 - FIRST ** done)) / (np.sqrt(second / (1 - SECOND ** done)) + EPSILON)
+        cost = tried(misfit, z, state.iteration)
+        if cost.total > misfit.cost(state.z, state.iteration).total:
+            return replace(state, stuck=True)
+        return state.moved(z, cost, memory=np.stack([first, second]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LBFGS:
+    """Steps of L-BFGS (Liu and Nocedal, 1989), which begins anew at each step of the fit.
+
+    Parameters
+    ----------
+    gradients : int
+        Iterations of L-BFGS a step of the fit.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+
+    gradients: int = 20
+
+    def __post_init__(self):
+        if self.gradients < 1:
+            raise ValueError(f"L-BFGS: {self.gradients} gradients a step; give 1 or more")
+
+    def step(self, misfit: Misfit, state: State) -> State:
+        """Give the state after a step; see `Method.step`."""
+        from scipy.optimize import minimize
+
+        start = misfit.cost(state.z, state.iteration)
+
+        def slope(z: np.ndarray) -> tuple[float, np.ndarray]:
+            try:
+                about = misfit.about(z, state.iteration)
+            except ValueError:                        # no record can be made there: far above
+                return 1e3 * abs(start.total) + 1e3, np.zeros_like(z)
+            return about.cost.total, about.gradient()
+
+        found = minimize(slope, state.z, jac=True, method="L-BFGS-B", options={"maxiter": self.gradients})
+        cost = misfit.cost(found.x, state.iteration)
+        return state.moved(found.x, cost) if cost.total < start.total else replace(state, stuck=True)

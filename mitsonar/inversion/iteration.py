@@ -1,0 +1,107 @@
+"""Where a fit is between two steps, when it stops, and what makes its steps."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from .misfit import Cost, Misfit
+
+__all__ = ["Method", "State", "Stopping"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """A fit between two steps: all that the next step depends on.
+
+    Attributes
+    ----------
+    z : (n,) array
+    deviance, cost, step : (iterations + 1,) arrays
+        Of the record; Φ; how far z moved, as a root mean square [prior deviations].
+    damping : float
+        Of a Gauss-Newton step.
+    memory : (m, n) array
+        What a first-order method keeps.
+    stuck : bool
+        No step lowered Φ.
+    """
+
+    z: np.ndarray
+    deviance: np.ndarray
+    cost: np.ndarray
+    step: np.ndarray
+    damping: float = 0.0
+    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    stuck: bool = False
+
+    @classmethod
+    def at(cls, z: np.ndarray, cost: Cost) -> State:
+        """Begin at z."""
+        return cls(z=z, deviance=np.array([cost.deviance]), cost=np.array([cost.total]), step=np.zeros(1))
+
+    @property
+    def iteration(self) -> int:
+        """Steps that were made."""
+        return self.cost.size - 1
+
+    def moved(self, z: np.ndarray, cost: Cost, **changes) -> State:
+        """Go on to another z."""
+        length = float(np.sqrt(np.mean((z - self.z) ** 2)))
+        return replace(self, z=z, deviance=np.append(self.deviance, cost.deviance),
+                       cost=np.append(self.cost, cost.total), step=np.append(self.step, length), **changes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopping:
+    """When a fit is done.
+
+    Parameters
+    ----------
+    iterations : int
+        Steps at most.
+    noise : float, optional
+        Stop once the record's deviance is this share of what it is at the truth (discrepancy principle; Morozov, 1966):
+        what is fitted beyond is noise. None: go on to the most probable values.
+    fall : float
+        Stop when Φ falls by less than this share of it.
+
+    Raises
+    ------
+    ValueError
+        If a number is below zero, or there is no step.
+    """
+
+    iterations: int = 15
+    noise: float | None = 1.0
+    fall: float = 1e-4
+
+    def __post_init__(self):
+        if self.iterations < 1:
+            raise ValueError(f"a fit of {self.iterations} iterations makes no step; give 1 or more")
+        for name, value in (("noise", self.noise), ("fall", self.fall)):
+            if value is not None and not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"a fit stops at {name} {value:g}; give a number that is not below zero")
+
+    def reason(self, misfit: Misfit, state: State) -> str:
+        """Say why a fit stops here; empty where it goes on."""
+        reduced = state.deviance[-1] / misfit.likelihood.expected
+        settled = misfit.settled(state.iteration)
+        if settled and self.noise is not None and reduced <= self.noise:
+            return f"the record is fitted to its noise: {reduced:.3g} of the deviance expected of it"
+        if state.stuck:
+            return f"no step lowers the misfit, at {reduced:.3g} of the deviance that noise would have"
+        if settled and state.iteration and state.cost[-2] - state.cost[-1] <= self.fall * abs(state.cost[-1]):
+            return f"the misfit stands still, at {reduced:.3g} of the deviance that noise would have"
+        if state.iteration >= self.iterations:
+            return f"{self.iterations} iterations are done, at {reduced:.3g} of the deviance that noise would have"
+        return ""
+
+
+class Method(Protocol):
+    """What makes the steps of a fit."""
+
+    def step(self, misfit: Misfit, state: State) -> State:
+        """Give the state after a step; where no step lowers Φ, the same one, stuck."""
+        ...

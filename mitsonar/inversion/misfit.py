@@ -1,0 +1,186 @@
+"""What a fit makes small, about its unknowns z, and the linear problem of a step.
+
+    Φ(z) = ½ Σ D(F(x(z))) + ½ |z|² + classes,       A = √w J ∂x/∂z,    b = -slope / √w
+
+D, slope, w -> of the likelihood, bin by bin (`likelihood`); classes -> rows of the same kind (`classes`). A step is
+the d of least |A d - b|² + |z + d|². Half of D and half of |z|² are minus logarithms of the likelihood and of the
+prior: Φ's lowest point is the most probable z.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..gradients.model import ForwardModel
+from .likelihood import Likelihood, Terms
+from .unknowns import Unknowns
+
+__all__ = ["About", "Cost", "Misfit"]
+
+ASYMMETRY = 1e-3                   # between forward and backward, that rounding of float32 does not reach
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """Numbers of a fit at some z.
+
+    Attributes
+    ----------
+    total : float
+        Φ.
+    deviance : float
+        Σ D, of the record alone.
+    """
+
+    total: float
+    deviance: float
+
+
+class Misfit:
+    """Φ of a model, a record and priors.
+
+    Parameters
+    ----------
+    model : ForwardModel
+    likelihood : Likelihood
+    unknowns : Unknowns
+    """
+
+    def __init__(self, model: ForwardModel, likelihood: Likelihood, unknowns: Unknowns):
+        self.model, self.likelihood, self.unknowns = model, likelihood, unknowns
+        self._classed = [name for name in unknowns.names if unknowns.bound[name].classes is not None]
+
+    def settled(self, iteration: int) -> bool:
+        """Whether Φ stays the same from this iteration on: classes pull as they will at the end."""
+        return all(self._spread(name, iteration) == self._spread(name, 10_000) for name in self._classed)
+
+    def cost(self, z: np.ndarray, iteration: int) -> Cost:
+        """Give Φ at z.
+
+        Raises
+        ------
+        ValueError
+            If the model makes no record of z.
+        """
+        values = self.unknowns.values(z)
+        terms = self.likelihood.terms(self.model.value(values))
+        return self._cost(z, terms, self._class_terms(values, iteration))
+
+    def about(self, z: np.ndarray, iteration: int, *, record_alone: bool = False) -> About:
+        """Linearise at z, with the pull of classes or without; no other values may be asked of the model meanwhile."""
+        values = self.unknowns.values(z)
+        line = self.model.linearised(values)
+        terms = self.likelihood.terms(line.value)
+        classes = [] if record_alone else self._class_terms(values, iteration)
+        return About(self, z, line, terms, classes, self._cost(z, terms, classes))
+
+    def classed(self) -> list[slice]:
+        """Give the parts of x that have classes."""
+        return [self.unknowns.parts[name] for name in self._classed]
+
+    def _spread(self, name: str, iteration: int) -> float:
+        classes = self.unknowns.bound[name].classes
+        assert classes is not None
+        return classes.spread_at(iteration)
+
+    def _class_terms(self, values: dict[str, np.ndarray], iteration: int) -> list[Terms]:
+        found = []
+        for name in self._classed:
+            classes = self.unknowns.bound[name].classes
+            assert classes is not None
+            found.append(classes.terms(values[name].ravel(), classes.spread_at(iteration)))
+        return found
+
+    @staticmethod
+    def _cost(z: np.ndarray, terms: Terms, classes: list[Terms]) -> Cost:
+        total = terms.misfit + 0.5 * float(z @ z) + sum(one.misfit for one in classes)
+        return Cost(total=total, deviance=float(terms.deviance.sum()))
+
+
+class About:
+    """Φ about one z: the linear problem of a step.
+
+    Attributes
+    ----------
+    z : (n,) array
+    cost : Cost
+    rest : (N + classes,) array
+        b.
+    predicted : (N,) array
+        The model's record.
+    """
+
+    def __init__(self, misfit: Misfit, z, line, terms: Terms, classes: list[Terms], cost: Cost):
+        self._unknowns, self._line, self._classed = misfit.unknowns, line, misfit.classed()
+        self.z, self.cost, self.predicted = z, cost, line.value
+        self._slope = misfit.unknowns.slope(z)
+        self._root = np.sqrt(terms.weight)
+        self._class_root = [np.sqrt(one.weight) for one in classes]
+        parts = [_over(terms.slope, self._root)]
+        parts += [_over(one.slope, root) for one, root in zip(classes, self._class_root)]
+        self.rest = -np.concatenate(parts)
+
+    def forward(self, dz: np.ndarray) -> np.ndarray:
+        """Give A dz."""
+        dx = self._unknowns.pushed(self._slope, dz)
+        moved = self._line.forward(self._unknowns.shaped(dx))
+        return np.concatenate([_times(self._root, moved),
+                               *(root * dx[part] for root, part in zip(self._class_root, self._classed))])
+
+    def backward(self, weights: np.ndarray) -> np.ndarray:
+        """Give Aᵀ w."""
+        count = self._root.size
+        dx = self._unknowns.flat(self._line.backward(self._root * weights[:count]))
+        for root, part in zip(self._class_root, self._classed):
+            dx[part] += root * weights[count:count + root.size]
+            count += root.size
+        return self._unknowns.pulled(self._slope, dx)
+
+    def gradient(self) -> np.ndarray:
+        """Give dΦ/dz."""
+        return self.z - self.backward(self.rest)
+
+    def spread(self, dz: np.ndarray) -> np.ndarray:
+        """Give dx (n,) of dz."""
+        return self._unknowns.pushed(self._slope, dz)
+
+    def gathered(self, dx: np.ndarray) -> np.ndarray:
+        """Give the transpose of `spread`."""
+        return self._unknowns.pulled(self._slope, dx)
+
+    @property
+    def prior_deviation(self) -> np.ndarray:
+        """Deviations of x that the prior alone has here, (n,)."""
+        unknowns = self._unknowns
+        return unknowns.deviation * self._slope / unknowns.slope(np.zeros(unknowns.size))
+
+    def check(self, random: np.random.Generator) -> None:
+        """Check that forward and backward are of one matrix.
+
+        Raises
+        ------
+        ValueError
+            If they are not, or no bin moves with the unknowns.
+        """
+        dz = random.standard_normal(self.z.size)
+        moved = self.forward(dz)
+        square, other = float(moved @ moved), float(dz @ self.backward(moved))
+        if not (np.isfinite(square) and np.isfinite(other)):
+            raise ValueError("the model's derivatives are not finite; start from other values")
+        if square == 0:
+            raise ValueError("no value of the record that counts moves with the parameters; fit others, or begin where "
+                             "they are heard")
+        if abs(square - other) > ASYMMETRY * square:
+            raise ValueError(f"the model's forward and backward derivatives differ by {abs(other / square - 1):.1e} of "
+                             f"their product, and fits need them to {ASYMMETRY:g}; check them by mitsonar "
+                             "gradient-check")
+
+
+def _over(value: np.ndarray, root: np.ndarray) -> np.ndarray:
+    return np.divide(value, root, out=np.zeros_like(value), where=root > 0)
+
+
+def _times(root: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Their product; what does not count may be anything."""
+    return np.where(root > 0, root * np.asarray(moved, float), 0)

@@ -1,0 +1,133 @@
+"""What a record tells of its unknowns: the posterior's covariance by the few directions that are seen.
+
+    A = U s Vᵀ,     posterior of z = I - V s² / (1 + s²) Vᵀ,     x = S z
+
+A -> the whitened Jacobian at the answer (`misfit`); s -> singular values: a combination of s = 1 is told as well by
+the record as by the prior. Where unknowns are few, A is made whole. Else its range is found by random probes, and
+better by one more pass (Halko, Martinsson and Tropp, 2011, algorithm 4.4): values beyond the directions asked for are
+left out, so that nothing is claimed that was not seen. Σ s² / (1 + s²) is the number of parameters that the record
+tells (Rodgers, 2000, eq. 2.56).
+
+The combinations that stay unknown are the leading eigenvectors of the posterior covariance of x.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .misfit import About
+
+__all__ = ["Observability", "observe"]
+
+PRODUCTS = 3                       # a direction, of the randomised way
+SPARE = 8                          # probes beyond the directions
+UNSEEN = 6                         # patterns that are given
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observability:
+    """What was told of x.
+
+    Attributes
+    ----------
+    singular_values : (k,) array
+        s, falling.
+    complete : bool
+        Whether these are all, or there may be more, none above the last.
+    deviation : (n,) array
+        Of the posterior of x.
+    resolved : (n,) array
+        1 - posterior / prior variance.
+    seen : (k, n) array
+        Patterns of x, each as large as the prior's deviation along it.
+    unseen : (u, n) array
+        Patterns of x that are least known, each of one posterior deviation; largest first.
+    unseen_resolved : (u,) array
+        Share of each that is told.
+    """
+
+    singular_values: np.ndarray
+    complete: bool
+    deviation: np.ndarray
+    resolved: np.ndarray
+    seen: np.ndarray
+    unseen: np.ndarray
+    unseen_resolved: np.ndarray
+
+    @property
+    def effective(self) -> float:
+        """The number of parameters that the record tells."""
+        square = self.singular_values ** 2
+        return float((square / (1 + square)).sum())
+
+
+def observe(about: About, directions: int, seed: int) -> Observability:
+    """Look at what a record tells about some z.
+
+    Parameters
+    ----------
+    about : About
+        Of the answer.
+    directions : int
+        Singular values to find, at most.
+    seed : int
+        Of random probes.
+    """
+    size = about.z.size
+    complete = size <= PRODUCTS * (directions + SPARE)
+    values, right = _whole(about) if complete else _ranged(about, directions, seed)
+    told = values ** 2 / (1 + values ** 2)
+    seen = np.stack([about.spread(one) for one in right]) if len(right) else np.zeros((0, size))
+    prior = about.prior_deviation ** 2
+    variance = np.maximum(prior - told @ seen ** 2, 0)
+    unseen, share = _unseen(about, told, right)
+    return Observability(singular_values=values, complete=complete, deviation=np.sqrt(variance),
+                         resolved=np.clip(1 - variance / prior, 0, 1), seen=seen, unseen=unseen, unseen_resolved=share)
+
+
+def _whole(about: About) -> tuple[np.ndarray, np.ndarray]:
+    """All singular values, and right vectors in rows."""
+    columns = np.stack([about.forward(one) for one in np.eye(about.z.size)], 1)
+    small = np.linalg.qr(columns, mode="r")                    # the same values, without the record's length
+    _, values, right = np.linalg.svd(small)
+    full = np.zeros(about.z.size)
+    full[:values.size] = values
+    return full, right
+
+
+def _ranged(about: About, directions: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """The largest singular values, and right vectors in rows."""
+    from ..device.chance import Salt
+
+    random = np.random.default_rng([seed, Salt.PROBES])
+    probes = random.standard_normal((directions + SPARE, about.z.size))
+    left = np.linalg.qr(np.stack([about.forward(one) for one in probes], 1))[0]
+    right = np.linalg.qr(np.stack([about.backward(one) for one in left.T], 1))[0]
+    _, values, turned = np.linalg.svd(np.stack([about.forward(one) for one in right.T], 1), full_matrices=False)
+    return values[:directions], (turned @ right.T)[:directions]
+
+
+def _unseen(about: About, told: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Leading patterns of the posterior covariance of x, and the shares of them that are told."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    size = about.z.size
+    scale = np.maximum(about.prior_deviation, 1e-300)          # parameters of different units weigh alike
+
+    def covariance(x: np.ndarray) -> np.ndarray:
+        z = about.gathered(np.ravel(x) / scale)
+        return about.spread(z - right.T @ (told * (right @ z))) / scale
+
+    count = min(UNSEEN, size)
+    if size <= 2 * UNSEEN + 2:
+        values, vectors = np.linalg.eigh(np.stack([covariance(one) for one in np.eye(size)]))
+        values, vectors = values[-count:], vectors[:, -count:]
+    else:
+        first = np.cos(np.arange(size) * 2.399963)             # any vector that is orthogonal to no pattern
+        operator = LinearOperator((size, size), matvec=covariance, dtype=np.float64)
+        values, vectors = eigsh(operator, k=count, v0=first, tol=1e-3)
+    order = np.argsort(values)[::-1]
+    patterns = (vectors[:, order] * np.sqrt(np.maximum(values[order], 0))).T
+    before = np.array([float(np.sum(about.gathered(one / scale) ** 2)) for one in vectors[:, order].T])
+    return patterns * scale, np.clip(1 - values[order] / np.maximum(before, 1e-300), 0, 1)

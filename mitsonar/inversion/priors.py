@@ -1,0 +1,135 @@
+"""What is believed of a parameter before the record is looked at.
+
+    x = b(m + S z),     z ~ N(0, 1)
+
+m -> ``mean``; S -> a square root of the covariance, of ``deviation`` and ``length`` (`smoothness`); b -> bounds
+(`bounds`). A fit goes over z, in which all unknowns weigh alike: the prior is also the scale of steps.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bounds import Bounds
+from .classes import Classes
+from .smoothness import Root, grid_root, independent_root, mesh_root
+
+__all__ = ["BoundPrior", "Prior"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prior:
+    """A parameter's prior.
+
+    Parameters
+    ----------
+    deviation : float or array
+        About the mean, in the parameter's unit.
+    mean : float or array, optional
+        Where a fit begins, too; default: the model's start.
+    length : float [m], optional
+        Over which neighbours belong together; default: they do not. Needs `spacing` or `vertices` and `faces`.
+    spacing : tuple of float [m], optional
+        Between nodes along each axis of a parameter that is a grid.
+    vertices, faces : (n, 3) arrays, optional
+        The mesh of a parameter that has a number a vertex.
+    lower, upper : float
+        Bounds that the answer stays between.
+    classes : Classes, optional
+        That the numbers belong to.
+
+    Raises
+    ------
+    ValueError
+        If a length has neither spacing nor mesh, or these have no length, or both are given.
+    """
+
+    deviation: float | np.ndarray
+    mean: float | np.ndarray | None = None
+    length: float | None = None
+    spacing: tuple[float, ...] | None = None
+    vertices: np.ndarray | None = None
+    faces: np.ndarray | None = None
+    lower: float = -np.inf
+    upper: float = np.inf
+    classes: Classes | None = None
+
+    def __post_init__(self):
+        if (self.vertices is None) != (self.faces is None):
+            raise ValueError("a prior on a mesh needs its vertices and its faces; give both")
+        ways = (self.spacing is not None) + (self.vertices is not None)
+        if self.length is not None and ways != 1:
+            raise ValueError("a prior's length needs the nodes' spacing, or the mesh's vertices and faces: one of them")
+        if self.length is None and ways:
+            raise ValueError("a prior with nodes' spacing, or a mesh, needs a length; give it, or leave them out")
+        if not self.lower < self.upper:
+            raise ValueError(f"a prior has the bounds {self.lower:g} and {self.upper:g}; give a lower and a higher one")
+
+    def bound(self, name: str, start: np.ndarray) -> BoundPrior:
+        """Give it for the parameter of a name and a start.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, the deviation is not above zero, or the mean is not between the bounds.
+        """
+        mean = self._flat(name, "mean", start if self.mean is None else self.mean, start)
+        deviation = self._flat(name, "deviation", self.deviation, start)
+        if not (deviation > 0).all():
+            raise ValueError(f"the prior of {name} has deviations that are not above zero; give what it may be off")
+        outside = ~((mean > self.lower) & (mean < self.upper))
+        if outside.any():
+            raise ValueError(f"{name} begins at {mean[outside][0]:g}, which is not between the bounds {self.lower:g} "
+                             f"and {self.upper:g}; begin inside")
+        limits = Bounds(lower=self.lower, upper=self.upper, scale=deviation)
+        free = limits.free(mean)
+        # the deviation asked for is that of x, about the mean
+        return BoundPrior(mean=free, root=self._root(name, start, deviation / limits.slope(free)),
+                          deviation=deviation, limits=limits, classes=self.classes)
+
+    def _root(self, name: str, start: np.ndarray, deviation: np.ndarray) -> Root:
+        if self.length is None:
+            return independent_root(deviation)
+        if self.spacing is not None:
+            if len(self.spacing) != start.ndim:
+                raise ValueError(f"{name} has the shape {start.shape}, and its prior {len(self.spacing)} spacings; "
+                                 "give one an axis")
+            return grid_root(start.shape, self.spacing, self.length, deviation)
+        assert self.vertices is not None and self.faces is not None
+        if len(self.vertices) != start.size:
+            raise ValueError(f"{name} has {start.size} numbers, and the mesh of its prior {len(self.vertices)} "
+                             "vertices; a smooth prior needs one a vertex, such as heights")
+        return mesh_root(self.vertices, self.faces, self.length, deviation)
+
+    @staticmethod
+    def _flat(name: str, what: str, value: float | np.ndarray, start: np.ndarray) -> np.ndarray:
+        array = np.asarray(value, float)
+        if array.shape not in ((), start.shape):
+            raise ValueError(f"the prior of {name} has a {what} of the shape {array.shape}; give one number, or "
+                             f"{start.shape}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"the prior of {name} has a {what} that is not finite")
+        return np.broadcast_to(array, start.shape).ravel().copy()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoundPrior:
+    """A parameter's prior, for its own number of nodes; all arrays flat.
+
+    Attributes
+    ----------
+    mean : (n,)
+        Of q, in which there are no bounds.
+    root : Root
+    deviation : (n,)
+        Of x, at the mean.
+    limits : Bounds
+    classes : Classes or None
+    """
+
+    mean: np.ndarray
+    root: Root
+    deviation: np.ndarray
+    limits: Bounds
+    classes: Classes | None
