@@ -1,0 +1,261 @@
+"""Other numbers for a parameter: heights of a mesh, the pose of an object, decibels, nodes, an offset.
+
+    y = g(x),    dy = G dx,    Gᵀ w                      `BoundChange.inner`, `.push`, `.pull`
+
+y -> the parameter as the model has it; x -> what stands for it.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .node_weights import node_weights
+from .rotations import left_jacobian, rotation
+
+__all__ = ["BoundChange", "Change", "Heights", "InDecibels", "Log", "Offset", "OnNodes", "Pose"]
+
+DECIBELS = 10 / np.log(10)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoundChange:
+    """A parameter by other numbers.
+
+    Attributes
+    ----------
+    name, unit : str
+        Of x.
+    start : array
+        x, where y is as the model begins.
+    inner : callable
+        y of x.
+    push, pull : callable
+        G dx of x and dx; Gᵀ w of x and w.
+    """
+
+    name: str
+    unit: str
+    start: np.ndarray
+    inner: Callable[[np.ndarray], np.ndarray]
+    push: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    pull: Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Change(Protocol):
+    """Other numbers for the parameter of a name.
+
+    Attributes
+    ----------
+    key : str
+    """
+
+    @property
+    def key(self) -> str: ...
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for a parameter with a start and a unit.
+
+        Raises
+        ------
+        ValueError
+            If the parameter is none of its kind.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Heights:
+    """The z (V,) [m] of the vertices of a mesh, whose x and y stay: ``bed.vertex_positions`` as ``bed.heights``.
+
+    Parameters
+    ----------
+    key : str
+    """
+
+    key: str
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for vertices (V, 3); see `Change.bound`."""
+        _check_vertices(self.key, start)
+
+        def inner(x: np.ndarray) -> np.ndarray:
+            return np.column_stack([start[:, :2], x])
+
+        def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+            return np.column_stack([np.zeros((len(dx), 2)), dx])
+
+        def pull(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+            return weights[:, 2]
+
+        return BoundChange(name=_sibling(self.key, "heights"), unit=unit, start=start[:, 2].copy(), inner=inner,
+                           push=push, pull=pull)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Six numbers of a rigid object: how far east, north, up [m], and a rotation vector [rad], about its centre.
+
+    ``crate.vertex_positions`` as ``crate.pose``, zeros at the start. The centre is that of the box around its vertices;
+    the vector's direction is the axis, in scene coordinates, and its length the angle.
+
+    Parameters
+    ----------
+    key : str
+    """
+
+    key: str
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for vertices (V, 3); see `Change.bound`."""
+        _check_vertices(self.key, start)
+        centre = (start.min(0) + start.max(0)) / 2
+        arms = start - centre
+
+        def inner(x: np.ndarray) -> np.ndarray:
+            return centre + arms @ rotation(x[3:]).T + x[:3]
+
+        def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+            return dx[:3] + np.cross(left_jacobian(x[3:]) @ dx[3:], arms @ rotation(x[3:]).T)
+
+        def pull(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+            moment = np.cross(arms @ rotation(x[3:]).T, weights).sum(0)
+            return np.concatenate([weights.sum(0), left_jacobian(x[3:]).T @ moment])
+
+        return BoundChange(name=_sibling(self.key, "pose"), unit="m, rad", start=np.zeros(6), inner=inner, push=push,
+                           pull=pull)
+
+
+@dataclass(frozen=True)
+class InDecibels:
+    """A parameter above zero as 10 log y [dB]: ``mu`` as ``mu_in_db``.
+
+    Parameters
+    ----------
+    key : str
+    """
+
+    key: str
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for a parameter above zero; see `Change.bound`."""
+        return _logarithm(self.key, start, f"{self.key}_in_db", f"dB re 1 {unit}" if unit not in ("", "1") else "dB",
+                          DECIBELS)
+
+
+@dataclass(frozen=True)
+class Log:
+    """A parameter above zero as ln y: ``mu`` as ``mu_log``.
+
+    Parameters
+    ----------
+    key : str
+    """
+
+    key: str
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for a parameter above zero; see `Change.bound`."""
+        return _logarithm(self.key, start, f"{self.key}_log", "Np", 1.0)
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A number that is added to all of a parameter: ``bed.heights`` as ``bed.heights_offset``, 0 at the start.
+
+    Parameters
+    ----------
+    key : str
+    by_column : bool
+        A number for each column (of vertices: of x, y and z), instead of one for all.
+    """
+
+    key: str
+    by_column: bool = False
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for any parameter, or one with columns; see `Change.bound`."""
+        if self.by_column and start.ndim != 2:
+            raise ValueError(f"{self.key} has the shape {start.shape}, and no columns; leave by_column out")
+        count = start.shape[1] if self.by_column else 1
+
+        def inner(x: np.ndarray) -> np.ndarray:
+            return start + (x if self.by_column else x[0])
+
+        def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+            return np.zeros_like(start) + (dx if self.by_column else dx[0])
+
+        def pull(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+            return weights.sum(0) if self.by_column else np.array([weights.sum()])
+
+        return BoundChange(name=f"{self.key}_offset", unit=unit, start=np.zeros(count), inner=inner, push=push,
+                           pull=pull)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnNodes:
+    """What is added to a parameter, from a grid of fewer nodes: ``bed.heights`` as ``bed.heights_nodes``, 0 at first.
+
+    Parameters
+    ----------
+    key : str
+    places : (n, 1) or (n, 2) array [m]
+        Where the parameter's numbers lie, in their order.
+    spacing : float [m]
+        Between nodes; their array has an axis an axis of the places, the first first.
+    cubic : bool
+        Cubic B-splines, which are smooth to the second derivative, instead of linear weights.
+    """
+
+    key: str
+    places: np.ndarray
+    spacing: float
+    cubic: bool = False
+
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Give it for a parameter with a number a place; see `Change.bound`."""
+        places = np.asarray(self.places, float)
+        if places.ndim != 2 or len(places) != start.size:
+            raise ValueError(f"{self.key} has {start.size} numbers, and its places the shape {places.shape}; give one "
+                             "place for each")
+        weights, shape = node_weights(places, self.spacing, self.cubic)
+
+        def inner(x: np.ndarray) -> np.ndarray:
+            return start + (weights @ x.ravel()).reshape(start.shape)
+
+        def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+            return (weights @ dx.ravel()).reshape(start.shape)
+
+        def pull(x: np.ndarray, cotangent: np.ndarray) -> np.ndarray:
+            return (weights.T @ cotangent.ravel()).reshape(shape)
+
+        return BoundChange(name=f"{self.key}_nodes", unit=unit, start=np.zeros(shape), inner=inner, push=push,
+                           pull=pull)
+
+
+def _logarithm(key: str, start: np.ndarray, name: str, unit: str, scale: float) -> BoundChange:
+    """x = scale ln y."""
+    if not (start > 0).all():
+        raise ValueError(f"{key} has numbers that are not above zero, and they have no logarithm")
+
+    def inner(x: np.ndarray) -> np.ndarray:
+        return np.exp(x / scale)
+
+    def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        return inner(x) / scale * dx
+
+    return BoundChange(name=name, unit=unit, start=scale * np.log(start), inner=inner, push=push, pull=push)
+
+
+def _sibling(key: str, name: str) -> str:
+    """Another parameter's name of the same object."""
+    owner, dot, _ = key.rpartition(".")
+    return f"{owner}{dot}{name}"
+
+
+def _check_vertices(key: str, start: np.ndarray) -> None:
+    if start.ndim != 2 or start.shape[1] != 3:
+        raise ValueError(f"{key} has the shape {start.shape}, and is not the vertices (V, 3) of a mesh; give the name "
+                         "of its vertex_positions")
