@@ -28,7 +28,7 @@ __all__ = ["ArrivalModel", "Arrivals"]
 
 UNITS = {"rx_position": "m", "rx_delay": "s", "tx_position": "m", "lever_arm": "m", "position_offset": "m",
          "attitude_offset": "rad", "velocity_offset": "m/s", "target_position": "m"}
-ITERATIONS = 6                     # of the arrival at a moving element: each is better by v / c
+ITERATIONS = 4                     # of the arrival at a moving element: each is better by v / c
 STEP = 1e-6                        # [s], [rad] of differences of the platform's motion, in float64
 
 
