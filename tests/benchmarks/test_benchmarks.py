@@ -20,8 +20,6 @@ RUNS = {
                    "--rounds", "1"], "echoes on the grid"),
     "beamforming": (["beamforming.py", "--elements", "8", "--beams", "8", "--samples", "128", "--rounds", "1"],
                     "NumPy delay-and-sum"),
-    "calibration": (["calibration.py", "--scenes", "ring", "--cell", "4", "--known"], "ring, channels known"),
-    "sway": (["sway.py", "--scenes", "compact", "--pings", "8", "--cell", "1"], "compact"),
     "elements": (["elements.py", "--elements", "3", "--cell", "2", "--rounds", "1"], "whole ping"),
     "ensonification": (["elements.py", "--ensonification", "--cell", "2", "--rays", "2000", "--rounds", "1"],
                        "2,000 rays"),
