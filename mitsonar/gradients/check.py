@@ -9,6 +9,9 @@ of the record (`check_directions`). The error is the rms over both of derivative
 of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree;
 where they do not, shadows or edges cross bins, and nothing is decided.
 
+Of few rays the derivative itself is grainy: it jumps with every ray that passes from bin to bin or from facet to facet,
+while differences over a step are its mean there. So an error is held against how derivatives scatter within the step.
+
 Records that swing about zero, as the signals of elements do, are also looked at under a weight that swings as their
 derivative does: a slow weight would see little of them.
 """
@@ -30,6 +33,7 @@ __all__ = ["check_gradients"]
 ZERO = 1e-6                        # a derivative is zero that is this share of the difference
 STILL = 1e-7                       # change of a weighted record, as a share, that is rounding
 NOISE = 1e-5                       # the same, where differences do not agree either, or forward and backward do not
+SCATTERED = 3.0                    # errors up to so many times the scatter of derivatives within a step are chance
 SWINGS = 0.2                       # share of a record's size that is below zero
 
 
@@ -211,9 +215,27 @@ class _Checker:
         first = first_step(np.asarray(self._model.start[key], float), self._model.units.get(key, ""))
         apart = np.abs(forward - backward) * first / (np.abs(weights) @ self._size)
         verdict, notes = self._verdict(numbers, zero, max(moved, expected), bool(apart.max(initial=0.0) > NOISE))
+        if verdict == OFF and numbers["error"] > self._tolerance:
+            scatter = self._scatter(key, part, products, step) / size
+            if numbers["error"] < SCATTERED * scatter:
+                verdict, notes = UNDECIDED, (*notes, "derivatives scatter within a step: more rays or smaller bins of "
+                                                     "the record, or smoother shapes, tell more")
         if verdict == UNSEEN:                                          # nothing but rounding to compare
             numbers = {"step": step, "moved": moved}
         return PartCheck(**self._named(key, part), **numbers, verdict=verdict, notes=(*self._notes, *notes))
+
+    def _scatter(self, key, part, products, step):
+        """Rms over directions and weights of how far derivatives within a step lie from a parabola."""
+        start, places = np.asarray(self._model.start[key], float), np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+        used = np.any(products.weights != 0, axis=0)
+        left = []
+        for direction, here in zip(part.directions, products.forward, strict=True):
+            found = np.array([here if place == 0 else products.weights @ np.where(used, self._model.linearised(
+                {key: start + place * step * direction}).forward({key: direction}), 0.0) for place in places])
+            bends = np.stack([places ** power for power in range(3)], 1)
+            fit = bends @ np.linalg.lstsq(bends, found, rcond=None)[0]
+            left.append((found - fit) * np.sqrt(len(places) / (len(places) - bends.shape[1])))
+        return _rms(np.concatenate(left))
 
     def _verdict(self, numbers, zero, moves, two_ways):
         error, apart, tolerance = numbers.get("error", 0.0), numbers.get("disagreement", 0.0), self._tolerance

@@ -26,7 +26,7 @@ ORDERS = 4                         # cosines along an axis, the constant include
 BUMPS = 5
 NARROWEST, WIDEST = 0.12, 0.35     # of a bump, as a share of the extent of the places
 ENVELOPE = 6                       # parts of an axis that a record's envelope is averaged over
-FAINTEST = 1e-4                    # of the highest envelope, that what is fainter is weighted as
+FAINTEST = 1e-2                    # of the highest envelope, that what is fainter is weighted as
 AXES = "xyzw"
 
 

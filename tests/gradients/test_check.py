@@ -211,3 +211,24 @@ def test_the_table_is_text_and_dataset():
     table = check.to_dataset()
     assert list(table["verdict"].values) == ["right", "disconnected", "unseen", "right", "right"]
     assert table["error"][0] < 1e-5 and np.isnan(table["error"][2]) and table.attrs["tolerance"] == 0.01
+
+
+def test_derivatives_that_are_grainy_are_undecided_and_those_that_are_not_are_off():
+    """Steep little waves on the record: differences over a step see their mean, derivatives where they are."""
+    class Grainy(Fake):
+        def __init__(self, factor):
+            super().__init__(of_key("depth", lambda jacobian: factor * jacobian))
+
+        def value(self, values):
+            depth = {**self.start, **values}["depth"]
+            return super().value(values) + 2e-8 * np.sin(1e6 * depth + np.arange(NUMBERS) // 20)
+
+        def linearised(self, values):
+            found, depth = super().linearised(values), {**self.start, **values}["depth"]
+            grain = 0.02 * np.cos(1e6 * depth + np.arange(NUMBERS) // 20)
+            found._jacobians["depth"] = found._jacobians["depth"] + grain[:, None]
+            return found
+
+    row = check_gradients(Grainy(1.0), ["depth"], tolerance=1e-3).rows[0]
+    assert row.verdict == "undecided" and row.error > 1e-3 and "derivatives scatter within a step" in row.notes[-1]
+    assert check_gradients(Grainy(0.5), ["depth"], tolerance=1e-3).rows[0].verdict == "off"
