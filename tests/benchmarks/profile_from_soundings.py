@@ -2,6 +2,7 @@
 
     python tests/benchmarks/profile_from_soundings.py            simulated lines in real water, then real lines
     python tests/benchmarks/profile_from_soundings.py LINE.all   those lines alone
+    python tests/benchmarks/profile_from_soundings.py --quick    fewer soundings, in the water of scenes/casts
 
 Simulated: lines over a slope that climbs through the layers, or over a level bed, in water as casts of ../shared have
 it, sample by sample; a bed with relief on a grid of a metre; noise of the times, 5 cm of navigation error a ping, 0.1
@@ -35,28 +36,35 @@ def main(argv=None):
     """Measure and print tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("lines", nargs="*", type=Path)
-    given = parser.parse_args(argv).lines
+    parser.add_argument("--quick", action="store_true", help="fewer soundings, in the water of scenes/casts")
+    arguments = parser.parse_args(argv)
+    given = arguments.lines
     import measuring
 
+    if arguments.quick:
+        few = {"lines": 4, "pings": 20, "beams": 20}
+        measuring.table(HEADS, list(simulated("summer", measuring.SUMMER, 8, 50, **few)))
+        return
     if not given:
-        measuring.table(HEADS, [row for name, about in CASTS.items() for row in simulated(name, *about)])
+        measuring.table(HEADS, [row for name, (file, *depths) in CASTS.items()
+                                for row in simulated(name, SHARED / "profiles" / file, *depths)])
         print()
     measuring.table(["line", "bed", *HEADS[1:]], [row for path in given or [
         SHARED / "measured/multibeam" / name for name in LINES] for row in real(path)])
 
 
-def simulated(name, file, shallowest, deepest):
-    """Give the rows of a cast."""
+def simulated(name, path, shallowest, deepest, **options):
+    """Give the rows of a cast; options are of `surveyed`."""
     from mitsonar.inversion.profile import fit_profile
     from mitsonar.inversion.profile_priors import ProfilePrior
     from mitsonar.io import casts
     from mitsonar.water import SoundSpeedProfile
 
-    cast = casts.read(SHARED / "profiles" / file).profile
+    cast = casts.read(path).profile
     depth = np.unique(np.r_[0, HEAD, np.linspace(0, deepest, NODES + 1)[1:]])
     start = SoundSpeedProfile(depth, np.full(depth.size, float(cast.at(HEAD))))
     for low, noise, seed in ((shallowest, 2e-6, 1), (shallowest, 20e-6, 2), (deepest - 0.02 * deepest, 20e-6, 3)):
-        beams, bed = surveyed(cast, low, deepest, noise=noise, seed=seed)
+        beams, bed = surveyed(cast, low, deepest, noise=noise, seed=seed, **options)
         began = time.process_time()
         fit = fit_profile(beams, start, noise=noise, prior=ProfilePrior(length=deepest / 6))
         yield [name, *worded(fit, cast, noise, time.process_time() - began, depths(beams, bed, cast, start, fit))]
