@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ..hydrography.legs import Starts
+from ..hydrography.legs import Leg, Starts
 from ..hydrography.sounding_beams import SoundingBeams
 from ..propagation.profile_derivatives import passage_derivatives
 from ..water import SoundSpeedProfile
@@ -28,7 +28,7 @@ __all__ = ["BED", "ROLL", "SPEED", "LinearisedTimes", "SoundingTimes"]
 
 SPEED, BED, ROLL = "sound_speed", "bed_depth", "roll_offset"
 UNITS = {SPEED: "m/s", BED: "m", ROLL: "rad"}
-STEPS, CLOSE = 60, 1e-9            # [m]
+STEPS, CLOSE, LOST = 60, 1e-7, 1e-6    # [m] from the bed: the next step is much shorter; it was not found
 MOST_NUMBERS = 100_000_000         # of a Jacobian by the profile: 0.8 GB
 
 
@@ -42,6 +42,17 @@ class Landing(NamedTuple):
     per_depth: np.ndarray           # a
     along: np.ndarray               # p + a b'
     shares: BedShares
+
+
+class _Over(NamedTuple):
+    """Beams at depths, and the bed below or above them there: `miss` is how much deeper it is."""
+
+    leg: Leg
+    distance: np.ndarray
+    shares: BedShares
+    miss: np.ndarray
+    slope: np.ndarray
+    facing: np.ndarray
 
 
 class SoundingTimes:
@@ -119,36 +130,43 @@ class SoundingTimes:
         """Follow the beams to the bed: Newton's method on the depth."""
         beams = self.beams
         p = beams.slowness
-        if roll:
-            angle = np.arcsin(p * beams.head_speed) + roll * beams.starboard
-            p = np.abs(np.sin(angle)) / beams.head_speed
-        starts = Starts(profile=profile, depth=beams.depth)
+        if roll:                                       # a beam turned over the vertical goes the other way: p < 0
+            p = np.sin(np.arcsin(p * beams.head_speed) + roll * beams.starboard) / beams.head_speed
+        starts, deepest = Starts(profile=profile, depth=beams.depth), 3 * depths.max()
         z = np.maximum(depths.mean(), beams.depth + 1.0)
+        todo = np.arange(len(beams))
         with np.errstate(invalid="ignore", divide="ignore"):
             for step in range(STEPS):
-                leg = starts.to_depth(p, z)
-                x = p * leg.stretch
-                shares = self.bed.shares(beams.x + beams.east * x, beams.y + beams.north * x)
-                here = depths[shares.node]
-                bed = (shares.share * here).sum(1)
-                slope = ((shares.by_x * beams.east[:, None] + shares.by_y * beams.north[:, None]) * here).sum(1)
-                facing = 1 - slope * p * leg.speed / leg.sine
-                miss = bed - z
-                if step and np.nanmax(np.abs(miss)) < CLOSE:
+                over = self._over(starts, p, z, depths, todo)
+                # a step of Newton's, but no farther up than most of the way, and none away from a bed that turns away
+                ahead = over.miss / np.where(over.facing > 0.2, over.facing, 1.0) * (1.0 if step < STEPS // 3 else 0.5)
+                top, here = beams.depth[todo], z[todo]
+                stepped = np.maximum(np.minimum(here + ahead, deepest - 2 * top), top + 0.3 * (here - top))
+                z[todo] = np.where(np.isfinite(over.leg.time), stepped, 0.5 * (top + here))
+                todo = todo[~(np.abs(over.miss) < CLOSE)]
+                if not todo.size:
                     break
-                # a step of Newton's, but no farther up than half of the way, and none away from a bed that turns away
-                ahead = miss / np.where(facing > 0.2, facing, 1.0)
-                lower = beams.depth + 0.3 * (z - beams.depth)
-                below = np.minimum(z + ahead, 3 * depths.max() - 2 * beams.depth)
-                z = np.where(np.isfinite(leg.time), np.maximum(below, lower), 0.5 * (beams.depth + z))
-        lost = ~(np.abs(miss) < 1e-6) | ~np.isfinite(leg.time) | (facing <= 0)
+            over = self._over(starts, p, z, depths, np.arange(len(beams)))
+        lost = ~(np.abs(over.miss) < LOST) | (over.facing <= 0)
         if lost.any():
-            grazing = np.degrees(np.arccos(np.minimum(1, p * profile.at(beams.depth))))[lost]
+            grazing = np.degrees(np.arccos(np.minimum(1, np.abs(p) * profile.at(beams.depth))))[lost]
             raise ValueError(f"sounding times: {lost.sum()} of {len(beams)} beams do not come down to the bed in this "
                              f"water, the first with {grazing[0]:.1f} degrees of grazing at the head; leave beams out "
                              "that are nearly level.")
-        per_depth = 1 / (leg.speed * leg.sine * facing)
-        return Landing(p, z, leg.time, x, per_depth, p + per_depth * slope, shares)
+        per_depth = 1 / (over.leg.speed * over.leg.sine * over.facing)
+        return Landing(p, z, over.leg.time, over.distance, per_depth, p + per_depth * over.slope, over.shares)
+
+    def _over(self, starts: Starts, p: np.ndarray, z: np.ndarray, depths: np.ndarray, some: np.ndarray) -> _Over:
+        """Follow some beams down to depths, and look at the bed there."""
+        p, z, beams = p[some], z[some], self.beams
+        east, north = beams.east[some], beams.north[some]
+        leg = starts[some].to_depth(np.abs(p), z)
+        distance = p * leg.stretch
+        shares = self.bed.shares(beams.x[some] + east * distance, beams.y[some] + north * distance)
+        here = depths[shares.node]
+        slope = ((shares.by_x * east[:, None] + shares.by_y * north[:, None]) * here).sum(1)
+        miss, facing = (shares.share * here).sum(1) - z, 1 - slope * p * leg.speed / leg.sine
+        return _Over(leg, distance, shares, miss, slope, facing)
 
 
 class LinearisedTimes:

@@ -73,6 +73,14 @@ def test_forward_and_backward_agree(model):
     assert {name: value.shape for name, value in back.items()} == {name: v.shape for name, v in model.start.items()}
 
 
+def test_a_roll_turns_a_beam_over_the_vertical():
+    one = SoundingBeams(x=[0.0], y=[0.0], depth=[0.0], east=[1.0], north=[0.0], slowness=[np.sin(0.01) / 1500],
+                        travel_time=[1.0], head_speed=[1500.0], starboard=[1.0])
+    level = BedGrid(x=[0.0], y=[0.0], depth=[[40.0]])
+    turned = SoundingTimes(one, SoundSpeedProfile.constant(1500.0), level, (ROLL,))
+    np.testing.assert_allclose(turned.places({ROLL: np.array([-0.03])})[0], [-40 * np.tan(0.02), 0, 40], atol=1e-9)
+
+
 def test_water_in_which_beams_turn_back_is_refused(model):
     fast = np.where(NODES > 8, 2500.0, 1490.0)
     with pytest.raises(ValueError, match="beams do not come down to the bed in this water"):
