@@ -10,9 +10,10 @@ m/s of the head's sensor (`simulated_soundings`). The fit begins with water of o
 the bed, and has nodes many metres apart. Errors are those of the told nodes, or of all below the head where none is
 told. Depths: what the water does to all soundings, before and after.
 
-Real lines: their times and angles, the cast of the file being the truth, and a stale cast the start: layers 12 m (or a
-tenth of the depth) deeper, 4 m/s less above 1/3 of the depth, 3 m/s more below. Once with the bed unknown, once with
-the file's own soundings as the bed, known to 5 cm.
+Real lines: their times and angles, the cast of the file being the truth, and a stale cast the start: layers a tenth of
+the depth deeper, 4 m/s less above a third of the depth, 3 m/s more below. Once with the bed unknown, once with the
+file's own soundings as the bed, known to 5 cm. A second table asks these soundings for no more than those three
+numbers, believed to 20 m, 5 and 5 m/s before: what would be found were the stale cast wrong in no other way.
 """
 import argparse
 import sys
@@ -49,8 +50,11 @@ def main(argv=None):
         measuring.table(HEADS, [row for name, (file, *depths) in CASTS.items()
                                 for row in simulated(name, SHARED / "profiles" / file, *depths)])
         print()
-    measuring.table(["line", "bed", *HEADS[1:]], [row for path in given or [
-        SHARED / "measured/multibeam" / name for name in LINES] for row in real(path)])
+    rows = [row for path in given or [SHARED / "measured/multibeam" / name for name in LINES] for row in real(path)]
+    measuring.table(["line", "bed", *HEADS[1:]], [row[:-1] for row in rows])
+    print()
+    measuring.table(["line", "bed", "layers deeper by [m]", "more above [m/s]", "more below [m/s]"],
+                    [[*row[:2], *row[-1]] for row in rows])
 
 
 def simulated(name, path, shallowest, deepest, **options):
@@ -93,9 +97,10 @@ def worded(fit, cast, noise, seconds, errors):
     errors = " -> ".join(f"{100 * error:.1f}" for error in errors)
     told = (f"{(fit.told & below).sum()} of {below.sum()}" if fit.is_profile else
             "mean only" if fit.is_overlapping else "nothing: one look")
+    start = np.interp(column, fit.depth, fit.start).mean()
     return [f"{fit.bed_depths[0]:.0f} to {fit.bed_depths[-1]:.0f}", f"{1e6 * noise:.0f} ({1e6 * fit.noise:.0f} found)",
             f"{before.mean():.2f} -> {after.mean():.2f}", f"{before.max():.1f} -> {after.max():.1f}", f"{ratio:.1f}",
-            errors, f"{fit.column_mean - mean:+.2f} +- {fit.column_mean_deviation:.2f}",
+            errors, f"{start - mean:+.1f} -> {fit.column_mean - mean:+.2f} +- {fit.column_mean_deviation:.2f}",
             f"{told}; {fit.parameters:.1f}", f"{seconds:.1f}"]
 
 
@@ -117,8 +122,14 @@ def real(path):
     cast = SoundSpeedProfile(np.r_[head, whole.depth[below]], np.r_[beams.head_speed[0], whole.sound_speed[below]])
     depth = np.r_[head, head + (deepest - head) * np.arange(1, NODES + 1) / NODES]
     shallow = 1 / (1 + np.exp((depth - deepest / 3) / (0.02 * deepest)))
-    stale = cast.at(np.maximum(depth - 0.1 * deepest * (depth > head), head)) - 4 * shallow + 3 * (1 - shallow)
-    start = SoundSpeedProfile(depth, np.r_[beams.head_speed[0], stale[1:]])
+
+    def wrong(numbers):
+        """The cast with layers deeper by so much, and so much faster above and below."""
+        speed = cast.at(np.maximum(depth - numbers[0], head)) + numbers[1] * shallow + numbers[2] * (1 - shallow)
+        return np.r_[beams.head_speed[0], speed[1:]]
+
+    stale = np.array([0.1 * deepest, -4.0, 3.0])
+    start = SoundSpeedProfile(depth, wrong(stale))
     prior = ProfilePrior(length=deepest / 6, deviation=6.0, bed_deviation=0.05, bed_bend=0.3)
     laid = laid_bed(beams, cast, prior, None)
     for name, bed in (("unknown", None), ("known to 5 cm", laid)):
@@ -126,8 +137,25 @@ def real(path):
         fit = fit_profile(beams, start, noise=5e-6, prior=prior, bed=bed)
         seconds = time.process_time() - began
         grid = BedGrid(x=laid.x, y=laid.y, depth=laid.depth)
-        yield [path.stem, name, *worded(fit, cast, 5e-6, seconds, depths(beams, grid, cast, start, fit))]
+        found, deviation = three_numbers(fit, wrong, stale)
+        yield [path.stem, name, *worded(fit, cast, 5e-6, seconds, depths(beams, grid, cast, start, fit)),
+               [f"{before:+.1f} -> {after:+.1f} +- {one:.1f}" for before, after, one in zip(stale, found, deviation)]]
         print(path.stem, name + ":", fit.verdict, "\n")
+
+
+def three_numbers(fit, wrong, stale):
+    """Give what the soundings say of three numbers (3,) about a start, and deviations.
+
+    The fit's answer m is where T (m - ĉ) + P (m - start) = 0, with P = (U Uᵀ)⁻¹, T = (U S⁻² Uᵀ)⁻¹ of its patterns U and
+    singular values S, and ĉ what the soundings alone say: they weigh three numbers as they weigh the nodes.
+    """
+    inverse = np.linalg.inv(fit.patterns.T)
+    told, before = inverse.T @ (fit.singular_values[:, None] ** 2 * inverse), inverse.T @ inverse
+    slopes = np.stack([(wrong(stale + step) - wrong(stale - step)) / 0.2 for step in 0.1 * np.eye(3)], -1)
+    believed = np.diag(np.array([20.0, 5.0, 5.0]) ** -2)
+    normal = slopes.T @ told @ slopes + believed
+    push = slopes.T @ (told @ (fit.speed - fit.start) + before @ (fit.speed - fit.start))
+    return stale + np.linalg.solve(normal, push), np.sqrt(np.diag(np.linalg.inv(normal)))
 
 
 if __name__ == "__main__":
