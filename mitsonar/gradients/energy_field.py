@@ -123,13 +123,15 @@ class EnergyField:
                 found.append(Kept(rays=rays, hits=hits, facets=facets))
         return found
 
-    def edges(self, scenery: Scenery, block: Block, lines: JumpLines) -> EdgeTerms:
-        """Trace either side of points on lines at which energies jump; nothing carries a gradient."""
+    def edges(self, scenery: Scenery, block: Block, lines: JumpLines) -> EdgeTerms | None:
+        """Trace either side of points on lines at which energies jump, detached; None where no line is seen."""
         place, survey = scenery.of(block.ping), scenery.survey
         rays = sum(dr.width(rays.direction) for rays in block.rays)
         with dr.suspend_grad():
             sampler = LineSampler(lines, scenery.tracer, self._rows, survey.track.position, self._range, self._seed)
             samples = sampler.drawn(place, max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY)))
+            if not len(samples.line):
+                return None
             first_hits = FirstHits(self._rows, scenery.water, self._tents.of)
             return edge_terms(scenery.tracer, self._rows, first_hits, place, lines, samples,
                               surface=scenery.surface if scenery.mirrors else None, drawn=scenery.drawn)

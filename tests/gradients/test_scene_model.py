@@ -139,3 +139,24 @@ def test_gradients_of_levels_are_verbs(load):
     assert moved.shape == model.shape
     with pytest.raises(ValueError, match="of is 'levels'.*did you mean"):
         mitsonar.gradient(scene, [STRENGTH], np.ones(model.shape), of="levels")
+
+
+@pytest.mark.parametrize("key", ["sonar.position_offset", "sonar.attitude_offset", "sonar.medium.sound_speed"])
+def test_water_and_track_move_a_sidescan_as_differences_say(load, rng, key):
+    """The sonar hangs between nodes of the profile: at one, sound speeds above and below would share the derivative."""
+    text = sidescan("thermocline").replace('z="-18"', 'z="-16"')
+    model = mitsonar.scene_model(load(text), [key])
+    start, step = model.start[key], {"sound_speed": 0.05, "position_offset": 0.005, "attitude_offset": 0.0005}
+    assert np.any(start) == (key == "sonar.medium.sound_speed")
+    directions = [rng.normal(size=(1, *start.shape[1:])) + np.zeros_like(start) for _ in range(2)]
+    if start.ndim == 1:
+        directions = [rng.normal(size=start.shape) for _ in range(2)]
+    against_differences, against_backward = errors(model, key, directions, step[key.rpartition(".")[2]])
+    assert against_differences < 1e-2
+    assert against_backward < 1e-4
+
+
+def test_a_bed_that_is_never_met_has_no_gradient(load):
+    """The film ends before the first return: there is nothing to move, and no outline to look at."""
+    model = mitsonar.scene_model(load(sidescan().replace('name="range" value="34"', 'name="range" value="8"')),
+    [POSITIONS]) about = model.linearised({}) assert not np.any(about.backward(np.ones_like(about.value))[POSITIONS])
