@@ -74,7 +74,8 @@ class Sway:
         flat = self.patterns[np.abs(self.curvature) < 1e-3 * self.curvature[0]]
         parts = np.stack([np.ones(count), np.linspace(-1, 1, count)])
         parts /= np.linalg.norm(parts, axis=1, keepdims=True)
-        return tuple(float(np.sum((flat @ part) ** 2)) for part in parts)  # pyright: ignore[reportReturnType] (two)
+        shift, trend = (float(np.sum((flat @ part) ** 2)) for part in parts)
+        return shift, trend
 
     def sentences(self) -> list[str]:
         """Say what was observable."""

@@ -17,6 +17,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import mitsonar
+from mitsonar.inversion.calibration import calibrated
+from mitsonar.inversion.ping_images import moved
+from mitsonar.inversion.sharpness import sharpened, without_trend
+from mitsonar.synthetic_aperture.grids import ground_grid
 
 PINGS = round(7 * float(os.environ.get("TUTORIAL_SCALE", 1)))
 rng = np.random.default_rng(7)
@@ -72,8 +76,6 @@ for number, axis in enumerate("xyz"):
     believed = believed.assign_coords({f"rx_{axis}": ("rx", drawing[:, number]),
                                        axis: ("ping", signals[axis].values + off[:, number])})
 places = targets + 0.03 * rng.standard_normal(targets.shape)
-
-from mitsonar.inversion.calibration import calibrated  # noqa: E402  (told here, where it is used)
 
 doubts = {"rx_position": 2e-3, "rx_delay": 0.0, "position_offset": 0.03, "target_position": 0.03,
           "attitude_offset": np.radians(0.05)}
@@ -159,10 +161,6 @@ raw = mitsonar.raw_echoes(folder / "strip.xml")
 # The trajectory that is believed knows nothing of 3 mm of sway.
 
 # %%
-from mitsonar.inversion.ping_images import moved  # noqa: E402
-from mitsonar.inversion.sharpness import sharpened, without_trend  # noqa: E402
-from mitsonar.synthetic_aperture.grids import ground_grid  # noqa: E402
-
 ping = np.arange(24)
 sway = np.exp(-0.5 * ((ping[:, None] - ping) / 3) ** 2) @ rng.standard_normal(24)
 sway = without_trend(sway, ping)

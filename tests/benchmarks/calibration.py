@@ -8,24 +8,18 @@ are compared after the best shift and turn of the whole array, which is not obse
 """
 import argparse
 import itertools
-import sys
 import tempfile
 import time
 from pathlib import Path
 
+import measuring
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "inputs"))
+import mitsonar
+from mitsonar.inversion.calibration import calibrated
+from mitsonar.validation.scenes import array_sonar, bed, point_target
 
-import mitsonar  # noqa: E402  (chooses libLLVM before mitsuba is imported)
-import mitsuba as mi  # noqa: E402
-from summer import SUMMER_TEXT  # noqa: E402
-
-mi.set_variant("llvm_ad_mono")
-
-from mitsonar.inversion.calibration import calibrated  # noqa: E402
-from mitsonar.validation.scenes import array_sonar, bed, point_target  # noqa: E402
-
+UNIFORM, SUMMER = {"profile": "0:1500"}, {"cast": str(measuring.SUMMER)}
 LINE = np.stack([np.zeros(24), np.linspace(-0.3, 0.3, 24), np.zeros(24)], 1)
 GRID = np.linspace(-0.15, 0.15, 5)
 PLANE = np.stack([np.zeros(25), *(part.ravel() for part in np.meshgrid(GRID, GRID))], 1)
@@ -33,9 +27,9 @@ TURNS = np.arange(16) * np.pi / 8
 RING = np.stack([0.1 * np.cos(3 * TURNS), 0.25 * np.cos(TURNS), 0.25 * np.sin(TURNS)], 1)
 # elements, kHz, water, targets, knots, pings
 SCENES = {
-    "line": (LINE, 100.0, "0:1500", [(-6, 14, -21), (5, 17, -18), (1, 22, -23), (9, 25, -16), (-9, 27, -20)], 3.0, 12),
-    "plane": (PLANE, 70.0, SUMMER_TEXT, [(-4, 16, -17), (6, 20, -22), (0, 25, -19), (-9, 29, -14)], 2.0, 14),
-    "ring": (RING, 120.0, SUMMER_TEXT, [(3, 15, -15), (-5, 19, -20), (7, 23, -17), (-2, 28, -22), (10, 30, -20)],
+    "line": (LINE, 100.0, UNIFORM, [(-6, 14, -21), (5, 17, -18), (1, 22, -23), (9, 25, -16), (-9, 27, -20)], 3.0, 12),
+    "plane": (PLANE, 70.0, SUMMER, [(-4, 16, -17), (6, 20, -22), (0, 25, -19), (-9, 29, -14)], 2.0, 14),
+    "ring": (RING, 120.0, SUMMER, [(3, 15, -15), (-5, 19, -20), (7, 23, -17), (-2, 28, -22), (10, 30, -20)],
              4.0, 10),
 }
 
@@ -50,7 +44,7 @@ def made(name, cell, seed, late_by):
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "elements.csv"
         np.savetxt(table, elements, delimiter=",", header="x,y,z", comments="")
-        scene = array_sonar({"bed": bed(26.0), **shapes}, water={"profile": water}, integrator={"cell": cell},
+        scene = array_sonar({"bed": bed(26.0), **shapes}, water=water, integrator={"cell": cell},
                             sensor={"frequency_khz": frequency, "receive": "file", "receive_file": str(table),
                                     "pulse": "lfm", "bandwidth_khz": 0.2 * frequency, "pulse_ms": 1.0,
                                     "speed_knots": knots, "pings": pings, "ping_rate_hz": 4.0,

@@ -7,28 +7,21 @@ prototype of this found 5 mm over 40 pings at 100 kHz to 0.08 mm, modulo half a 
 model; here they are the renderer's, with speckle and receivers that move while they hear.
 """
 import argparse
-import sys
 import time
-from pathlib import Path
 
+import measuring
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "inputs"))
+import mitsonar
+from mitsonar.inversion.ping_images import PingImages, moved
+from mitsonar.inversion.sharpness import sharpened, sway_of_targets, without_trend
+from mitsonar.synthetic_aperture.grids import ground_grid
+from mitsonar.validation.scenes import bed, point_target, synthetic_aperture
 
-import mitsonar  # noqa: E402  (chooses libLLVM before mitsuba is imported)
-import mitsuba as mi  # noqa: E402
-from summer import SUMMER_TEXT  # noqa: E402
-
-mi.set_variant("llvm_ad_mono")
-
-from mitsonar.inversion.ping_images import PingImages, moved  # noqa: E402
-from mitsonar.inversion.sharpness import sharpened, sway_of_targets, without_trend  # noqa: E402
-from mitsonar.synthetic_aperture.grids import ground_grid  # noqa: E402
-from mitsonar.validation.scenes import bed, point_target, synthetic_aperture  # noqa: E402
-
-# preset, water, rms of the sway [mm], pings over which it is alike, level of the brightest over the bed's
-SCENES = {"wideband": ("wideband_90khz", "0:1500", 5.0, 6.0), "compact": ("compact_337khz", "0:1500", 1.0, 4.0),
-          "thermocline": ("wideband_90khz", SUMMER_TEXT, 3.0, 3.0)}
+UNIFORM, SUMMER = {"profile": "0:1500"}, {"cast": str(measuring.SUMMER)}
+# preset, water, rms of the sway [mm], pings over which it is alike
+SCENES = {"wideband": ("wideband_90khz", UNIFORM, 5.0, 6.0), "compact": ("compact_337khz", UNIFORM, 1.0, 4.0),
+          "thermocline": ("wideband_90khz", SUMMER, 3.0, 3.0)}
 GROUND = 19.0
 
 
@@ -40,7 +33,7 @@ def made(name, pings, cell, seed):
     shapes = {f"stone{number}": point_target(place, rng.uniform(-28, -20)) for number, place in enumerate(places)}
     shapes["reflector"] = point_target([GROUND + 0.5, 0.3, -19.95], -18.0)
     step = 4 * {"wideband_90khz": 0.0375, "compact_337khz": 0.0333}[preset] / 2
-    scene = synthetic_aperture({"bed": bed(20.0, size=100.0), **shapes}, water={"profile": water},
+    scene = synthetic_aperture({"bed": bed(20.0, size=100.0), **shapes}, water=water,
                                sensor={"preset": preset, "pings": pings, "receivers": 8, "overlap": 4, "banks": 1,
                                        "noise": True, "start": [0.0, -0.5 * step * pings, -10.0]},
                                film={"range_min": 18.0, "range": 25.0}, integrator={"cell": cell})
