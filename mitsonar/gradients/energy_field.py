@@ -148,7 +148,8 @@ class EnergyField:
             points, across = edges.points, None
             if scenery.moves:
                 direction = scenery.turned(place, points.drawn).direction
-                across = ray_shift(scenery.layers, place.origin(points.rays.ping), direction, points.hits).across
+                origin = place.origin(points.rays.ping)
+                across = ray_shift(scenery.layers, scenery.speeds, origin, direction, points.hits).across
             edges.add(total, self._tents, scenery.facets, across)
         return total
 

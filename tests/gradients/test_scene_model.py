@@ -158,5 +158,6 @@ def test_water_and_track_move_a_sidescan_as_differences_say(load, rng, key):
 
 def test_a_bed_that_is_never_met_has_no_gradient(load):
     """The film ends before the first return: there is nothing to move, and no outline to look at."""
-    model = mitsonar.scene_model(load(sidescan().replace('name="range" value="34"', 'name="range" value="8"')),
-    [POSITIONS]) about = model.linearised({}) assert not np.any(about.backward(np.ones_like(about.value))[POSITIONS])
+    text = sidescan().replace('name="range" value="34"', 'name="range" value="8"')
+    about = mitsonar.scene_model(load(text), [POSITIONS]).linearised({})
+    assert not np.any(about.backward(np.ones_like(about.value))[POSITIONS])
