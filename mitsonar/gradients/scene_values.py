@@ -24,10 +24,10 @@ UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "ra
 
 
 def differentiable(scene: mi.Scene) -> list[str]:
-    """Names of the parameters of a scene that gradients may be asked for."""
+    """Names of the parameters of a scene that gradients may be asked for; poses of shapes without vertices are none."""
     parameters: Any = mi.traverse(scene)
     return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
-            and key.rpartition(".")[2] not in DERIVED]
+            and key.rpartition(".")[2] not in DERIVED and not hasattr(parameters[key], "inverse_transpose")]
 
 
 class SceneValues:
