@@ -22,7 +22,7 @@ NEARLY_LEVEL = 0.99                # cosine of the grazing angle, where sound is
 
 
 def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None, *, nodes: int = 12,
-              noise: float = 20e-6, prior: ProfilePrior | None = None, cell: float | None = None,
+              noise: float = 20e-6, deviation: float = 10.0, length: float | None = None, cell: float | None = None,
               under_way: bool = False, iterations: int = 30,
               progress: Callable[[int, float], None] | None = None) -> ProfileFit:
     """Fit a profile to lines of soundings in files.
@@ -35,8 +35,12 @@ def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None,
         What is believed of the water; None: the cast of the first line.
     nodes : int
         From the head down to the deepest sounding, as many steps.
-    noise, prior, cell, iterations, progress
-        As of `fit_profile`; the prior's length is by default a sixth of the depth.
+    noise, cell, iterations, progress
+        As of `fit_profile`.
+    deviation : float [m/s]
+        Of what is believed.
+    length : float [m] or None
+        In depth, over which speeds belong together; None: a sixth of the depth.
     under_way : bool
         As of `beams_of`: instruments leave the way of the ship while echoes come in out.
 
@@ -63,7 +67,7 @@ def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None,
     begin = nodes_over(profile_of(lines[0]) if start is None else start, float(np.median(beams.depth)), deepest, nodes,
                        float(np.median(beams.head_speed)))
     beams = beams[beams.slowness * begin.sound_speed.max() < NEARLY_LEVEL]
-    prior = ProfilePrior(length=max(deepest / 6, 0.1)) if prior is None else prior
+    prior = ProfilePrior(deviation=deviation, length=max(deepest / 6, 0.1) if length is None else length)
     return fit_profile(beams, begin, noise=noise, prior=prior, cell=cell, iterations=iterations, progress=progress)
 
 
