@@ -20,6 +20,7 @@ import numpy as np
 
 __all__ = ["Gamma", "Gaussian", "Likelihood", "Terms"]
 
+QUANTILES, NODES = 1000, 65         # numbers that averages of robust deviances are taken over; looks between which to go
 LEAST_SHARE = 1e-6                 # of the record's mean: a mean below is no echo, and gamma's log has no value there
 
 
@@ -93,7 +94,7 @@ class Gaussian:
         self._record, self.counted = _record(record)
         self._deviation = _positive("deviation", deviation, np.shape(record))
         self._robust = _checked_robust(robust)
-        self.expected = float(self.counted.sum())
+        self.expected = float(self.counted.sum()) * _normal_deviance(self._robust)
 
     def terms(self, predicted: np.ndarray) -> Terms:
         """Give the misfit of means (N,); see `Likelihood.terms`."""
@@ -126,8 +127,6 @@ class Gamma:
 
     def __init__(self, record: np.ndarray, looks: float | np.ndarray = 1.0, *,
                  background: float | np.ndarray = 0.0, robust: float | None = None):
-        from scipy.special import digamma
-
         given = np.asarray(record, float)
         if np.any(given < 0):
             raise ValueError(f"{int((given < 0).sum())} intensities are below zero; give intensities, not levels")
@@ -139,8 +138,7 @@ class Gamma:
         # a mean of nothing would be infinitely unlikely where there is an echo
         self._floor = np.maximum(floor, LEAST_SHARE * float(self._record[self.counted].mean()))
         self._robust = _checked_robust(robust)
-        each = 2 * self._looks * (np.log(self._looks) - digamma(self._looks))
-        self.expected = float(each[self.counted].sum())
+        self.expected = float(_gamma_deviance(self._looks[self.counted], self._robust).sum())
 
     def terms(self, predicted: np.ndarray) -> Terms:
         """Give the misfit of means (N,); see `Likelihood.terms`."""
@@ -159,6 +157,29 @@ def _tamed(deviance: np.ndarray, slope: np.ndarray, weight: np.ndarray, robust: 
     less = np.minimum(1, robust / np.maximum(root, robust))
     tamed = np.where(root > robust, robust * (2 * root - robust), deviance)
     return Terms(deviance=tamed, slope=less * slope, weight=less * weight)
+
+
+def _normal_deviance(robust: float | None) -> float:
+    """What a deviance is on average, of a normal number at the truth."""
+    from scipy.special import ndtri
+
+    if robust is None:
+        return 1.0
+    rest = ndtri((np.arange(QUANTILES) + 0.5) / QUANTILES)
+    return float(_tamed(rest ** 2, rest, rest, robust).deviance.mean())
+
+
+def _gamma_deviance(looks: np.ndarray, robust: float | None) -> np.ndarray:
+    """What deviances are on average, of intensities of looks (n,) at the truth."""
+    from scipy.special import digamma, gammaincinv
+
+    if robust is None:
+        return 2 * looks * (np.log(looks) - digamma(looks))
+    nodes = np.unique(looks) if np.unique(looks).size <= NODES else np.geomspace(looks.min(), looks.max(), NODES)
+    quantile = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    ratio = np.maximum(gammaincinv(nodes[:, None], quantile) / nodes[:, None], 1e-300)
+    plain = 2 * nodes[:, None] * (ratio - 1 - np.log(ratio))
+    return np.interp(looks, nodes, _tamed(plain, plain, plain, robust).deviance.mean(1))
 
 
 def _record(record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
