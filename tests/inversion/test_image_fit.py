@@ -1,0 +1,129 @@
+"""Unknowns from a speckled image, on models in closed form.
+
+Of a linear model with many looks the answer is that of least squares with the prior, z = (AᵀWA + I)⁻¹ AᵀW r, and the
+information is the spectrum of AᵀWA: to 1e-3 here, what is left of the deviance's third order with 1e8 looks.
+"""
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsonar.inversion.image_fit import Stage, fit_image, posterior
+from mitsonar.inversion.image_record import ImageRecord
+from mitsonar.inversion.smooth_field import SmoothField, grid_of
+
+SHAPE = (6, 2, 40)
+MANY = 1e8
+
+
+class Line:
+    """A record that moves evenly with three numbers, in model and unknowns both."""
+    size, first = 3, 1
+    units = {"a": "1"}
+
+    def __init__(self):
+        draw = np.random.default_rng(3)
+        self.matrix = draw.standard_normal((np.prod(SHAPE), 3)) * 1e-3
+        self.start = {"a": np.zeros(3)}
+        self.middle = 1 + 0.1 * np.cos(np.arange(np.prod(SHAPE)))
+
+    def value(self, values):
+        return self.middle + self.matrix @ values["a"]
+
+    def linearised(self, values):
+        class About:
+            value = self.value(values)
+
+            def forward(_, tangents):
+                return self.matrix @ tangents["a"]
+
+            def backward(_, cotangent):
+                return {"a": self.matrix.T @ cotangent}
+
+        return About()
+
+    def values(self, z):
+        return {"a": z}
+
+    def pushed(self, z, direction):
+        return {"a": direction}
+
+    def pulled(self, z, gradients):
+        return gradients["a"]
+
+
+def record(seen, looks=MANY, error=0.0):
+    return ImageRecord(intensity=seen.reshape(SHAPE), first=4, last=39, floor=np.zeros(40), looks=looks,
+                       model_error=error, first_return=np.full(6, 1.0), bin_width=0.1)
+
+
+def test_answer_and_information_are_those_of_least_squares_with_the_prior():
+    line, looks = Line(), 1e5
+    seen = line.value({"a": np.array([0.3, -0.2, 0.5])}) * (1 + 1e-3 * np.random.default_rng(1).standard_normal(480))
+    fit = fit_image(line, record(seen, looks), line, [Stage(bins=1, steps=6)])
+    counts = (np.arange(480) % 40 >= 4)
+    weight = np.sqrt(looks) / line.middle * counts
+    scaled = weight[:, None] * line.matrix
+    expected = np.linalg.solve(scaled.T @ scaled + np.eye(3), scaled.T @ (weight * (seen - line.middle)))
+    assert fit.unknowns == pytest.approx(expected, abs=5e-3)
+    information, vectors = posterior(fit, line, 3)
+    assert information == pytest.approx(np.linalg.eigvalsh(scaled.T @ scaled)[::-1], rel=5e-3)
+    assert vectors @ vectors.T == pytest.approx(np.eye(3), abs=1e-9)
+
+
+def test_the_first_stage_moves_the_first_unknowns_alone():
+    line = Line()
+    fit = fit_image(line, record(line.value({"a": np.ones(3)})), line, [Stage(bins=2, steps=3, first_only=True)])
+    assert fit.unknowns[0] != 0 and not fit.unknowns[1:].any()
+
+
+def test_speckle_does_not_bias_a_level():
+    """Of 432 bins of one look the mean's deviation is 1 / √432 = 4.8 %; the logarithm's would be off by 44 %."""
+    class Level(Line):
+        size = 1
+
+        def __init__(self):
+            super().__init__()
+            self.matrix, self.start = np.ones((480, 1)), {"a": np.zeros(1)}
+            self.middle = np.ones(480)
+
+    level = Level()
+    means = [fit_image(level, record(np.random.default_rng(seed).exponential(1.5, 480), 1.0), level,
+                       [Stage(bins=4, steps=5)]).unknowns[0] for seed in range(8)]
+    assert np.mean(means) == pytest.approx(0.5, abs=4 * 1.5 * 0.048 / np.sqrt(8))
+
+
+def test_a_field_and_its_transpose_agree_and_its_deviation_is_that_of_draws():
+    field = SmoothField((9, 7), (1.0, 2.0), deviation=0.3, length=2.0, level=0.5, slope=0.1)
+    draw = np.random.default_rng(0)
+    z, w = draw.standard_normal(field.size), draw.standard_normal((9, 7))
+    assert np.sum(field.of(z) * w) == pytest.approx(z @ field.transposed(w), rel=1e-12)
+    columns = np.stack([field.of(row) for row in np.eye(field.size)])
+    assert field.prior_deviation() == pytest.approx(np.sqrt((columns ** 2).sum(0)), rel=1e-12)
+
+
+def test_vertices_that_stand_on_no_grid_are_refused():
+    x, y = np.meshgrid(np.arange(4.0), np.arange(5.0))
+    positions = np.stack([x.ravel(), y.ravel(), np.zeros(20)], 1)
+    assert np.array_equal(positions[grid_of(positions)[2][2, 3], :2], [2, 3])
+    positions[7, 0] += 0.3
+    with pytest.raises(ValueError, match="stand on no regular grid"):
+        grid_of(positions)
+
+
+def image(sonar="sidescan", shape=(6, 2, 40)):
+    return xr.Dataset({"level": (("ping", "side", "range"), np.full(shape, 100.0))},
+                      {"range": 0.1 * (np.arange(shape[2]) + 0.5)}, {"sonar": sonar})
+
+
+@pytest.mark.parametrize("given, message", [
+    (image("multibeam"), "record is one of multibeam; give the image of a sidescan"),
+    (image(shape=(5, 2, 40)), "5 pings, 2 sides and 40 bins, and the scene's sonar makes 6, 2 and 40"),
+    (image().where(image().level.ping > 0), "missing or not finite")])
+def test_records_that_do_not_fit_are_refused_in_a_sentence(given, message):
+    with pytest.raises(ValueError, match=message):
+        ImageRecord.of(given, SHAPE, looks=1)
+
+
+def test_looks_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="looks is 0; give the number of looks"):
+        ImageRecord.of(image(), SHAPE, looks=0)
