@@ -45,7 +45,7 @@ def save_state(path: FilePath, state: State, mark: str) -> None:
     """
     arrays = {name: np.asarray(getattr(state, name)) for name in ARRAYS}
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, mark=np.array(mark), **arrays)
+        np.savez(file, allow_pickle=False, mark=np.array(mark), **arrays)
 
 
 def load_state(path: FilePath, mark: str, size: int) -> State:
