@@ -70,6 +70,8 @@ class ElementParameters:
     sensor : str
         Id of the sensor.
     pings : sequence of int
+    offsets : pair of (P, 3) or None [m], [rad]
+        Of places and attitudes, that the survey's track holds already; None: there are none.
 
     Attributes
     ----------
@@ -82,7 +84,9 @@ class ElementParameters:
         If there is no such name, or one is asked for twice.
     """
 
-    def __init__(self, survey: ArraySurvey, keys: Sequence[str], *, sensor: str, pings: Sequence[int]):
+    def __init__(self, survey: ArraySurvey, keys: Sequence[str], *, sensor: str, pings: Sequence[int],
+                 offsets: tuple[np.ndarray, np.ndarray] | None = None):
+        self._offsets = (np.zeros((len(pings), 3)), np.zeros((len(pings), 3))) if offsets is None else offsets
         self.survey, self.pings, self._sensor = survey, [int(ping) for ping in pings], sensor
         self.targets = survey.geometry.targets()
         shapes = [shape for _, shape, *_ in survey.geometry.meshes if hasattr(shape, "target_strength_db")]
@@ -103,11 +107,11 @@ class ElementParameters:
 
     def _known(self) -> dict[str, np.ndarray]:
         """Values of all parameters that there are."""
-        transmit, receive, pings = self.survey.transmit, self.survey.receive, len(self.pings)
+        transmit, receive = self.survey.transmit, self.survey.receive
         of_sensor = {"tx_position": transmit.position, "rx_position": receive.position, "tx_weight": transmit.weight,
                      "tx_delay": transmit.delay, "rx_delay": receive.delay,
                      "rx_gain": np.tile([1.0, 0.0], (receive.elements, 1)),
-                     "position_offset": np.zeros((pings, 3)), "attitude_offset": np.zeros((pings, 3))}
+                     "position_offset": self._offsets[0], "attitude_offset": self._offsets[1]}
         known = {f"{self._sensor}.{name}": np.array(value, float) for name, value in of_sensor.items()}
         for name, target in zip(self._names, self.targets):
             if target.scattering is None:
@@ -152,7 +156,8 @@ class ElementParameters:
                              weight=self._of(values, "tx_weight"), delay=self._of(values, "tx_delay"))
         receive = _replaced(survey.receive, position=self._of(values, "rx_position"),
                             delay=self._of(values, "rx_delay"))
-        place, turn = self._of(values, "position_offset"), self._of(values, "attitude_offset")
+        place, turn = (None if (value := self._of(values, name)) is None else value - offset for name, offset in
+                       zip(("position_offset", "attitude_offset"), self._offsets))
         passage = survey.passage
         if place is not None or turn is not None:
             track = _displaced(passage.voyage.track, self.pings, place, turn)

@@ -91,7 +91,12 @@ class ElementModel:
         if not len(pings) or len(set(pings)) < len(pings):
             raise ValueError(f"{len(pings)} pings were asked for, {len(set(pings))} of them different; name each once, "
                              "and at least one")
-        self._parameters = ElementParameters(self._survey, keys, sensor=sonar.id(), pings=pings)
+        offsets = [np.zeros((1, 3)) if error is None else error
+                   for error in (sonar.route.position_error, sonar.route.attitude_error)]
+        self._parameters = ElementParameters(
+            self._survey, keys, sensor=sonar.id(), pings=pings,
+            offsets=(np.broadcast_to(offsets[0], (count, 3))[list(pings)],
+                     np.broadcast_to(offsets[1], (count, 3))[list(pings)]))
         self._seed, self._pings = sonar.own_seed(seed), [int(ping) for ping in pings]
         self.start, self.units = self._parameters.start, self._parameters.units
         self._ensonification = ensonification_of(self._survey)

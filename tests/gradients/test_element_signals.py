@@ -41,6 +41,20 @@ def test_signals_at_the_start_are_those_of_element_signals(variant):
     assert np.array_equal(value.astype(np.float32), signals.ravel().view(np.float32))
 
 
+def test_a_model_begins_with_the_parameters_of_its_scene(variant):
+    import mitsuba as mi
+    made = scene()
+    params = mi.traverse(made)
+    params["sensor.position_offset"] = [0.02, 0, 0.01, 0, 0, 0]
+    params["sensor.rx_delay"] = [0, 1e-6, 0, 0, 0]
+    params.update()
+    model = model_of(made, ["sensor.position_offset", "sensor.rx_delay"], pings=(1, 0))
+    assert model.start["sensor.position_offset"] == pytest.approx(np.array([[0, 0, 0], [0.02, 0, 0.01]]))
+    assert model.start["sensor.rx_delay"][1] == pytest.approx(1e-6)
+    signals = mitsonar.element_signals(made, [1, 0]).values
+    assert np.array_equal(model.value({}).astype(np.float32), signals.ravel().view(np.float32))
+
+
 @pytest.mark.parametrize("profile, speed", [("0:1500", 0.0), (SUMMER_TEXT, 4.0)], ids=["still", "under way in summer"])
 def test_products_with_the_jacobian_agree_with_differences_and_with_each_other(variant, rng, profile, speed):
     model = model_of(scene(profile, speed), pings=(1,))
