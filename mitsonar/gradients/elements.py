@@ -63,8 +63,8 @@ class ElementModel:
     ----------
     start, units : dict
         Of the parameters.
-    shape : (int, int, int)
-        Pings, receive elements and samples of y, whose (N,) is twice their product.
+    shape : (int, int, int, 2)
+        Of y: pings, receive elements, samples, real and imaginary part.
     left_out : tuple of str
         What the Jacobian does not hold.
 
@@ -100,7 +100,7 @@ class ElementModel:
         self._seed, self._pings = sonar.own_seed(seed), [int(ping) for ping in pings]
         self.start, self.units = self._parameters.start, self._parameters.units
         self._ensonification = ensonification_of(self._survey)
-        self.shape = len(pings), self._survey.receive.elements, self._survey.samples - self._survey.lead
+        self.shape = len(pings), self._survey.receive.elements, self._survey.samples - self._survey.lead, 2
 
     def value(self, values: Values) -> np.ndarray:
         """Give the signals of values; see `ForwardModel.value`."""
@@ -211,7 +211,7 @@ class ElementJacobian:
     value : (N,) float64
     """
 
-    def __init__(self, run: _Run, parameters: ElementParameters, shape: tuple[int, int, int]):
+    def __init__(self, run: _Run, parameters: ElementParameters, shape: tuple[int, int, int, int]):
         self._run, self._parameters, self._shape = run, parameters, shape
         self._record = run.record()
         self._targets = np.array([target.position for target in run.altered.targets]).reshape(-1, 3)
@@ -253,8 +253,7 @@ class ElementJacobian:
             raise ValueError(f"weights have the shape {cotangent.shape}; give one for each of the "
                              f"{self.value.shape[0]} numbers of the record")
         found = {name: np.zeros(start.shape) for name, start in parameters.start.items()}
-        pings, receivers, samples = self._shape
-        weights = cotangent.reshape(pings, receivers, samples, 2)
+        weights = cotangent.reshape(self._shape)
         for number, ping in enumerate(parameters.pings):
             kept, signals = weights[number, ..., 0] + 1j * weights[number, ..., 1], self._signals[number]
             if parameters.receives:
