@@ -17,11 +17,12 @@ from .misfit import Misfit
 __all__ = ["Adam", "LBFGS"]
 
 FIRST, SECOND, EPSILON = 0.9, 0.99, 1e-12
+HALVINGS = 8                       # of Adam's rate, in one step, before no step is left
 
 
 @dataclass(frozen=True, kw_only=True)
 class Adam:
-    """Steps of Adam (Kingma and Ba, 2015).
+    """Steps of Adam (Kingma and Ba, 2015); its rate is halved where a step would raise the misfit.
 
     Parameters
     ----------
@@ -45,19 +46,31 @@ class Adam:
 
     def step(self, misfit: Misfit, state: State) -> State:
         """Give the state after a step; see `Method.step`."""
-        size = state.z.size
-        first, second = state.memory if state.memory.size else np.zeros((2, size))
+        before = misfit.cost(state.z, state.iteration).total
+        fewest, memory = int(state.damping), state.memory if state.memory.size else np.zeros((2, state.z.size))
+        for halvings in range(fewest, fewest + HALVINGS):
+            # the mean gradient of a step that overshot goes on to point beyond
+            first = memory[0] if halvings == fewest else np.zeros_like(memory[0])
+            try:
+                z, walked = self._walked(misfit, state, self.rate * 0.5 ** halvings, first, memory[1])
+            except ValueError:                        # no record can be made on the way: a shorter way
+                continue
+            cost = tried(misfit, z, state.iteration)
+            if cost.total < before:
+                return state.moved(z, cost, memory=walked, damping=float(halvings))
+        return replace(state, stuck=True)
+
+    def _walked(self, misfit: Misfit, state: State, rate: float, first: np.ndarray, second: np.ndarray) \
+            -> tuple[np.ndarray, np.ndarray]:
+        """Where a step's gradients lead (n,), and the means that they leave (2, n)."""
         z = state.z
         for number in range(self.gradients):
             gradient = misfit.about(z, state.iteration).gradient()
             done = state.iteration * self.gradients + number + 1
             first = FIRST * first + (1 - FIRST) * gradient
             second = SECOND * second + (1 - SECOND) * gradient ** 2
-            z = z - self.rate * (first / (1 - FIRST ** done)) / (np.sqrt(second / (1 - SECOND ** done)) + EPSILON)
-        cost = tried(misfit, z, state.iteration)
-        if cost.total > misfit.cost(state.z, state.iteration).total:
-            return replace(state, stuck=True)
-        return state.moved(z, cost, memory=np.stack([first, second]))
+            z = z - rate * (first / (1 - FIRST ** done)) / (np.sqrt(second / (1 - SECOND ** done)) + EPSILON)
+        return z, np.stack([first, second])
 
 
 @dataclass(frozen=True, kw_only=True)

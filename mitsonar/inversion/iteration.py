@@ -21,7 +21,7 @@ class State:
     deviance, cost, step : (iterations + 1,) arrays
         Of the record; Φ; how far z moved, as a root mean square [prior deviations].
     damping : float
-        Of a Gauss-Newton step.
+        Of a Gauss-Newton step; of Adam, how often its rate was halved.
     memory : (m, n) array
         What a first-order method keeps.
     stuck : bool
@@ -88,11 +88,13 @@ class Stopping:
         """Say why a fit stops here; empty where it goes on."""
         reduced = state.deviance[-1] / misfit.likelihood.expected
         settled = misfit.settled(state.iteration)
+        # a fall is of one Φ: the last two costs are both of the classes' pull at the end
+        comparable = state.iteration > 0 and misfit.settled(max(state.iteration - 2, 0))
         if settled and self.noise is not None and reduced <= self.noise:
             return f"the record is fitted to its noise: {reduced:.3g} of the deviance expected of it"
         if state.stuck:
             return f"no step lowers the misfit, at {reduced:.3g} of the deviance that noise would have"
-        if settled and state.iteration and state.cost[-2] - state.cost[-1] <= self.fall * abs(state.cost[-1]):
+        if comparable and state.cost[-2] - state.cost[-1] <= self.fall * abs(state.cost[-1]):
             return f"the misfit stands still, at {reduced:.3g} of the deviance that noise would have"
         if state.iteration >= self.iterations:
             return f"{self.iterations} iterations are done, at {reduced:.3g} of the deviance that noise would have"

@@ -31,7 +31,7 @@ def fingerprint(unknowns: Unknowns, likelihood: Likelihood, about: str) -> str:
     for array in (unknowns.deviation, probe, unknowns.flat(unknowns.values(probe)), unknowns.flat(unknowns.start),
                   likelihood.counted, terms.deviance, terms.weight):
         digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update("\n".join(unknowns.names).encode())
+    digest.update("\n".join(f"{name} {unknowns.bound[name].classes!r}" for name in unknowns.names).encode())
     return digest.hexdigest()
 
 

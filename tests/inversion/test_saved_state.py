@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from closed_models import Exponential
 
-from mitsonar.inversion import LBFGS, Adam, Gamma, Gaussian, GaussNewton, Prior, Stopping, fit
+from mitsonar.inversion import LBFGS, Adam, Classes, Gamma, Gaussian, GaussNewton, Prior, Stopping, fit
 
 METHODS = {"gauss_newton": GaussNewton(inner=3), "adam": Adam(gradients=3), "lbfgs": LBFGS(gradients=2)}
 PRIORS = {"x": Prior(deviation=1.0)}
@@ -56,6 +56,15 @@ def test_a_state_of_another_fit_is_refused(tmp_path):
         fit(model, likelihood, {"x": Prior(deviation=2.0)}, state_file=tmp_path / "s.npz")
     with pytest.raises(ValueError, match="the state of another fit"):
         fit(model, Gaussian(np.ones(80), 1.0), PRIORS, state_file=tmp_path / "s.npz")
+
+
+def test_a_state_of_other_classes_is_refused(tmp_path):
+    model, likelihood = _problem()
+    fit(model, likelihood, {"x": Prior(deviation=1.0, classes=Classes(values=(-1.0, 1.0), spread=0.2))},
+        stopping=STOPPING, state_file=tmp_path / "s.npz")
+    with pytest.raises(ValueError, match="the state of another fit"):
+        fit(model, likelihood, {"x": Prior(deviation=1.0, classes=Classes(values=(-1.0, 2.0), spread=0.2))},
+            state_file=tmp_path / "s.npz")
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "text", "huge"])
