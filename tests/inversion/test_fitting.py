@@ -133,7 +133,7 @@ def test_a_model_that_hears_sums_is_told():
 def test_derivatives_that_do_not_agree_are_refused():
     model, record, _ = _linear(columns=5)
     other = model.matrix * 1.01
-    with pytest.raises(ValueError, match="forward and backward derivatives differ"):
+    with pytest.raises(ValueError, match="forward and backward derivatives by x differ"):
         fit(Matrix(model.matrix, backward=other), Gaussian(record, 1.0), {"x": Prior(deviation=1.0)})
 
 

@@ -15,6 +15,29 @@ class Limited(Exponential):
         return super().value(values)
 
 
+class Two:
+    """y = A a + B b, with b a hundredth as loud, whose backward derivative by b has another sign."""
+
+    def __init__(self, sign=1.0):
+        rng = np.random.default_rng(1)
+        self.matrices = {"a": rng.standard_normal((20, 3)), "b": 0.01 * rng.standard_normal((20, 3))}
+        self.start, self.units, self.sign = {"a": np.zeros(3), "b": np.zeros(3)}, {}, sign
+
+    def value(self, values):
+        return sum(self.matrices[name] @ value for name, value in values.items())
+
+    def linearised(self, values):
+        line = Two(self.sign)
+        line.value = self.value(values)
+        return line
+
+    def forward(self, tangents):
+        return sum(self.matrices[name] @ value for name, value in tangents.items())
+
+    def backward(self, cotangent):
+        return {"a": self.matrices["a"].T @ cotangent, "b": self.sign * self.matrices["b"].T @ cotangent}
+
+
 @pytest.mark.parametrize("method", [Adam(rate=0.1), LBFGS(), GaussNewton()], ids=["adam", "lbfgs", "gauss_newton"])
 def test_steps_stay_where_a_record_can_be_made(method):
     # the misfit pulls to ln 3 = 1.1, far beyond
@@ -49,3 +72,11 @@ def test_a_fit_with_classes_does_not_stand_still_before_their_pull_is_whole():
     closed = (weights[0] * record + weights[1] * wanted + weights[2] * -20.0) / weights.sum()
     np.testing.assert_allclose(found.values["x"], closed, atol=2e-3)
     assert "stands still" in found.stopped
+
+
+def test_a_quiet_parameter_with_a_wrong_transpose_is_told_by_name():
+    # of 10⁻⁴ of the product of both: beside the other it would not be seen
+    record, priors = np.ones(20), {"a": Prior(deviation=1.0), "b": Prior(deviation=1.0)}
+    fit(Two(), Gaussian(record, 0.1), priors)
+    with pytest.raises(ValueError, match="derivatives by b differ"):
+        fit(Two(-1.0), Gaussian(record, 0.1), priors)
