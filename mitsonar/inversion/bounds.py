@@ -49,6 +49,12 @@ class Bounds:
             return np.ones_like(free)
         return 0.5 * (1 + np.tanh(0.5 * sign * (free - bound) / self.scale))
 
+    def deviation(self, free: np.ndarray, of_free: np.ndarray) -> np.ndarray:
+        """Give that of x where q (n,) has the deviations (n,): half the way from one below to one above."""
+        if not (self._both or self._one[0]):
+            return of_free
+        return 0.5 * (self.inside(free + of_free) - self.inside(free - of_free))
+
     def free(self, numbers: np.ndarray) -> np.ndarray:
         """Give q of x (n,) strictly between the bounds."""
         if self._both:

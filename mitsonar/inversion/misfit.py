@@ -142,18 +142,26 @@ class About:
         return self.z - self.backward(self.rest)
 
     def spread(self, dz: np.ndarray) -> np.ndarray:
-        """Give dx (n,) of dz."""
-        return self._unknowns.pushed(self._slope, dz)
+        """Give dq (n,) of dz; q is x without bounds."""
+        return self._unknowns.pushed(np.ones_like(self._slope), dz)
 
-    def gathered(self, dx: np.ndarray) -> np.ndarray:
+    def gathered(self, dq: np.ndarray) -> np.ndarray:
         """Give the transpose of `spread`."""
-        return self._unknowns.pulled(self._slope, dx)
+        return self._unknowns.pulled(np.ones_like(self._slope), dq)
+
+    def between_bounds(self, dq: np.ndarray) -> np.ndarray:
+        """Give dx (..., n) of dq (..., n)."""
+        return self._slope * dq
+
+    def mapped(self, deviation: np.ndarray) -> np.ndarray:
+        """Give deviations of x (n,) of those of q."""
+        return self._unknowns.mapped(self.z, deviation)
 
     @property
     def prior_deviation(self) -> np.ndarray:
-        """Deviations of x that the prior alone has here, (n,)."""
+        """Deviations of q that the prior alone has, (n,)."""
         unknowns = self._unknowns
-        return unknowns.deviation * self._slope / unknowns.slope(np.zeros(unknowns.size))
+        return unknowns.deviation / unknowns.slope(np.zeros(unknowns.size))
 
     def check(self, random: np.random.Generator) -> None:
         """Check that forward and backward are of one matrix, by each parameter alone: one that the record hears

@@ -1,6 +1,6 @@
 """What a record tells of its unknowns: the posterior's covariance by the few directions that are seen.
 
-    A = U s Vᵀ,     posterior of z = I - V s² / (1 + s²) Vᵀ,     x = S z
+    A = U s Vᵀ,     posterior of z = I - V s² / (1 + s²) Vᵀ,     q = m + S z,     x = b(q)
 
 A -> the whitened Jacobian at the answer (`misfit`); s -> singular values: a combination of s = 1 is told as well by
 the record as by the prior. Where unknowns are few, A is made whole. Else its range is found by random probes, and
@@ -8,7 +8,9 @@ better by one more pass (Halko, Martinsson and Tropp, 2011, algorithm 4.4): valu
 left out, so that nothing is claimed that was not seen. Σ s² / (1 + s²) is the number of parameters that the record
 tells (Rodgers, 2000, eq. 2.56).
 
-The combinations that stay unknown are the leading eigenvectors of the posterior covariance of x.
+The combinations that stay unknown are the leading eigenvectors of the posterior covariance of q. Bounds b bend: what is
+told is a share of the variance of q, which no bound cuts, and the deviation of x is half the way from b(q - σ) to
+b(q + σ), which ends at the bounds.
 """
 from __future__ import annotations
 
@@ -21,6 +23,7 @@ from .misfit import About
 __all__ = ["Observability", "observe"]
 
 PRODUCTS = 3                       # a direction, of the randomised way
+BLOCK = 2048                       # bins of a record that are looked at together
 SPARE = 8                          # probes beyond the directions
 UNSEEN = 6                         # patterns that are given
 
@@ -82,15 +85,20 @@ def observe(about: About, directions: int, seed: int) -> Observability:
     prior = about.prior_deviation ** 2
     variance = np.maximum(prior - told @ seen ** 2, 0)
     unseen, share = _unseen(about, told, right)
-    return Observability(singular_values=values, complete=complete, deviation=np.sqrt(variance),
-                         resolved=np.clip(1 - variance / prior, 0, 1), seen=seen, unseen=unseen, unseen_resolved=share)
+    return Observability(singular_values=values, complete=complete, deviation=about.mapped(np.sqrt(variance)),
+                         resolved=np.clip(1 - variance / prior, 0, 1), seen=about.between_bounds(seen),
+                         unseen=about.between_bounds(unseen), unseen_resolved=share)
 
 
 def _whole(about: About) -> tuple[np.ndarray, np.ndarray]:
     """All singular values, and right vectors in rows."""
-    columns = np.stack([about.forward(one) for one in np.eye(about.z.size)], 1)
-    small = np.linalg.qr(columns, mode="r")                    # the same values, without the record's length
-    _, values, right = np.linalg.svd(small)
+    columns = np.empty((about.z.size, about.rest.size))
+    for column, one in zip(columns, np.eye(about.z.size)):
+        column[:] = about.forward(one)
+    # the same values, without the record's length; block by block, so that only a block is copied
+    small = [np.linalg.qr(columns[:, begin:begin + BLOCK].T, mode="r")
+             for begin in range(0, columns.shape[1], BLOCK)]
+    _, values, right = np.linalg.svd(np.linalg.qr(np.concatenate(small), mode="r"))
     full = np.zeros(about.z.size)
     full[:values.size] = values
     return full, right
@@ -109,14 +117,14 @@ def _ranged(about: About, directions: int, seed: int) -> tuple[np.ndarray, np.nd
 
 
 def _unseen(about: About, told: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Leading patterns of the posterior covariance of x, and the shares of them that are told."""
+    """Leading patterns of the posterior covariance of q, and the shares of them that are told."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     size = about.z.size
-    scale = np.maximum(about.prior_deviation, 1e-300)          # parameters of different units weigh alike
+    scale = about.prior_deviation                              # parameters of different units weigh alike
 
-    def covariance(x: np.ndarray) -> np.ndarray:
-        z = about.gathered(np.ravel(x) / scale)
+    def covariance(q: np.ndarray) -> np.ndarray:
+        z = about.gathered(np.ravel(q) / scale)
         return about.spread(z - right.T @ (told * (right @ z))) / scale
 
     count = min(UNSEEN, size)

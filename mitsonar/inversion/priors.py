@@ -72,7 +72,8 @@ class Prior:
         Raises
         ------
         ValueError
-            If shapes do not fit, the deviation is not above zero, or the mean is not between the bounds.
+            If shapes do not fit, a deviation is not above zero or more than bounds have room for, or the mean is not
+            between them.
         """
         mean = self._flat(name, "mean", start if self.mean is None else self.mean, start)
         deviation = self._flat(name, "deviation", self.deviation, start)
@@ -83,6 +84,11 @@ class Prior:
             raise ValueError(f"{name} begins at {mean[outside][0]:g}, which is not between the bounds {self.lower:g} "
                              f"and {self.upper:g}; begin inside")
         limits = Bounds(lower=self.lower, upper=self.upper, scale=deviation)
+        widest = (self.upper - self.lower) / 2
+        if (deviation > widest).any():
+            raise ValueError(f"the prior of {name} has a deviation of {deviation.max():g} between the bounds "
+                             f"{self.lower:g} and {self.upper:g}, where none is above {widest:g}; give a smaller one "
+                             "or wider bounds")
         free = limits.free(mean)
         # the deviation asked for is that of x, about the mean
         return BoundPrior(mean=free, root=self._root(name, start, deviation / limits.slope(free)),

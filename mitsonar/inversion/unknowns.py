@@ -63,6 +63,11 @@ class Unknowns:
         """Give dx/dq (n,) about z."""
         return np.concatenate([self.bound[name].limits.slope(free) for name, free in self._free(z)])
 
+    def mapped(self, z: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+        """Give deviations (n,) of x about z where those of q are (n,)."""
+        return np.concatenate([self.bound[name].limits.deviation(free, deviation[self.parts[name]])
+                               for name, free in self._free(z)])
+
     def pushed(self, slope: np.ndarray, dz: np.ndarray) -> np.ndarray:
         """Give dx (n,) of dz (n,)."""
         return slope * np.concatenate([self.bound[name].root.forward(dz[part]) for name, part in self.parts.items()])
