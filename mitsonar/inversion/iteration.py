@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class State:
         """Steps that were made."""
         return self.cost.size - 1
 
-    def moved(self, z: np.ndarray, cost: Cost, **changes) -> State:
+    def moved(self, z: np.ndarray, cost: Cost, **changes: Any) -> State:
         """Go on to another z."""
         length = float(np.sqrt(np.mean((z - self.z) ** 2)))
         return replace(self, z=z, deviance=np.append(self.deviance, cost.deviance),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..gradients.model import ForwardModel
+from ..gradients.model import ForwardModel, Linearised
 from .likelihood import Likelihood, Terms
 from .unknowns import Unknowns
 
@@ -111,7 +111,7 @@ class About:
         The model's record.
     """
 
-    def __init__(self, misfit: Misfit, z, line, terms: Terms, classes: list[Terms], cost: Cost):
+    def __init__(self, misfit: Misfit, z: np.ndarray, line: Linearised, terms: Terms, classes: list[Terms], cost: Cost):
         self._unknowns, self._line, self._classed = misfit.unknowns, line, misfit.classed()
         self.z, self.cost, self.predicted = z, cost, line.value
         self._slope = misfit.unknowns.slope(z)
