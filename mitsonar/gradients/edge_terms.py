@@ -15,8 +15,9 @@ A point of a line that moves by dx moves in directions by m(dx), two numbers alo
 
 e -> unit, across the ray at its end in that plane, downwards; h -> unit, level, across the plane; A -> spreading area;
 τ -> the line per s; dr -> how the ray of one launch moves there (`ray_shift`). E_- and E_+ are those of two rays, a
-hair to either side. Where something hides the line both meet the same, and nothing jumps: nobody asks what is visible.
-Places and energies are detached; gradients come by dx and dr alone.
+hair to either side. Where something hides the line both meet the same, and nothing jumps. What jumps within that hair
+must belong to the line (`_own`): near the limb of a round body several edges lie so close. Places and energies are
+detached; gradients come by dx and dr alone.
 """
 from __future__ import annotations
 
@@ -34,16 +35,18 @@ from ..survey.places import Place
 from ..survey.rows import Rays, Rows
 from ..tracing.connection import Connection, Connector
 from ..tracing.hits import Hits
-from ..tracing.tracer import Tracer
+from ..tracing.tracer import Tracer, registry_index
 from .attached_geometry import AttachedGeometry
 from .jump_lines import JumpLines
 from .line_samples import LineSamples
+from .mesh_edges import NO_FACE
 from .tangents import tangent
 from .tent_bins import TentBins
 
 __all__ = ["EdgeTerms", "LinePoints", "edge_terms"]
 
-ASIDE, ASIDE_PER_RANGE = 1e-3, 1e-5    # [m], [-] of the rays on either side, over what chords and float32 are off
+NEAR = 0.05                            # [m] of an outline, that a ray which passes in front of what is behind hits
+ASIDE, ASIDE_PER_RANGE = 1e-4, 2e-6    # [m], [-] of the rays on either side, over what chords and float32 are off
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +113,7 @@ def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, 
     Parameters
     ----------
     tracer : Tracer
+        Whose chords are nearer to rays than `ASIDE`.
     rows : Rows
     first_hits : FirstHits
     place : Place
@@ -120,24 +124,72 @@ def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, 
     drawn : callable(place, rays)
         Gives rays as they would have been drawn.
     """
-    points, aside = _points(tracer, place, lines, samples, drawn)
-    sides, ping = [], points.rays.ping
+    sources = tracer.sources(np.unique(-place.position[:, 2]))
+    points, aside, kind = _points(tracer, place, lines, samples, drawn)
+    ping, met, sides = points.rays.ping, [], []
+    origin, source = place.origin(ping), place.source(ping)
     for sign in (-1.0, 1.0):
         direction = dr.normalize(points.rays.direction + sign * aside)
-        origin, source = place.origin(ping), place.source(ping)
-        hits = tracer.trace(place.sources, origin, source, direction, points.hits.valid)
+        hits, found = tracer.trace_met(sources, origin, source, direction, points.hits.valid)
+        met.append((hits, _facet(tracer, found, hits.valid)))
         if surface is not None:
             hits = replace(hits, valid=hits.valid & (hits.label != surface))
         rays = rows.aimed(place, ping, direction, dr.full(mi.Float, 1, dr.width(direction)))
         sides.append(first_hits.echoes(place, rays, hits))
-    found = EdgeTerms(points=points, sides=sides)
-    dr.eval(found)
-    return found
+    own = _own(points.hits, kind, lines, samples, met)
+    terms = EdgeTerms(points=points, sides=[replace(side, active=side.active & own) for side in sides])
+    dr.eval(terms)
+    return terms
+
+
+def _facet(tracer: Tracer, met: mi.PreliminaryIntersection3f, valid: mi.Bool) -> mi.UInt32:
+    """Rows in `Geometry.faces` of what was hit; `NO_FACE` where that is none."""
+    rows, row = tracer.geometry.rows, registry_index(met)
+    mesh = valid & (dr.gather(mi.UInt32, rows, 4 * row + 2, valid) != 0)
+    return dr.select(mesh, dr.gather(mi.UInt32, rows, 4 * row + 1, valid) + met.prim_index, NO_FACE)
+
+
+def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
+         met: list[tuple[Hits, mi.UInt32]]) -> mi.Bool:
+    """Whether what jumps between two rays jumps at the line between them.
+
+    At a fold both meet its facets. At an outline, or where meshes meet, that which goes less far meets one of the
+    line's facets, or something just by it: facets of a limb are small and nearly level.
+    """
+    faces = [upload(mi.UInt32, lines.faces[samples.line, k].astype(np.uint32)) for k in range(2)]
+    beside = [hits.valid & (face != NO_FACE) & ((face == faces[0]) | (face == faces[1])) for hits, face in met]
+    first, second = (dr.select(hits.valid, mi.Float(hits.arc_length), dr.inf) for hits, _ in met)
+    nearer = dr.minimum(first, second)
+    by = abs(nearer - mi.Float(points.arc_length)) < NEAR
+    outline = dr.select(first < second, beside[0], beside[1]) | by
+    return dr.select(kind.fold, beside[0] & beside[1], kind.outline & outline)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Kind:
+    """What points of lines are: outlines, or where meshes meet; folds that show, or neither."""
+
+    outline: mi.Bool
+    fold: mi.Bool
+
+
+def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarray) -> _Kind:
+    """Tell outlines, whose facets lie on the same side of the line as seen along `view` (N, 3), from folds."""
+    ends, sides = lines.ends[samples.line].astype(float), lines.faces[samples.line]
+    vertices = tracer.geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
+    corners = tracer.geometry.faces.numpy().reshape(-1, 4)[:, :3]
+    there = sides != NO_FACE
+    middle = vertices[corners[np.where(there, sides, 0)]].mean(2)                            # (sample, side, 3)
+    across = np.cross(ends[:, 1] - ends[:, 0], view)
+    side = np.einsum("nik,nk->ni", middle - ends[:, :1], across)
+    meets = samples.line >= lines.edges
+    outline = meets | ~there.all(1) | (side[:, 0] * side[:, 1] > 0)
+    return _Kind(outline=mi.Bool(outline), fold=mi.Bool(~outline & ~lines.smooth[samples.line]))
 
 
 def _points(tracer: Tracer, place: Place, lines: JumpLines, samples: LineSamples,
-            drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f]:
-    """Points of lines in directions, and the small steps across the lines, towards E_+."""
+            drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f, _Kind]:
+    """Points of lines in directions, the small steps across the lines, towards E_+, and what the points are."""
     lib: Any = arrays_of(mi.Float)
     ends = lines.ends[samples.line].astype(float)
     along = ends[:, 1] - ends[:, 0]
@@ -160,11 +212,13 @@ def _points(tracer: Tracer, place: Place, lines: JumpLines, samples: LineSamples
     hits = replace(Hits.on_surface(valid=valid, point=point, normal=mi.Vector3f(0, 0, 1),
                                    arrival_direction=way.arrival_direction, sound_speed=way.sound_speed,
                                    shape=dr.zeros(mi.ShapePtr, 1), primitive=mi.UInt32(0), uv=mi.Point2f(0)),
-                   travel_time=way.travel_time, ray_parameter=way.ray_parameter)
+                   travel_time=way.travel_time, arc_length=way.arc_length,
+                   ray_parameter=way.ray_parameter)
     rays = Rays(ping=ping, direction=way.launch_direction, solid_angle=mi.Float(0))
     points = LinePoints(hits=hits, rays=rays, drawn=drawn(place, rays), covector=covector,
                         motion=_motion(tracer, lines, samples, middle, covector.numpy().T.astype(float)))
-    return points, step * (n_down * e0 + n_side * h)
+    kind = _kind(tracer, lines, samples, way.arrival_direction.numpy().T.astype(float))
+    return points, step * (n_down * e0 + n_side * h), kind
 
 
 def _axes(way: Connection, chord: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Float, mi.Float]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..device.arrays import upload
 from ..propagation.layer_table import LayerTable
-from ..survey.first_hits import FirstHits, Losses, received
+from ..survey.first_hits import Echoes, FirstHits, Losses, received
 from ..survey.places import Place, Places
 from ..survey.rows import Rays, Rows
 from ..survey.survey import Survey
@@ -40,6 +40,7 @@ from .tent_bins import TentBins
 __all__ = ["Block", "EnergyField", "Kept", "Scenery"]
 
 BELOW = 1.0                        # [m]
+FINE = 2e-5                        # [m] of rays to either side of a line, chord against arc: see `edge_terms.ASIDE`
 FEWEST_POINTS, POINTS_PER_RAY = 256, 1 / 8         # of lines at which energies jump, a ping
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,10 +76,14 @@ class EnergyField:
         With the rays of which the field is made; the scene as it is then.
     rows : Rows
     seed : int
+
+    Attributes
+    ----------
+    rows : Rows
     """
 
     def __init__(self, survey: Survey, rows: Rows, seed: int):
-        self._rows, self._seed = rows, seed
+        self.rows, self._seed = rows, seed
         self._tents = TentBins(rows.bins)
         fastest = float(np.max(survey.profile.sound_speed))
         self._range = 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed))
@@ -88,7 +93,7 @@ class EnergyField:
 
     def _drawn(self, survey: Survey) -> Iterator[Block]:
         """Draw the rays of every block, where they are needed as the scene is now."""
-        rows, places = self._rows, self.at(survey)
+        rows, places = self.rows, self.at(survey)
 
         def bins_of(place: Place, rays: Rays) -> tuple[mi.UInt32, mi.Bool]:
             hits = places.tracer.trace(place.sources, place.origin(rays.ping), place.source(rays.ping), rays.direction)
@@ -107,7 +112,7 @@ class EnergyField:
         # tables end below all hits: beyond their ends nothing moves
         deepest = max(survey.geometry.depth_range[1], -float(survey.track.position[:, 2].min())) + BELOW
         water = DeviceWater(survey.profile, survey.absorption, survey.volume, deepest=deepest)
-        return Scenery(survey, Tracer(survey.geometry, water, max_range=self._range), self._rows)
+        return Scenery(survey, Tracer(survey.geometry, water, max_range=self._range), self.rows)
 
     def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
         """Trace a block's rays; nothing carries a gradient."""
@@ -123,24 +128,34 @@ class EnergyField:
                 found.append(Kept(rays=rays, hits=hits, facets=facets))
         return found
 
-    def edges(self, scenery: Scenery, block: Block, lines: JumpLines) -> EdgeTerms | None:
-        """Trace either side of points on lines at which energies jump, detached; None where no line is seen."""
-        place, survey = scenery.of(block.ping), scenery.survey
-        rays = sum(dr.width(rays.direction) for rays in block.rays)
+    def sampler(self, scenery: Scenery, lines: JumpLines) -> LineSampler:
+        """Give what draws points on lines at which energies jump."""
         with dr.suspend_grad():
-            sampler = LineSampler(lines, scenery.tracer, self._rows, survey.track.position, self._range, self._seed)
+            tracer = Tracer(scenery.tracer.geometry, scenery.water, max_range=self._range, tolerance=FINE)
+            return LineSampler(lines, tracer, self.rows, scenery.survey.track.position, self._range, self._seed)
+
+    def edges(self, scenery: Scenery, block: Block, sampler: LineSampler) -> EdgeTerms | None:
+        """Trace either side of points on lines at which energies jump, detached; None where no line is seen."""
+        place, rays = scenery.of(block.ping), sum(dr.width(rays.direction) for rays in block.rays)
+        with dr.suspend_grad():
             samples = sampler.drawn(place, max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY)))
             if not len(samples.line):
                 return None
-            first_hits = FirstHits(self._rows, scenery.water, self._tents.of)
-            return edge_terms(scenery.tracer, self._rows, first_hits, place, lines, samples,
+            first_hits = FirstHits(self.rows, scenery.water, self._tents.of)
+            return edge_terms(sampler.tracer, self.rows, first_hits, place, sampler.lines, samples,
                               surface=scenery.surface if scenery.mirrors else None, drawn=scenery.drawn)
+
+    def echoes(self, scenery: Scenery, block: Block, kept: Kept) -> Echoes:
+        """Give the echoes of a pass of rays, detached."""
+        place = scenery.of(block.ping)
+        rays = scenery.turned(place, kept.rays)
+        return FirstHits(self.rows, scenery.water, self._tents.of).echoes(place, rays, kept.hits)
 
     def sums(self, scenery: Scenery, block: Block, kept: list[Kept], edges: EdgeTerms | None = None) -> mi.Float64:
         """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
         place = scenery.attached(block.ping)
-        total = dr.zeros(mi.Float64, place.rows * self._rows.bins.count)
-        first_hits = FirstHits(self._rows, scenery.losses, self._tents.of)
+        total = dr.zeros(mi.Float64, place.rows * self.rows.bins.count)
+        first_hits = FirstHits(self.rows, scenery.losses, self._tents.of)
         for one in kept:
             rays, hits = self._finished(scenery, place, one)
             self._tents.add(total, first_hits.echoes(place, rays, hits))

@@ -12,8 +12,8 @@ dx -> the motion of the facet's point that was hit, n -> its normal, t -> the ra
 point slides over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated
 between corners, the normal that the surface scatters by and texture coordinates.
 
-Edges are not here: a point that slides off its facet goes on in the facet's plane, and what comes out of a shadow or
-goes into one is left out.
+Edges are not here: a point that slides off its facet goes on in the facet's plane. What comes out of a shadow or goes
+into one is the part of `edge_terms`.
 """
 from __future__ import annotations
 

@@ -69,9 +69,15 @@ class LineSampler:
     reach : float [m]
         Beyond which nothing is heard.
     seed : int
+
+    Attributes
+    ----------
+    lines : JumpLines
+    tracer : Tracer
     """
 
     def __init__(self, lines: JumpLines, tracer: Tracer, rows: Rows, positions: np.ndarray, reach: float, seed: int):
+        self.lines, self.tracer = lines, tracer
         self._rows, self._seed, self._water = rows, seed, tracer.water
         self._connector = Connector(tracer.geometry, tracer.water)
         self._vertices, self._faces = tracer.geometry.vertices, tracer.geometry.faces

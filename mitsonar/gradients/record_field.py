@@ -24,6 +24,7 @@ from .edge_terms import EdgeTerms
 from .energy_field import Block, EnergyField, Kept, Scenery
 from .jump_lines import JumpLines, LineMaker
 from .pictures import Picture
+from .unseen import seen_in, shares
 
 __all__ = ["About", "RecordField"]
 
@@ -45,13 +46,15 @@ class RecordField:
     ----------
     shape : (int, int, int)
         Pings, rows and bins.
+    outlines : bool
+        As `edges`.
     """
 
     def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
         survey = picture.survey
         survey = replace(survey, geometry=Geometry(survey.geometry.scene, smooth_beds=True))
         self._picture = picture
-        self._edges, self._makers = edges, {}
+        self.outlines, self._makers = edges, {}
         self.energy = EnergyField(survey, picture.rows, seed)
         self.shape = survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
         self.scene = AttachedScene(picture, survey)
@@ -71,7 +74,7 @@ class RecordField:
 
     def lines(self, scenery: Scenery) -> JumpLines | None:
         """Give the lines at which energies jump and which move with what carries gradients; None where none does."""
-        if not self._edges:
+        if not self.outlines:
             return None
         geometry = scenery.tracer.geometry
         moves = self.scene.attached(scenery).moves
@@ -109,22 +112,30 @@ class About:
     def __init__(self, field: RecordField):
         self._field, self._energy = field, field.energy
         self._scenery = field.scene.scenery(field.energy)
-        self._lines = field.lines(self._scenery)
+        lines = field.lines(self._scenery)
+        self._sampler = None if lines is None else field.energy.sampler(self._scenery, lines)
         rays = sum(dr.width(rays.direction) for block in field.energy.blocks for rays in block.rays)
         self._kept = [self._traced(block) for block in field.energy.blocks] if rays <= MOST_KEPT else None
         with dr.suspend_grad():
             self.value = field.shown([_array(self._energy.sums(self._scenery, block, kept))
-                                      for block, kept, _ in self._each()])
+                                      for block, kept, _ in self._each(edges=False)])
 
-    def _traced(self, block: Block) -> tuple[list[Kept], EdgeTerms | None]:
+    @property
+    def told(self) -> dict[str, float]:
+        """What the record and its derivatives do not see, as shares."""
+        found = [seen_in(self._energy, self._scenery, block, kept) for block, kept, _ in self._each(edges=False)]
+        return shares(found, outlines=self._field.outlines)
+
+    def _traced(self, block: Block, edges: bool = True) -> tuple[list[Kept], EdgeTerms | None]:
         kept = self._energy.kept(self._scenery, block)
         dr.eval(kept)
-        return kept, None if self._lines is None else self._energy.edges(self._scenery, block, self._lines)
+        wanted = edges and self._sampler is not None
+        return kept, self._energy.edges(self._scenery, block, self._sampler) if wanted else None
 
-    def _each(self) -> Iterator[tuple[Block, list[Kept], EdgeTerms | None]]:
-        """Blocks with their hits, traced anew where they are not kept."""
+    def _each(self, edges: bool = True) -> Iterator[tuple[Block, list[Kept], EdgeTerms | None]]:
+        """Blocks with their hits, traced anew where they are not kept; those may go without edges."""
         for number, block in enumerate(self._energy.blocks):
-            yield block, *(self._traced(block) if self._kept is None else self._kept[number])
+            yield block, *(self._traced(block, edges) if self._kept is None else self._kept[number])
 
     def pushed(self, set_tangents: Callable[[], None]) -> np.ndarray:
         """Give J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""

@@ -71,12 +71,22 @@ class SceneLinearised:
     ----------
     values : SceneValues
     field : RecordField
+
+    Attributes
+    ----------
+    told : dict[str, float]
+        What the record and its derivatives do not see, as shares; see `unseen`.
     """
 
     def __init__(self, values: SceneValues, field: RecordField):
         self._values = values.attached()
         self._about = field.about()
         self.value = self._about.value
+
+    @property
+    def told(self) -> dict[str, float]:
+        """What the record and its derivatives do not see, as shares."""
+        return self._about.told
 
     def forward(self, tangents: Values) -> np.ndarray:
         """Give J v; see `Linearised.forward`."""

@@ -1,7 +1,8 @@
 """Outlines that move: what their shadows and bright faces add to gradients of a sidescan's mean intensities.
 
-References are central differences with the same rays. A difference counts the rays that an outline passes: with 300,000
-rays, bins of 0.17 m and steps of 3 cm that is noise of 1 to 3 % of what changes, after bins are averaged in eights.
+References are central differences with the same rays. A difference counts the rays that an outline passes: with 200,000
+rays, bins of 0.17 m in eights and steps of 5 cm that is noise of 1 to 3 % of what changes, and up to 8 % along the
+track, where few strata of rays follow each other.
 Without outlines the same gradients are 20 to 120 % off.
 """
 from __future__ import annotations
@@ -29,7 +30,7 @@ def load(tmp_path):
     return loaded
 
 
-def scene(body, *, bed="", profile="0:1500, 50:1500", rays=300_000, pings=4, bins=200):
+def scene(body, *, bed="", profile="0:1500, 50:1500", rays=200_000, pings=4, bins=200):
     return f"""<scene version="3.0.0">
         <integrator type="sonar_path"><integer name="rays" value="{rays}"/></integrator>
         <shape type="seabed" id="bed">
@@ -83,13 +84,44 @@ def test_a_box_that_moves_takes_its_outline_and_shadow_with_it(load, z, profile)
     key, place = "box.vertex_positions", scene(box(z), profile=profile)
     model = scene_model(load(place), [key])
     directions = motions(model.start[key])
-    assert np.all(errors(model, key, directions, 0.03) < (0.03, 0.05, 0.03, 0.06))
+    assert np.all(errors(model, key, directions, 0.05) < (0.03, 0.1, 0.03, 0.06))
 
 
 def test_without_outlines_the_same_gradients_are_wrong(load):
     key = "box.vertex_positions"
     model = scene_model(load(scene(box(-28.6))), [key], edges=False)
-    assert np.all(errors(model, key, motions(model.start[key]), 0.03) > 0.15)
+    assert np.all(errors(model, key, motions(model.start[key])[2:3], 0.05) > 0.3)
+    assert model.linearised({}).told["outlines left out"] == 1
+
+
+def test_the_crest_of_a_mound_that_moves_takes_its_shadow_with_it(load):
+    """Heights of a bed, about a mound of 3 m that hides what is behind: bumps of 1.5 m on it, weights that grow with
+    range. Some of its far side is nearly seen from its edge. 0.5 % with 1,500,000 rays, 3 % is the noise of fewer."""
+    key, found = "bed.vertex_positions", []
+    model = scene_model(load(scene("", bed='<float name="spacing" value="0.5"/>')), [key])
+    start = model.start[key]
+
+    def bump(x, y, height, width):
+        square = np.sum((start[:, :2] - (x, y)) ** 2, 1)
+        return np.eye(3)[2] * height * np.exp(-square / (2 * width ** 2))[:, None]
+
+    there = start + bump(13, 0, 3.0, 1.5)
+    about = model.linearised({key: there})
+    weights = np.broadcast_to(np.linspace(0, 1, model.shape[2]) ** 3, model.shape).ravel()
+    for place in ((13.0, 0.3), (12.5, -0.5), (14, 0.8)):
+        way = bump(*place, 1.0, 1.5)
+        ahead, back = (model.value({key: there + sign * 0.05 * way}) for sign in (1, -1))
+        found.append((weights @ about.forward({key: way}), weights @ (ahead - back) / 0.1))
+    products, differences = np.array(found).T
+    assert np.linalg.norm(products - differences) < 0.04 * np.linalg.norm(differences)
+
+
+@pytest.mark.parametrize("key, step", [("sonar.position_offset", 0.05), ("sonar.attitude_offset", 0.003)])
+def test_outlines_pass_by_a_sonar_that_moves_or_turns(load, key, step):
+    """North and up, and heading and roll, by which rays pass the outline of a box; without outlines 70 to 200 %."""
+    model = scene_model(load(scene(box(-28.6))), [key])
+    ways = [np.broadcast_to(np.eye(3)[k], model.start[key].shape) for k in ((1, 2) if "position" in key else (0, 2))]
+    assert np.all(errors(model, key, ways, step) < 0.08)
 
 
 def test_forward_is_the_transpose_of_backward(load):

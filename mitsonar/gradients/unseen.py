@@ -1,0 +1,63 @@
+"""What a record does not see of a scene, and its derivatives do not know of, as shares.
+
+    bins in shadow                       of those between a row's first and last ray in the main lobe: none comes
+    echoes of shapes without facets      of all energy of first hits: spheres and cylinders, which stand still
+    outlines left out                    1 where nobody asks for them: derivatives are of what is lit
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .energy_field import Block, EnergyField, Kept, Scenery
+
+__all__ = ["Seen", "seen_in", "shares"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """What is seen in a block.
+
+    Attributes
+    ----------
+    rays : (rows, bins)
+        Within the main lobe.
+    energy, without_facets : float
+        Of all first hits, and of those on shapes without facets, in units of their bins.
+    """
+
+    rays: np.ndarray
+    energy: float
+    without_facets: float
+
+
+def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept]) -> Seen:
+    """Tell what is seen in a block."""
+    bins = energy.rows.bins.count
+    rays = dr.zeros(mi.UInt32, len(block.ping) * energy.rows.per_ping * bins)
+    total = rest = 0.0
+    with dr.suspend_grad():
+        for one in kept:
+            echoes = energy.echoes(scenery, block, one)
+            inside = echoes.active & echoes.response.in_beam
+            dr.scatter_add(rays, mi.UInt32(1), echoes.response.row * bins + echoes.bin, inside)
+            units = dr.select(echoes.active, echoes.units, 0)
+            total += float(dr.sum(units)[0])
+            rest += float(dr.sum(dr.select(one.facets.on_mesh, 0, units))[0])
+    return Seen(rays=rays.numpy().reshape(-1, bins), energy=total, without_facets=rest)
+
+
+def shares(seen: list[Seen], *, outlines: bool) -> dict[str, float]:
+    """Give what is not seen of all blocks, by name; `outlines`: whether derivatives know of them."""
+    lit = np.concatenate([one.rays for one in seen]) > 0
+    within = np.maximum.accumulate(lit, 1) & np.maximum.accumulate(lit[:, ::-1], 1)[:, ::-1]
+    told = {"bins in shadow": float(np.sum(within & ~lit) / max(np.sum(within), 1))}
+    total, rest = (sum(getattr(one, name) for one in seen) for name in ("energy", "without_facets"))
+    if rest > 0:
+        told["echoes of shapes without facets"] = rest / total
+    if not outlines:
+        told["outlines left out"] = 1.0
+    return told
