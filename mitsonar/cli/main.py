@@ -1,5 +1,5 @@
 """The command line: render, signals, demo, focus, soundings, like, scenes, describe, sweep, plot, video, raster,
-convert, mosaic, plan, published, validate, gradient-check, fit-profile, labels, doctor.
+convert, mosaic, plan, published, validate, gradient-check, fit, fit-profile, labels, doctor.
 
 Exit codes: 0 done, 1 where `validate` finds too large an error, `gradient-check` a wrong gradient, or renders of a
 `sweep` failed, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 from .. import __version__
 from ..io.errors import sentence
-from . import (describing, exporting, focusing, gradient_checking, gridding, labels, machine, planning, profile_fitting,
-               raster, recorded, rendering, results, sounding, sweep)
+from . import (describing, exporting, fitting, focusing, gradient_checking, gridding, labels, machine, planning,
+               profile_fitting, raster, recorded, rendering, results, sounding, sweep)
 from .arguments import Parser
 from .completion import SHELLS, Completion
 from .words import Signals, mute, warn
@@ -22,7 +22,7 @@ __all__ = ["main"]
 
 # in the order of the help
 GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning,
-          gradient_checking, profile_fitting, labels, machine)
+          gradient_checking, fitting, profile_fitting, labels, machine)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

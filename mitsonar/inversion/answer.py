@@ -112,7 +112,7 @@ class Fit:
         """Say what was done, and what was observable."""
         look = self.observability
         total = look.deviation.size
-        said = [f"after {self.iterations} steps {self.stopped}",
+        said = [f"{self.iterations} step{'s' * (self.iterations != 1)}: {self.stopped}",
                 f"the record tells {'' if look.complete else 'at least '}{look.effective:.1f} of {total} numbers"
                 f"{'' if look.complete else f', in the {look.singular_values.size} directions that were looked at'}"]
         said += [self._of_parameter(name, one) for name, one in self.parameters.items()]
@@ -124,7 +124,7 @@ class Fit:
 
     @staticmethod
     def _of_parameter(name: str, one: FittedParameter) -> str:
-        unit = f" {one.unit}" if one.unit else ""
+        unit = f" {one.unit}" if one.unit not in ("", "1") else ""
         told = one.resolved > TOLD
         middle = f"{np.median(one.uncertainty):.3g}{unit}"
         if one.value.size == 1:

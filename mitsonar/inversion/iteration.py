@@ -97,7 +97,7 @@ class Stopping:
         if comparable and state.cost[-2] - state.cost[-1] <= self.fall * abs(state.cost[-1]):
             return f"the misfit stands still, at {reduced:.3g} of the deviance that noise would have"
         if state.iteration >= self.iterations:
-            return f"{self.iterations} iterations are done, at {reduced:.3g} of the deviance that noise would have"
+            return f"no more were asked for, at {reduced:.3g} of the deviance that noise would have"
         return ""
 
 

@@ -27,6 +27,8 @@ def script(folder, capfd):
     (["mitsonar", "render", "sce"], {"scene.xml"}),
     (["mitsonar", "describe", "published"], {"published_figure_2", "published_figure_3"}),
     (["mitsonar", "gradient-check", "sidescan_f"], {"sidescan_flat"}),
+    (["mitsonar", "fit", "sidescan_f"], {"sidescan_flat"}),
+    (["mitsonar", "fit", "sidescan_flat", "a.exr", "--met"], {"--method"}),
     (["mitsonar", "render", "--prev"], {"--preview"}),
     (["mitsonar", "plot", "a.exr", "--tvg", "t"], {"target"}),
 ], ids=" ".join)

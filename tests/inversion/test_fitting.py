@@ -105,7 +105,7 @@ def test_it_says_when_iterations_are_done():
     found = fit(Exponential(np.eye(3)), Gaussian(np.full(3, 50.0), 1e-3), {"x": Prior(deviation=1.0)},
                 stopping=Stopping(iterations=1))
     assert found.iterations == 1
-    assert "1 iterations are done" in found.stopped
+    assert "no more were asked for" in found.stopped
 
 
 def test_steps_that_overshoot_are_taken_back():

@@ -1,0 +1,86 @@
+"""The command that fits what is in a scene to a record: fit."""
+import os
+
+from .arguments import Commands, number, parameters, set_up, whole
+from .completion import FILES, SCENES, complete_with
+from .progress import Progress
+from .words import announce
+
+__all__ = ["add"]
+
+OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method", "directions", "state",
+           "truth", "deviation", "strength", "farthest")
+
+
+def add(commands: Commands) -> None:
+    """Add the command to the parser's."""
+    fit = commands.add_parser("fit", help="fit parameters of a scene to a record, and say what the record "
+                                          "tells")
+    complete_with(fit.add_argument("what", metavar="SCENE|PROBLEM",
+                                   help="a scene, with a RECORD (.exr, .nc) of its sonar and one KEY=DEVIATION or "
+                                        "KEY=DEVIATION:LOWER:UPPER or more: parameters as mi.traverse names them, or "
+                                        "OBJECT.heights, OBJECT.pose; or heights, with a scene, a sidescan's record "
+                                        "and the bed's id"), SCENES)
+    complete_with(fit.add_argument("inputs", metavar="INPUT", nargs="*", help="what the scene or problem asks for"),
+                  FILES)
+    complete_with(fit.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
+    complete_with(fit.add_argument("--picture", metavar="OUT.png",
+                                   help="draw start, answer, what it may be off, and the truth where it is given"),
+                  FILES)
+    fit.add_argument("--iterations", type=whole, metavar="N", help="steps at most")
+    fit.add_argument("--threads", type=whole, metavar="N", help="worker threads, at least 2; default: one per core")
+    scene = fit.add_argument_group("of a scene")
+    scene.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
+                       help="value for a $parameter of the scene; repeatable")
+    scene.add_argument("--sensor", metavar="ID", help="which of the scene's sonars: its id; default: the first")
+    scene.add_argument("--seed", type=whole, metavar="N", help="of the model's rays; default: 0")
+    scene.add_argument("--looks", type=number, metavar="N", help="of the record's bins; default: 1, full speckle")
+    scene.add_argument("--model-error", type=number, metavar="SHARE",
+                       help="of intensities, that the scene's model is off by; default: 0.05")
+    scene.add_argument("--length", type=number, metavar="M",
+                       help="over which vertices' numbers belong together; default: each is on its own")
+    scene.add_argument("--noise", type=number, metavar="SHARE",
+                       help="of the deviance of noise, to stop at; default: 1; 0: go on to the most probable values")
+    scene.add_argument("--method", choices=("gauss-newton", "adam", "l-bfgs"), help="default: gauss-newton")
+    scene.add_argument("--directions", type=whole, metavar="N",
+                       help="in which to look at what the record tells; default: 40")
+    complete_with(scene.add_argument("--state", metavar="FILE.npz",
+                                     help="written after each step; where it is there, the fit goes on with it"), FILES)
+    complete_with(scene.add_argument("--truth", metavar="SCENE", help="to hold the answer against"), SCENES)
+    heights = fit.add_argument_group("of heights; so are -D, --sensor, --seed, --looks, --length and --directions")
+    heights.add_argument("--deviation", type=number, metavar="M", help="of the bed about a plane; default: 0.4")
+    heights.add_argument("--strength", metavar="KEY", help="of the bed, unknown then, such as bed.bsdf.strength")
+    heights.add_argument("--farthest", type=number, metavar="M", help="slant range that counts; default: all")
+    fit.set_defaults(run=_fit, behind_options="inputs")
+
+
+def _fit(arguments):
+    from ..io.files import check_writable
+
+    if os.path.splitext(arguments.output)[1].lower() != ".nc":
+        raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
+    check_writable(arguments.output)
+    if arguments.picture is not None:
+        from ..plots.canvas import file_format
+
+        file_format(arguments.picture)
+        check_writable(arguments.picture)
+    from ..inversion.problems import solve
+    from ..io import netcdf
+
+    options = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
+    if arguments.parameters:
+        options["parameters"] = parameters(arguments)
+    set_up(arguments.threads)
+    with Progress("steps", "fitting") as progress:
+        solved = solve(arguments.what, arguments.inputs, options, progress)
+    for sentence in solved.sentences:
+        print(sentence.rstrip("."), flush=True)
+    netcdf.write(solved.dataset, arguments.output)
+    announce(arguments.output)
+    if arguments.picture is not None:
+        from ..plots.canvas import save
+        from ..plots.fit_sheet import fit_figure
+
+        save(fit_figure(solved.dataset), arguments.picture)
+        announce(arguments.picture)

@@ -1,0 +1,210 @@
+"""Problems that `mitsonar fit` solves by name: what each asks for, and what answers it.
+
+A new one is a function and a line in `PROBLEMS`. Whatever names none is a scene, whose parameters are fitted.
+"""
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .iteration import Method
+    from .scene_fit import KeyPrior
+
+__all__ = ["METHODS", "PROBLEMS", "SCENE", "Problem", "Solved", "solve"]
+
+METHODS = "gauss-newton", "adam", "l-bfgs"
+
+Options = Mapping[str, Any]        # what was given, by the options' names, in the units of the command line
+Progress = Callable[[float, float], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """An answer.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        For a file.
+    sentences : list of str
+        What was done, and what was observable.
+    """
+
+    dataset: xr.Dataset
+    sentences: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """A problem with a name.
+
+    Parameters
+    ----------
+    asks : str
+        The inputs, as the help says them.
+    summary : str
+    takes : tuple of str
+        Names of options.
+    solve : callable
+        Of inputs, options and progress.
+    """
+
+    asks: str
+    summary: str
+    takes: tuple[str, ...]
+    solve: Callable[[Sequence[str], Options, Progress], Solved]
+
+
+def solve(what: str, inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Solve a problem of a name, or fit parameters of a scene.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        If an option is none of the problem's, or as the problem.
+    """
+    problem = PROBLEMS.get(what, SCENE)
+    for name in options:
+        if name not in problem.takes:
+            said = f"the problem {what}" if what in PROBLEMS else "a scene"
+            raise ValueError(f"{_flag(name)} is none of the options of {said}; leave it out: it takes "
+                             f"{', '.join(map(_flag, problem.takes))}")
+    return problem.solve(inputs if what in PROBLEMS else [what, *inputs], options, progress)
+
+
+def _flag(name: str) -> str:
+    return "-D" if name == "parameters" else f"--{name.replace('_', '-')}"
+
+
+# ---- a scene's parameters
+
+def _scene(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Fit the parameters of a scene: the scene, the record, and KEY=DEVIATION of each."""
+    if len(inputs) < 3:
+        raise ValueError(f"fit takes a scene, a record and one KEY=DEVIATION or more, such as bed.heights=0.5, or "
+                         f"one of {', '.join(PROBLEMS)}; got {' '.join(inputs)}")
+    from ..io import scenes
+    from ..scene.loading import load_file
+    from .iteration import Stopping
+    from .scene_fit import fit_scene, vertex_places
+
+    path, record, *keys = inputs
+    path = scenes.find(path)
+    priors = [_key_prior(text) for text in keys]
+    image, plain = _image(record), Stopping()
+    noise = options.get("noise", plain.noise)
+    stopping = Stopping(iterations=options.get("iterations", plain.iterations), noise=noise or None)
+    given = {name: options[name] for name in ("looks", "length", "model_error", "sensor", "seed", "directions")
+             if name in options}
+    scene = load_file(path, **options.get("parameters", {}))
+    found = fit_scene(scene, image, priors, stopping=stopping, method=_method(options.get("method", METHODS[0])),
+                      state_file=options.get("state"), progress=progress, **given)
+    dataset, sentences = found.to_dataset(), found.sentences()
+    for name, places in vertex_places(scene, found.values).items():
+        for axis, direction in enumerate(("east", "north")):
+            dataset[f"{name}_{direction}"] = dataset[name].dims, places[:, axis], {"units": "m"}
+    if "truth" in options:
+        _add_truth(dataset, sentences, options)
+    return Solved(dataset=dataset, sentences=sentences)
+
+
+def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> None:
+    """Put the parameters of another scene beside the answer, and say how far off it was and is."""
+    import numpy as np
+
+    from ..io import scenes
+    from ..scene.loading import load_file
+    from .answer import TOLD
+    from .scene_fit import scene_values
+
+    truth = scene_values(load_file(scenes.find(options["truth"]), **options.get("parameters", {})),
+                         dataset.attrs["parameters"], sensor=options.get("sensor", 0))
+    for name, value in truth.items():
+        if value.shape != dataset[name].shape:
+            raise ValueError(f"{name} has the shape {value.shape} in {options['truth']}, and {dataset[name].shape} in "
+                             "the scene that is fitted; give a truth of the same mesh")
+        told = dataset[f"{name}_resolved"].values > TOLD
+        told = told if told.any() else np.ones(told.shape, bool)
+        dataset[f"{name}_truth"] = dataset[name].dims, value, dict(dataset[name].attrs)
+        off = [float(np.sqrt(np.mean((dataset[one].values - value)[told] ** 2))) for one in (f"{name}_start", name)]
+        sentences.append(f"{name} was off by {off[0]:.3g} {dataset[name].attrs['units']} before and is by {off[1]:.3g} "
+                         f"now, root mean square over {int(told.sum())} of {told.size}")
+
+
+def _key_prior(text: str) -> KeyPrior:
+    """KEY=DEVIATION or KEY=DEVIATION:LOWER:UPPER."""
+    from .scene_fit import KeyPrior
+
+    key, _, rest = text.partition("=")
+    try:
+        numbers = [float(one) for one in rest.split(":")]
+    except ValueError:
+        numbers = []
+    if not key or len(numbers) not in (1, 3):
+        raise ValueError(f"{text!r} is no KEY=DEVIATION, nor KEY=DEVIATION:LOWER:UPPER; say how far the parameter may "
+                         "be off, such as bed.heights=0.5")
+    return KeyPrior(key=key, deviation=numbers[0], lower=numbers[1] if len(numbers) > 1 else -math.inf,
+                    upper=numbers[2] if len(numbers) > 1 else math.inf)
+
+
+def _method(name: str) -> Method:
+    from .first_order import LBFGS, Adam
+    from .gauss_newton import GaussNewton
+
+    return {"gauss-newton": GaussNewton, "adam": Adam, "l-bfgs": LBFGS}[name]()
+
+
+# ---- the heights of a bed
+
+def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Fit the heights of a bed, whose tilt and level are unknown, to one image of a sidescan."""
+    if len(inputs) != 3:
+        raise ValueError(f"fit heights takes a scene, a record, and the bed's id in the scene; got {' '.join(inputs)}")
+    from ..gradient_verbs import scene_model
+    from ..io import scenes
+    from ..scene.loading import load_file
+    from .heights import HeightPrior, fit_heights
+
+    path, record, owner = inputs
+    path, image = scenes.find(path), _image(record)
+    key = f"{owner}.vertex_positions"
+    strength = options.get("strength")
+    keys = [key] if strength is None else [key, strength]
+    model = scene_model(load_file(path, **options.get("parameters", {})), keys, sensor=options.get("sensor", 0),
+                        seed=options.get("seed", 0))
+    prior = HeightPrior(**{name: options[name] for name in ("deviation", "length") if name in options})
+    found = fit_heights(model, image, key, strength=strength, prior=prior, looks=options.get("looks", 1.0),
+                        farthest=options.get("farthest"), modes=options.get("directions", 60), told=progress)
+    name = "heights"
+    answer = found.rename({"height": name, **{one: f"{name}_{one}" for one in ("start", "deviation", "prior_deviation",
+                                                                              "resolved")}})
+    answer.attrs |= {"kind": "fit", "parameters": [name]}
+    sentences = [str(found.attrs[one]) for one in ("stopped", "told") if one in found.attrs]
+    return Solved(dataset=answer, sentences=sentences)
+
+
+def _image(record: str) -> xr.Dataset:
+    import xarray as xr
+
+    from ..io import reading
+
+    image = reading.read(record)
+    if not isinstance(image, xr.Dataset):
+        raise ValueError(f"{record} holds no image; give an EXR or netCDF file of one")
+    return image
+
+
+SCENE = Problem(asks="SCENE RECORD KEY=DEVIATION[:LOWER:UPPER] ...", summary="parameters of a scene, from an image",
+                takes=("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method",
+                       "directions", "state", "truth", "parameters"), solve=_scene)
+
+PROBLEMS = {
+    "heights": Problem(asks="SCENE RECORD ID", summary="the heights of a bed of unknown tilt, from a sidescan's image",
+                       takes=("looks", "length", "deviation", "farthest", "strength", "sensor", "seed", "directions",
+                              "parameters"), solve=_heights),
+}
