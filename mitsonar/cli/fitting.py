@@ -1,10 +1,11 @@
 """The command that fits what is in a scene to a record: fit."""
 import os
+from pathlib import Path
 
 from .arguments import Commands, number, parameters, set_up, whole
 from .completion import FILES, SCENES, complete_with
 from .progress import Progress
-from .words import announce
+from .words import Signals, announce
 
 __all__ = ["add"]
 
@@ -72,6 +73,8 @@ def _fit(arguments):
     if arguments.parameters:
         options["parameters"] = parameters(arguments)
     set_up(arguments.threads)
+    if arguments.state is not None and Signals.active is not None:
+        Signals.active.left = Path(arguments.state)
     with Progress("steps", "fitting") as progress:
         solved = solve(arguments.what, arguments.inputs, options, progress)
     for sentence in solved.sentences:

@@ -63,7 +63,8 @@ class Stopping:
         Steps at most.
     noise : float, optional
         Stop once the record's deviance is this share of what it is at the truth (discrepancy principle; Morozov, 1966):
-        what is fitted beyond is noise. None: go on to the most probable values.
+        what is fitted beyond is noise. None: go on to the most probable values. Deviations are those about the values
+        that are reached.
     fall : float
         Stop when Φ falls by less than this share of it.
 

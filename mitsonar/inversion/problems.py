@@ -177,9 +177,13 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     keys = [key] if strength is None else [key, strength]
     model = scene_model(load_file(path, **options.get("parameters", {})), keys, sensor=options.get("sensor", 0),
                         seed=options.get("seed", 0))
+
+    def told(done: int, total: int) -> None:
+        progress(done, total)
+
     prior = HeightPrior(**{name: options[name] for name in ("deviation", "length") if name in options})
     found = fit_heights(model, image, key, strength=strength, prior=prior, looks=options.get("looks", 1.0),
-                        farthest=options.get("farthest"), modes=options.get("directions", 60), told=progress)
+                        farthest=options.get("farthest"), modes=options.get("directions", 60), told=told)
     name = "heights"
     answer = found.rename({"height": name, **{one: f"{name}_{one}" for one in ("start", "deviation", "prior_deviation",
                                                                               "resolved")}})

@@ -56,7 +56,7 @@ def _draw(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
     if f"{name}_east" in answer or answer[name].ndim == 2 and min(answer[name].shape) > 3:
         _maps(figure, answer, name, place)
     else:
-        _curves(figure.add_gridspec(1, 1, **place).subplots(), answer, name)
+        _curves(figure.add_gridspec(1, 1, **place).subplots(squeeze=False)[0, 0], answer, name)
 
 
 def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
@@ -68,7 +68,8 @@ def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
     same = np.concatenate([answer[key].values.ravel() for key, _, colours in columns if colours == VALUES])
     limits = {VALUES: tuple(np.percentile(same, (1, 99))), SHARES: (0.0, 1.0),
               ERRORS: (0.0, float(answer[f"{name}_prior_deviation"].values.max()))}
-    for axes, (key, title, colours) in zip(figure.add_gridspec(1, len(columns), **place).subplots(), columns):
+    row = figure.add_gridspec(1, len(columns), **place).subplots(squeeze=False)[0]
+    for axes, (key, title, colours) in zip(row, columns):
         low, high = limits[colours]
         values = answer[key].values
         if f"{name}_east" in answer:
@@ -77,7 +78,8 @@ def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
             axes.set_aspect("equal" if 1 / LONG < np.ptp(east) / max(np.ptp(north), 1e-9) < LONG else "auto")
             curve_axes(axes, "east [m]", "north [m]")
         else:
-            up, across = answer[name].dims
+            across, up = answer[name].dims if answer[name].dims[0] == "x" else answer[name].dims[::-1]
+            values = answer[key].transpose(up, across).values
             placed = [answer[one].values if one in answer.coords else np.arange(answer.sizes[one])
                       for one in (across, up)]
             drawn = axes.pcolormesh(*placed, values, shading="nearest", cmap=colours, vmin=low, vmax=high)

@@ -47,6 +47,19 @@ def test_a_state_is_left_and_gone_on_with(folder, answered):
     assert (folder / "s.npz").exists()
 
 
+def test_a_fit_that_is_stopped_leaves_its_state_and_says_so(folder, monkeypatch, capfd):
+    def stopped(inputs, options, progress):
+        (folder / options["state"]).write_bytes(b"state")
+        raise KeyboardInterrupt
+
+    plain = problems.SCENE
+    monkeypatch.setattr(problems, "SCENE", problems.Problem(asks=plain.asks, summary=plain.summary, takes=plain.takes,
+                                                            solve=stopped))
+    assert cli.main(["fit", "scene.xml", "a.exr", "x=1", "-o", "a.nc", "--state", "s.npz"]) == 130
+    assert capfd.readouterr().err == "mitsonar: interrupted; s.npz is left, and the same command goes on with it\n"
+    assert not (folder / "a.nc").exists()
+
+
 @pytest.mark.parametrize("arguments, says", [
     (["scene.xml", "a.exr", "-o", "a.nc"], "a scene, a record and one KEY=DEVIATION or more"),
     (["scene.xml", "a.exr", "bed.heights", "-o", "a.nc"], "is no KEY=DEVIATION"),
