@@ -45,7 +45,7 @@ def fit_figure(fit: xr.Dataset, truth: np.ndarray | None = None) -> Figure:
     off = answer - (start if truth is None else truth)
     most = max(float(np.percentile(np.abs(off), SHARE)), 1e-12)
     figure = sheet(360 * (len(shown) + 2), 330)
-    axes = figure.subplots(1, len(shown) + 2, gridspec_kw={"wspace": 0.35})
+    axes = figure.subplots(1, len(shown) + 2, gridspec_kw={"wspace": 0.6})
     across = "x" in fit[name].dims
     extent = (float(fit.x[0]), float(fit.x[-1]), float(fit.y[0]), float(fit.y[-1])) if across else None
     for axis, (title, values, scale, colours) in zip(axes, [

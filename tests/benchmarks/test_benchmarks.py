@@ -35,6 +35,8 @@ RUNS = {
                  "20 mm, a thermocline"),
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
+    "inversions": (["inversions.py", "--quick", "--scenes", "mounds", "--looks", "1", "--pings", "7", "--spacing", "4"],
+                   "mounds"),
     "strips": (["strips.py", "--cell", "0.3", "--rounds", "1", "-Dreceivers=6", "-Doverlap=2"], "this checkout"),
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
     "real_sidescan": (["real_sidescan.py", "--real", "none.xtf", "--pings", "70", "-Drays=10000", "-Dbed_spacing=0.3",
