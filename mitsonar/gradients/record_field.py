@@ -129,8 +129,9 @@ class About:
     def _traced(self, block: Block, edges: bool = True) -> tuple[list[Kept], EdgeTerms | None]:
         kept = self._energy.kept(self._scenery, block)
         dr.eval(kept)
-        wanted = edges and self._sampler is not None
-        return kept, self._energy.edges(self._scenery, block, self._sampler) if wanted else None
+        if self._sampler is None or not edges:
+            return kept, None
+        return kept, self._energy.edges(self._scenery, block, self._sampler)
 
     def _each(self, edges: bool = True) -> Iterator[tuple[Block, list[Kept], EdgeTerms | None]]:
         """Blocks with their hits, traced anew where they are not kept; those may go without edges."""
