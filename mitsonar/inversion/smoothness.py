@@ -10,14 +10,15 @@ Jakob, 2021).
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 __all__ = ["Root", "grid_root", "independent_root", "mesh_root"]
 
-EXACT = 5000                       # vertices up to which deviations are scaled one by one
+EXACT = 1200                       # vertices up to which deviations are scaled one by one
+SAMPLES, NEAREST = 600, 4          # vertices of larger meshes at which they are, and those that one between is like
 TOGETHER = 256                     # right-hand sides solved at once
 WIDEST = 1e4                       # cells that a length may span: beyond, all nodes are one number in float64
 
@@ -100,8 +101,8 @@ def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation:
     faces : (F, 3) int
     length : float [m]
     deviation : (n,) float
-        Of each vertex; on meshes of more than `EXACT` vertices, of those that are a length away from a border, where
-        it is up to twice as much.
+        Of each vertex; on meshes of more than `EXACT` vertices to some hundredths, where the length is more than a
+        few edges.
 
     Raises
     ------
@@ -116,12 +117,10 @@ def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation:
     _check_length(length, np.sqrt(mass.max()))
     solver = splu(sparse.csc_matrix(sparse.diags_array(mass) + length ** 2 * stiffness))
     root = np.sqrt(mass)
-    if count <= EXACT:
-        spread = np.concatenate([np.sum((root[:, None] * solver.solve(one)) ** 2, 0)
-                                 for one in _unit_columns(count)])
-        scale = deviation / np.sqrt(spread)
-    else:
-        scale = deviation * np.sqrt(4 * np.pi) * length
+    some = _samples(np.asarray(vertices, float), length)
+    spread = np.concatenate([np.sum((root[:, None] * solver.solve(one)) ** 2, 0)
+                             for one in _unit_columns(count, some)])
+    scale = deviation / np.sqrt(_between(np.asarray(vertices, float), some, spread))
 
     def forward(numbers: np.ndarray) -> np.ndarray:
         return scale * solver.solve(root * numbers)
@@ -132,12 +131,37 @@ def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation:
     return Root(forward=forward, transpose=transpose)
 
 
-def _unit_columns(count: int):
-    """The identity's columns, some at a time."""
-    for begin in range(0, count, TOGETHER):
-        block = np.zeros((count, min(TOGETHER, count - begin)))
-        block[begin + np.arange(block.shape[1]), np.arange(block.shape[1])] = 1
+def _unit_columns(count: int, which: np.ndarray) -> Iterator[np.ndarray]:
+    """Columns of the identity, some at a time."""
+    for begin in range(0, which.size, TOGETHER):
+        part = which[begin:begin + TOGETHER]
+        block = np.zeros((count, part.size))
+        block[part, np.arange(part.size)] = 1
         yield block
+
+
+def _samples(vertices: np.ndarray, length: float) -> np.ndarray:
+    """Vertices at which deviations are scaled: all, or one of each cube whose side is half a length, or more."""
+    if len(vertices) <= EXACT:
+        return np.arange(len(vertices))
+    side = length / 2
+    while True:
+        some = np.unique(np.floor((vertices - vertices.min(0)) / side), axis=0, return_index=True)[1]
+        if some.size <= SAMPLES:
+            return np.sort(some)
+        side *= 1.2
+
+
+def _between(vertices: np.ndarray, some: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Variances at all vertices of those at some."""
+    from scipy.spatial import cKDTree
+
+    if some.size == len(vertices):
+        return spread
+    apart, which = cKDTree(vertices[some]).query(vertices, k=min(NEAREST, some.size))
+    apart, which = apart.reshape(len(vertices), -1), which.reshape(len(vertices), -1)
+    weight = 1 / np.maximum(apart, 1e-9 * max(apart.max(), 1e-300)) ** 2
+    return np.sum(weight * spread[which], 1) / weight.sum(1)
 
 
 def _elements(vertices: np.ndarray, faces: np.ndarray):

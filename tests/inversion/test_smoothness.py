@@ -28,6 +28,14 @@ def test_every_node_has_the_deviation_asked_for(kind):
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), deviation, rtol=1e-10)
 
 
+def test_deviations_on_a_large_mesh_are_those_asked_for_within_a_few_hundredths():
+    # 1,296 vertices, scaled at a quarter of them: the variance rises to a border within a length of six samples
+    root = mesh_root(*_mesh(36, 0.5), 3.0, np.ones(1296))
+    random = np.random.default_rng(0)
+    rows = [root.transpose(np.eye(1296)[one]) for one in (0, 20, 35, 820, 1295, *random.integers(0, 1296, 40))]
+    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=0.05)
+
+
 @pytest.mark.parametrize("kind", ROOTS)
 def test_transposes_are_transposes(kind):
     rng = np.random.default_rng(0)
@@ -36,10 +44,10 @@ def test_transposes_are_transposes(kind):
 
 
 def test_far_from_borders_the_covariance_is_materns():
-    # (d/l) K1(d/l); cells of l/4 and a border 5 l away: 2 % of the variance
+    # (d/l) K1(d/l); cells of l/4 and a border 4 l away: 2 % of the variance
     from scipy.special import k1
 
-    count, step, length = 41, 0.5, 2.0
+    count, step, length = 33, 0.5, 2.0
     middle = count // 2 * (count + 1)
     distance = step * np.arange(1, 13)
     wanted = distance / length * k1(distance / length)
