@@ -101,8 +101,8 @@ def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation:
     faces : (F, 3) int
     length : float [m]
     deviation : (n,) float
-        Of each vertex; on meshes of more than `EXACT` vertices to some hundredths, where the length is more than a
-        few edges.
+        Of each vertex; on meshes of more than `EXACT` vertices to some hundredths, in corners to a fifth, where the
+        length is more than a few edges.
 
     Raises
     ------
@@ -141,10 +141,10 @@ def _unit_columns(count: int, which: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _samples(vertices: np.ndarray, length: float) -> np.ndarray:
-    """Vertices at which deviations are scaled: all, or one of each cube whose side is half a length, or more."""
+    """Vertices at which deviations are scaled: all, or one of each cube whose side is a quarter of a length or more."""
     if len(vertices) <= EXACT:
         return np.arange(len(vertices))
-    side = length / 2
+    side = length / 4
     while True:
         some = np.unique(np.floor((vertices - vertices.min(0)) / side), axis=0, return_index=True)[1]
         if some.size <= SAMPLES:
