@@ -10,7 +10,7 @@ from .words import Signals, announce
 __all__ = ["add"]
 
 OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method", "directions", "state",
-           "truth", "deviation", "strength", "farthest")
+           "truth", "deviation", "strength", "farthest", "class")
 
 
 def add(commands: Commands) -> None:
@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
                                    help="a scene, with a RECORD (.exr, .nc) of its sonar and one KEY=DEVIATION or "
                                         "KEY=DEVIATION:LOWER:UPPER or more: parameters as mi.traverse names them, or "
                                         "OBJECT.heights, OBJECT.pose; or heights, with a scene, a sidescan's record "
-                                        "and the bed's id"), SCENES)
+                                        "and the bed's id; or map, with both and a texture's key, in decibels"), SCENES)
     complete_with(fit.add_argument("inputs", metavar="INPUT", nargs="*", help="what the scene or problem asks for"),
                   FILES)
     complete_with(fit.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
@@ -48,9 +48,12 @@ def add(commands: Commands) -> None:
     complete_with(scene.add_argument("--state", metavar="FILE.npz",
                                      help="written after each step; where it is there, the fit goes on with it"), FILES)
     complete_with(scene.add_argument("--truth", metavar="SCENE", help="to hold the answer against"), SCENES)
-    heights = fit.add_argument_group("of heights; so are -D, --sensor, --seed, --looks, --length and --directions")
-    heights.add_argument("--deviation", type=number, metavar="M", help="of the bed about a plane; default: 0.4")
+    heights = fit.add_argument_group("of heights and map; so are -D, --sensor, --seed, --looks and --directions, and "
+                                     "--length of heights")
+    heights.add_argument("--deviation", type=number, metavar="M|DB",
+                         help="of the bed about a plane; default: 0.4; of the map about its mean; default: 6")
     heights.add_argument("--strength", metavar="KEY", help="of the bed, unknown then, such as bed.bsdf.strength")
+    heights.add_argument("--class", action="append", metavar="NAME=DB", help="of a map: a sediment; repeatable")
     heights.add_argument("--farthest", type=number, metavar="M", help="slant range that counts; default: all")
     fit.set_defaults(run=_fit, behind_options="inputs")
 

@@ -184,12 +184,57 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     prior = HeightPrior(**{name: options[name] for name in ("deviation", "length") if name in options})
     found = fit_heights(model, image, key, strength=strength, prior=prior, looks=options.get("looks", 1.0),
                         farthest=options.get("farthest"), modes=options.get("directions", 60), told=told)
-    name = "heights"
-    answer = found.rename({"height": name, **{one: f"{name}_{one}" for one in ("start", "deviation", "prior_deviation",
-                                                                              "resolved")}})
-    answer.attrs |= {"kind": "fit", "parameters": [name]}
+    return _as_fit(found, "height", "heights")
+
+
+# ---- a map of sediments
+
+def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Fit a texture of the bed's strength to one image of a sidescan."""
+    if len(inputs) != 3:
+        raise ValueError("fit map takes a scene, a record, and the key of a texture in decibels, such as "
+                         f"bed.bsdf.mu_db.data; got {' '.join(inputs)}")
+    from ..gradient_verbs import scene_model
+    from ..io import scenes
+    from ..scene.loading import load_file
+    from .sediment_map import StrengthPrior, fit_sediment_map
+
+    path, record, key = inputs
+    path, image = scenes.find(path), _image(record)
+    classes = dict(_class(text) for text in options["class"]) if "class" in options else None
+    model = scene_model(load_file(path, **options.get("parameters", {})), [key], sensor=options.get("sensor", 0),
+                        seed=options.get("seed", 0))
+
+    def told(done: int, total: int) -> None:
+        progress(done, total)
+
+    prior = StrengthPrior() if "deviation" not in options else StrengthPrior(deviation_db=options["deviation"])
+    found = fit_sediment_map(model, image, key, classes=classes, prior=prior, looks=options.get("looks", 1.0),
+                             farthest=options.get("farthest"), modes=options.get("directions", 20), told=told)
+    return _as_fit(found, "strength_db", "strength_db")
+
+
+def _class(text: str) -> tuple[str, float]:
+    """NAME=DB."""
+    name, _, level = text.partition("=")
+    try:
+        return name, float(level)
+    except ValueError:
+        raise ValueError(f"--class is {text!r}; give NAME=DB, such as sand=-27") from None
+
+
+def _as_fit(found: xr.Dataset, answer: str, name: str) -> Solved:
+    """An answer over a plane by the names of `Fit.to_dataset`."""
+    named = "start", "deviation", "prior_deviation", "resolved", "probability", "label"
+    parts = {one: f"{name}_{one}" for one in named if one in found}
+    dataset = found.rename({answer: name, **parts} if answer != name else parts)
     sentences = [str(found.attrs[one]) for one in ("stopped", "told") if one in found.attrs]
-    return Solved(dataset=answer, sentences=sentences)
+    told = found["resolved"].values > 0.5
+    unit, deviation = found[answer].attrs["units"], found["deviation"].values
+    sentences.append(f"{name}: {int(told.sum())} of {told.size} numbers are told" + (
+        f", to ± {float(deviation[told].mean()):.3g} {unit} on average" if told.any() else ""))
+    dataset.attrs = {**found.attrs, "kind": "fit", "parameters": [name], "observable": "; ".join(sentences)}
+    return Solved(dataset=dataset, sentences=sentences)
 
 
 def _image(record: str) -> xr.Dataset:
@@ -211,4 +256,7 @@ PROBLEMS = {
     "heights": Problem(asks="SCENE RECORD ID", summary="the heights of a bed of unknown tilt, from a sidescan's image",
                        takes=("looks", "length", "deviation", "farthest", "strength", "sensor", "seed", "directions",
                               "parameters"), solve=_heights),
+    "map": Problem(asks="SCENE RECORD KEY", summary="a texture of the bed's strength, from a sidescan's image",
+                   takes=("looks", "class", "deviation", "farthest", "sensor", "seed", "directions", "parameters"),
+                   solve=_map),
 }

@@ -71,6 +71,8 @@ def test_a_fit_that_is_stopped_leaves_its_state_and_says_so(folder, monkeypatch,
     (["heights", "scene.xml", "-o", "a.nc"], "takes a scene, a record, and the bed's id"),
     (["heights", "scene.xml", "a.exr", "bed", "-o", "b.nc", "--noise", "3"], "--noise is none of the options of the "),
     (["heights", "scene.xml", "a.exr", "bed", "-o", "b.nc"], "cannot read a.exr"),
+    (["map", "scene.xml", "a.exr", "-o", "b.nc"], "takes a scene, a record, and the key of a texture"),
+    (["map", "scene.xml", "a.exr", "bed.x", "-o", "b.nc", "--strength", "x"], "--strength is none of the options"),
 ])
 def test_bad_input_is_one_sentence(folder, refusal, arguments, says):
     assert says in refusal("fit", *arguments)
