@@ -20,7 +20,7 @@ def found(tmp_path_factory):
     folder = tmp_path_factory.mktemp("heights")
     bed = scene(folder, speckle="true", bump="0.8", mu_db="-19", rays=20000)
     started = model(scene(folder), BED, STRENGTH)
-    fit = fit_heights(started, looked(bed, 4), BED, strength=STRENGTH, looks=4, stages=STAGES, farthest=21, modes=20)
+    fit = fit_heights(started, looked(bed, 4), BED, strength=STRENGTH, looks=4, stages=STAGES, farthest=21, modes=6)
     positions = vertices(bed)
     return fit, positions[grid_of(positions)[2], 2]
 

@@ -36,7 +36,7 @@ def test_a_box_is_found_where_it_lies_and_how_it_is_turned(tmp_path):
     parameters[BOX] = mi.Float(moved.ravel().astype(np.float32))
     parameters.update()
     fit = fit_pose(model(box(tmp_path, rays=3000), BOX), looked(data, 4), BOX, looks=4, farthest=21,
-                   stages=[Stage(bins=6, steps=4, products=6), Stage(bins=3, steps=3, products=6)])
+                   stages=[Stage(bins=6, steps=3, products=6), Stage(bins=3, steps=2, products=5)])
     off = fit["pose"].values - TRUE
     assert np.all(np.abs(off[:2]) < 0.12) and abs(off[3]) < 0.07
     assert np.all(fit["deviation"] < 0.3 * fit["prior_deviation"] + 0.05)

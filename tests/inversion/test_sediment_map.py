@@ -32,8 +32,8 @@ def test_a_map_is_found_and_its_sediments_named(tmp_path):
     truth = np.where(np.arange(12)[:, None] + np.zeros(8) < 6, -20.0, -27.0)
     data = painted(tmp_path, "truth", truth, rays=8000, speckle="true")
     started = model(painted(tmp_path, "start", np.full((12, 8), -23.5), rays=800), KEY)
-    fit = fit_sediment_map(started, looked(data, 4), KEY, looks=4, classes=CLASSES, farthest=22, modes=5,
-                           stages=[Stage(bins=6, steps=4, products=6)])
+    fit = fit_sediment_map(started, looked(data, 4), KEY, looks=4, classes=CLASSES, farthest=22, modes=2,
+                           stages=[Stage(bins=6, steps=3, products=6)])
     inside = (slice(2, 10), slice(2, 6))
     assert np.abs(fit["strength_db"].values - truth)[inside].mean() < 1.5
     assert (fit["label"].values == (truth > -23))[inside].mean() > 0.9
