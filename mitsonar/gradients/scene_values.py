@@ -77,7 +77,7 @@ class SceneValues:
         for key in self.keys:
             new = checked.get(key, self.start[key])
             if not np.array_equal(new, self._array(key)):
-                self._parameters[key] = self._value(key, new)
+                self._parameters[key] = self.value(key, new)
         self._parameters.update()
 
     def checked(self, values: Values) -> dict[str, np.ndarray]:
@@ -94,7 +94,7 @@ class SceneValues:
             found[key] = array
         return found
 
-    def _value(self, key: str, array: np.ndarray) -> Any:
+    def value(self, key: str, array: np.ndarray) -> Any:
         """An array as Mitsuba's own kind of value."""
         kind = type(self._parameters[key])
         if kind is float:
@@ -110,12 +110,17 @@ class SceneValues:
         """Give the parameters as leaves, in the scene."""
         leaves = {}
         for key in self.keys:
-            leaf = self._value(key, self._array(key))
+            leaf = self.value(key, self._array(key))
             dr.enable_grad(leaf)
             leaves[key] = leaf
         found = AttachedValues(self, leaves)
         self.hold(found, leaves)
         return found
+
+    def give_up(self, holder: AttachedValues) -> None:
+        """Have a holder's leaves put in anew when they are next asked for."""
+        if self._holder is holder:
+            self._holder = None
 
     def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
         """Put leaves into the scene, unless they are there; nothing else in it carries gradients then."""
@@ -152,10 +157,23 @@ class AttachedValues:
         return {key: checked.get(key, np.zeros_like(start)) for key, start in self._values.start.items()}
 
     def set_tangents(self, directions: Mapping[str, np.ndarray]) -> None:
-        """Let the leaves move in these directions."""
+        """Let the leaves move in these directions, and what their plugins made of them.
+
+        A texture keeps a copy of its data, and a law that is called for it may be looked into by calls alone: Dr.Jit
+        wants tangents to be there before. That uses up the way from the leaf to the copy, which is made anew.
+        """
+        copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf)]
+        if copied:
+            self._values.give_up(self)
+            self.hold()
         for key, leaf in self._leaves.items():
             dr.clear_grad(leaf)
-            dr.set_grad(leaf, self._values._value(key, directions[key]))
+            dr.set_grad(leaf, self._values.value(key, directions[key]))
+        if copied:
+            for key in copied:
+                dr.enqueue(dr.ADMode.Forward, self._leaves[key])
+            dr.traverse(dr.ADMode.Forward, flags=dr.ADFlag.ClearEdges)
+            self._values.give_up(self)
 
     def clear(self) -> None:
         """Forget gradients."""

@@ -162,3 +162,21 @@ def test_a_bed_that_is_never_met_has_no_gradient(load):
     text = sidescan().replace('name="range" value="34"', 'name="range" value="8"')
     about = mitsonar.scene_model(load(text), [POSITIONS]).linearised({})
     assert not np.any(about.backward(np.ones_like(about.value))[POSITIONS])
+
+
+def test_a_texture_moves_a_sidescan_both_ways(load, rng, tmp_path):
+    """A texture keeps a copy of its data: tangents must reach it, time after time."""
+    places = np.linspace(0, 1, 12)
+    strengths = (-25 + 3 * np.sin(6 * places[:, None] + 4 * places)).astype(np.float32)
+    mi.Bitmap(strengths[..., None]).write(str(tmp_path / "strengths.exr"))
+    text = sidescan().replace('<float name="mu_db" value="-25"/>', """<texture name="mu_db" type="bitmap">
+        <string name="filename" value="strengths.exr"/> <boolean name="raw" value="true"/> </texture>""")
+    model, key = mitsonar.scene_model(load(text), ["bed.bsdf.mu_db.data"]), "bed.bsdf.mu_db.data"
+    about = model.linearised({})
+    weights = np.ones_like(about.value) / about.value.mean()
+    for _ in range(2):
+        direction = np.cos(rng.uniform(0, 6) + 3 * places)[:, None, None] * np.ones_like(model.start[key])
+        moved = about.forward({key: direction}) @ weights
+        up, down = (model.value({key: model.start[key] + by * direction}) @ weights for by in (0.05, -0.05))
+        assert moved == pytest.approx((up - down) / 0.1, rel=1e-3)
+        assert np.sum(about.backward(weights)[key] * direction) == pytest.approx(moved, rel=1e-5)
