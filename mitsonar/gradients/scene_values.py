@@ -164,6 +164,9 @@ class AttachedValues:
         """
         copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf)]
         if copied:
+            for key in copied:                             # what earlier products left behind leads on from old leaves
+                self._leaves[key] = type(self._leaves[key])(dr.detach(self._leaves[key]))
+                dr.enable_grad(self._leaves[key])
             self._values.give_up(self)
             self.hold()
         for key, leaf in self._leaves.items():
