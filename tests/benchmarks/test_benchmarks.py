@@ -35,6 +35,7 @@ RUNS = {
                  "20 mm, a thermocline"),
     "frame_errors": (["frame_errors.py", "--quick", "bed"], "mean |beam|²"),
     "frame": (["frame.py", *FRAME, "--rounds", "1"], "picture, this checkout"),
+    "gradients": (["gradients.py", "--rays", "4000", "--pings", "2", "--rounds", "1"], "Jt w, hits kept"),
     "inversions": (["inversions.py", "--quick", "--scenes", "mounds", "--looks", "1", "--pings", "7", "--spacing", "4"],
                    "mounds"),
     "strips": (["strips.py", "--cell", "0.3", "--rounds", "1", "-Dreceivers=6", "-Doverlap=2"], "this checkout"),
