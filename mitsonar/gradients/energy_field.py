@@ -141,7 +141,7 @@ class EnergyField:
             samples = sampler.drawn(place, max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY)))
             if not len(samples.line):
                 return None
-            first_hits = FirstHits(self.rows, scenery.water, self._tents.of)
+            first_hits = FirstHits(self.rows, scenery.water, self._tents.of, smooth_patches=True)
             return edge_terms(sampler.tracer, self.rows, first_hits, place, sampler.lines, samples,
                               surface=scenery.surface if scenery.mirrors else None, drawn=scenery.drawn)
 
@@ -149,13 +149,14 @@ class EnergyField:
         """Give the echoes of a pass of rays, detached."""
         place = scenery.of(block.ping)
         rays = scenery.turned(place, kept.rays)
-        return FirstHits(self.rows, scenery.water, self._tents.of).echoes(place, rays, kept.hits)
+        first_hits = FirstHits(self.rows, scenery.water, self._tents.of, smooth_patches=True)
+        return first_hits.echoes(place, rays, kept.hits)
 
     def sums(self, scenery: Scenery, block: Block, kept: list[Kept], edges: EdgeTerms | None = None) -> mi.Float64:
         """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
         place = scenery.attached(block.ping)
         total = dr.zeros(mi.Float64, place.rows * self.rows.bins.count)
-        first_hits = FirstHits(self.rows, scenery.losses, self._tents.of)
+        first_hits = FirstHits(self.rows, scenery.losses, self._tents.of, smooth_patches=True)
         for one in kept:
             rays, hits = self._finished(scenery, place, one)
             self._tents.add(total, first_hits.echoes(place, rays, hits))

@@ -4,8 +4,8 @@
 
 E_r -> the first-hit echoes of rays that stay the same (`energy_field`), P L -> pulse and sides (`pictures`), I_other ->
 echoes of several bounces, of the water and of what has a phase, N -> noise; the last two are those at the start, and
-stand still. Seabeds are met by normals between their nodes, in values and in gradients: of facets, neither would be
-smooth.
+stand still. Seabeds are met, and lit, by normals between their nodes, in values and in gradients: of facets, neither
+would be smooth.
 
 Gradients are those of Dr.Jit, of arrays in the scene: whoever owns the leaves asks for products (`About`).
 """

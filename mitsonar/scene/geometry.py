@@ -80,7 +80,8 @@ class Geometry:
     ----------
     scene : mitsuba.Scene
     smooth_beds : bool
-        Whether every seabed is met by the normals between its nodes, whatever it says itself: what gradients are of.
+        Whether every seabed is met by the normals between its nodes, whatever it says itself, and lit by smooth
+        patches, too: what gradients are of.
     """
 
     def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):

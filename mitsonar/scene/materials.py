@@ -152,7 +152,8 @@ def _name(shape):
     return f'"{shape.id()}"' if shape.id() else f"a {shape.class_name()}"
 
 
-def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
+def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
+                        smooth_patches: bool = False) -> tuple[mi.Float, mi.Float]:
     """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle.
 
     Parameters
@@ -160,6 +161,9 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tup
     hits : Meeting
     active : Bool (R,)
     frequency : float [Hz]
+    smooth_patches : bool
+        Whether the sine is that on what surfaces scatter by, else that on their facets: facets' own patches add up to
+        the area in a bin, smooth ones change without a step from facet to facet, as derivatives want it.
 
     Returns
     -------
@@ -172,7 +176,7 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float) -> tup
 
     strength = dr.dispatch(hits.shape.bsdf(), backwards, si, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), active)
-    return strength, mi.Float(mi.Frame3f.cos_theta(si.wi))
+    return strength, mi.Float(mi.Frame3f.cos_theta(si.wi)) if smooth_patches else _sine(hits, si)
 
 
 def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
@@ -189,7 +193,7 @@ def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
     seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
     strength = dr.dispatch(hits.shape.bsdf(), _strength, si, wo, dr.opaque(mi.Float, frequency),
                            mi.Float(hits.sound_speed), seen)
-    return dr.select(seen, strength, 0), mi.Float(mi.Frame3f.cos_theta(si.wi))
+    return dr.select(seen, strength, 0), _sine(hits, si)
 
 
 def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
@@ -340,3 +344,10 @@ def _interaction(hits, active):
     si.shape, si.prim_index = hits.shape, hits.primitive
     si.wi = frame.to_local(-hits.arrival_direction)
     return si
+
+
+def _sine(hits, si):
+    """Sine of the grazing angle on the facets, by which a ray's patch is as large as it is."""
+    if hits.smooth is None:
+        return mi.Float(mi.Frame3f.cos_theta(si.wi))
+    return mi.Float(-dr.dot(hits.normal, hits.arrival_direction))

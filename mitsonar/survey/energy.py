@@ -91,7 +91,7 @@ class EnergyBlock(Generic[RaysOf]):
             survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)),
             rows.frequency)
         self._places = Places(survey, self._sound.tracer, rows.underway, rows.per_ping)
-        self._first_hits = FirstHits(rows, self._sound.water)
+        self._first_hits = FirstHits(rows, self._sound.water, smooth_patches=geometry.smooth_beds)
         self._truth = TruthSums(geometry, rows)
         self._others, self._coherent = rows.other_sources(self._sound, seed), rows.coherent(self._sound)
         self._mirrors, self._surface = geometry.surface_mirrors, dr.opaque(mi.UInt32, geometry.surface_label)

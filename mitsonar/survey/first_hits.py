@@ -70,10 +70,12 @@ class FirstHits:
     water : Losses
     binning : Binning or None
         None: that of the rows.
+    smooth_patches : bool
+        See `scattering_strength`.
     """
 
-    def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None):
-        self._rows, self._water = rows, water
+    def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None, *, smooth_patches: bool = False):
+        self._rows, self._water, self._smooth_patches = rows, water, smooth_patches
         self._binning: Binning = rows.bins.of if binning is None else binning
 
     def echoes(self, place: Place, rays: Rays, hits: Hits) -> Echoes:
@@ -81,7 +83,8 @@ class FirstHits:
         bins, reception = self._rows.bins, received(place, rays, hits)
         response = self._rows.response(place, rays, reception.towards)
         bin, inside = self._binning(reception.delay, hits.valid & response.active)
-        strength, sin_grazing = scattering_strength(hits, inside, self._rows.frequency)
+        strength, sin_grazing = scattering_strength(hits, inside, self._rows.frequency,
+                                                     smooth_patches=self._smooth_patches)
         _, speed = place.medium(rays.ping)
         units, loss = bins.worth(bin, inside, self._water.loss_db(place.origin(rays.ping), hits.point, hits))
         energy = echo_energy(solid_angle=rays.solid_angle, pattern=response.pattern, strength=strength,

@@ -6,8 +6,8 @@ scatters by the tilt of the smooth surface that its facets stand for (Phong 1975
     n = Σ_i λ_i n_i / |Σ_i λ_i n_i|,       n <- n + max(s - n·w, 0) w,  normalised
 
 λ_i barycentric coordinates, n_i the normals at the corners, w the way back that sound came, s = min(facet's n·w, 0.02):
-no normal looks away from where sound comes. The patch that a ray lights is that of the smooth surface, too: on facets
-it would jump from one to the next. Places, times and shadows stay those of the facets; scatterers have their area.
+no normal looks away from where sound comes. Places, times, shadows and areas stay those of the facets. So a bin has
+σ(smooth grazing angle) times the facets' area in it, whose sum is that of the mesh.
 """
 from __future__ import annotations
 

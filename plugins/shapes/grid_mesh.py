@@ -12,7 +12,7 @@ TO_WORLD = Transform("to_world", otherwise="the identity", text="applied to the 
 MATERIAL = Nested("bsdf", default=None, otherwise="Mitsuba's `diffuse`", text="the material")
 SMOOTH_NORMALS = Boolean("smooth_normals", default=False,
                          text="scatter by normals interpolated between nodes, so that the facets of a coarse mesh do "
-                              "not show; places and shadows stay those of the facets")
+                              "not show; places, areas and shadows stay those of the facets")
 
 
 class GridMesh(NamedTuple):
