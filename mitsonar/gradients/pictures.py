@@ -37,11 +37,14 @@ class Picture(Protocol):
     survey : Survey
     sensor : mitsuba.Sensor
     rows : Rows
+    noise : float [µPa²]
+        The part of `still` that is noise, in every bin.
     """
 
     survey: Survey
     sensor: Any
     rows: Rows
+    noise: float
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
         """Give what the picture shows of energies (ping, row, bin) [µPa²]."""
@@ -71,7 +74,7 @@ class SidescanPicture:
         self.rows: Rows = Sides(survey)
         self._shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
         noise = noise_db(sensor, survey.sonar)
-        self._noise = 0.0 if noise is None else float(power_from_db(noise))
+        self.noise = 0.0 if noise is None else float(power_from_db(noise))
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
         """Give what the picture shows of energies."""
@@ -83,7 +86,7 @@ class SidescanPicture:
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
         """Give noise, and echoes other than those of first hits."""
-        total = np.full((survey.track.pings, 2, self.rows.bins.count), self._noise)
+        total = np.full((survey.track.pings, 2, self.rows.bins.count), self.noise)
         if len(self.rows.paths) > 1 or has_phases(survey):
             record = energy.record(survey, self.rows, seed)
             if record.path_intensity is not None:
@@ -113,6 +116,7 @@ class FanPicture:
         self.survey: Survey = survey
         self.sensor, self._beams = sensor, Beams(survey, *directions)
         self.rows: Rows = self._beams
+        self.noise = 0.0
         self._gain = _compressed_energy(survey)
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
@@ -149,6 +153,7 @@ class StepPicture:
         self.survey: Survey = survey
         self.sensor, self._steps = sensor, sector_scan.steps_of(survey, sensor)
         self.rows: Rows = self._steps
+        self.noise = 0.0
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
         """Give what the picture shows of energies."""

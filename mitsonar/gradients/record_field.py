@@ -46,6 +46,10 @@ class RecordField:
     ----------
     shape : (int, int, int)
         Pings, rows and bins.
+    still : (N,) [µPa²]
+        What stands still.
+    still_echoes : float [µPa²]
+        Sum of that without noise.
     outlines : bool
         As `edges`.
     """
@@ -59,7 +63,8 @@ class RecordField:
         self.shape = survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
         self.scene = AttachedScene(picture, survey)
         with dr.suspend_grad():
-            self._still = picture.still(survey, seed)
+            self.still = picture.still(survey, seed)
+            self.still_echoes = max(float(np.sum(self.still - picture.noise)), 0.0)
 
     def value(self) -> np.ndarray:
         """Give the record of the scene as it is, (N,) [µPa²]."""
@@ -86,7 +91,7 @@ class RecordField:
 
     def shown(self, energy: list[np.ndarray]) -> np.ndarray:
         """What the picture shows of blocks of energies [1/m²]."""
-        return self.linear(energy) + self._still
+        return self.linear(energy) + self.still
 
     def linear(self, energy: list[np.ndarray]) -> np.ndarray:
         """The same without what stands still."""
@@ -124,7 +129,11 @@ class About:
     def told(self) -> dict[str, float]:
         """What the record and its derivatives do not see, as shares."""
         found = [seen_in(self._energy, self._scenery, block, kept) for block, kept, _ in self._each(edges=False)]
-        return shares(found, outlines=self._field.outlines)
+        told, echoes = shares(found, outlines=self._field.outlines), self._field.still_echoes
+        if echoes > 0:                                     # of several bounces, of the water, of what has a phase
+            moving = float(np.sum(self.value - self._field.still))
+            told["echoes that stand still"] = echoes / (echoes + moving)
+        return told
 
     def _traced(self, block: Block, edges: bool = True) -> tuple[list[Kept], EdgeTerms | None]:
         kept = self._energy.kept(self._scenery, block)

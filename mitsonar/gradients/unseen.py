@@ -2,6 +2,8 @@
 
     bins in shadow                       of those between a row's first and last ray in the main lobe: none comes
     echoes of shapes without facets      of all energy of first hits: spheres and cylinders, which stand still
+    echoes that stand still              of all energy: of several bounces, of the water, of what has a phase; told by
+                                         `record_field`
     outlines left out                    1 where nobody asks for them: derivatives are of what is lit
 """
 from __future__ import annotations
