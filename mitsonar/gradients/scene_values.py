@@ -17,6 +17,8 @@ from .model import Values
 
 __all__ = ["AttachedValues", "SceneValues", "differentiable"]
 
+_attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
+
 VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
 DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
 UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad", "sound_speed": "m/s",
@@ -26,8 +28,25 @@ UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "ra
 def differentiable(scene: mi.Scene) -> list[str]:
     """Names of the parameters of a scene that gradients may be asked for; poses of shapes without vertices are none."""
     parameters: Any = mi.traverse(scene)
+    still = _still(scene, parameters)
     return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
-            and key.rpartition(".")[2] not in DERIVED and not hasattr(parameters[key], "inverse_transpose")]
+            and key.rpartition(".")[2] not in DERIVED and not hasattr(parameters[key], "inverse_transpose")
+            and key not in still]
+
+
+def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
+    """Names of parameters that Mitsuba calls differentiable and that echoes do not follow, with the reason."""
+    shapes = {shape.id(): shape for shape in scene.shapes()}
+    found = {}
+    for key in parameters.keys():
+        owner, _, name = key.rpartition(".")
+        if hasattr(shapes.get(key.partition(".")[0]), "target_strength_db"):
+            found[key] = "a point target's echo stands still in gradients; give a SignalModel's target to move it"
+        elif name == "vertex_positions" and getattr(shapes.get(owner), "sea_surface", False):
+            found[key] = "the sea surface stands still in gradients"
+        elif name == "vertex_positions" and "." in owner and owner not in shapes:
+            found[key] = "what instances show stands still in gradients; put the mesh itself into the scene"
+    return found
 
 
 class SceneValues:
@@ -56,6 +75,8 @@ class SceneValues:
         if not keys:
             raise ValueError(f"no parameter was asked for; give one or more of {', '.join(known)}")
         for key in keys:
+            if key not in known and (reason := _still(scene, self._parameters).get(key)):
+                raise ValueError(f"{key!r} has no gradient: {reason}")
             if key not in known:
                 raise ValueError(f"the scene has no parameter {key!r} that gradients could be of{meant(key, known)}; "
                                  f"it has {', '.join(known)}")
@@ -126,6 +147,8 @@ class SceneValues:
         """Put leaves into the scene, unless they are there; nothing else in it carries gradients then."""
         if self._holder is holder:
             return
+        while _attached:
+            _attached.pop().let_go()
         for key in self._parameters.keys():                            # an earlier model's would push along with ours
             if key not in leaves and dr.grad_enabled(self._parameters[key]):
                 self._parameters[key] = dr.detach(self._parameters[key])
@@ -133,6 +156,15 @@ class SceneValues:
             self._parameters[key] = leaf
         self._parameters.update()
         self._holder = holder
+        _attached.append(self)
+
+    def let_go(self) -> None:
+        """Leave values without gradients in the scene: another model's products would end at them in an error."""
+        self._holder = None
+        for key in self.keys:
+            if dr.grad_enabled(self._parameters[key]):
+                self._parameters[key] = dr.detach(self._parameters[key])
+        self._parameters.update()
 
 
 class AttachedValues:

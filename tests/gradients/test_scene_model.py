@@ -180,3 +180,33 @@ def test_a_texture_moves_a_sidescan_both_ways(load, rng, tmp_path):
         up, down = (model.value({key: model.start[key] + by * direction}) @ weights for by in (0.05, -0.05))
         assert moved == pytest.approx((up - down) / 0.1, rel=1e-3)
         assert np.sum(about.backward(weights)[key] * direction) == pytest.approx(moved, rel=1e-5)
+
+
+def test_what_stands_still_is_told_or_refused(load):
+    buoy = """<shape type="point_target" id="buoy"><point name="position" x="9" y="0" z="-26"/>
+        <float name="target_strength_db" value="-10"/></shape> <shape type="sea_surface" id="sea"/>"""
+    group = """<shape type="shapegroup" id="group"><shape type="cube" id="cube"/></shape>
+        <shape type="instance" id="copy"><ref id="group"/><transform name="to_world"><translate x="9" z="-29"/>
+        </transform></shape>"""
+    scene = load(sidescan(rays=1000, pings=1, more=buoy))
+    told = mitsonar.scene_model(scene, [STRENGTH]).linearised({}).told
+    assert 0 < told["echoes that stand still"] < 0.1
+    for key, text in (("buoy.vertex_positions", "point target"), ("sea.vertex_positions", "sea surface")):
+        with pytest.raises(ValueError, match=f"{key}' has no gradient.*{text}.*stands still"):
+            mitsonar.scene_model(scene, [key])
+    with pytest.raises(ValueError, match="cube.vertex_positions' has no gradient.*instances"):
+        mitsonar.scene_model(load(sidescan(rays=1000, pings=1, more=group)), ["group.cube.vertex_positions"])
+
+
+def test_models_of_one_scene_and_of_two_do_not_meet(load):
+    """Leaves of an earlier product are none of a later one's, whoever still holds them."""
+    scene = load(sidescan(rays=1000, pings=1))
+    first, second = (mitsonar.scene_model(scene, [key]).linearised({}) for key in (STRENGTH, POSITIONS))
+    third = mitsonar.scene_model(load(sidescan(rays=1000, pings=1)), [STRENGTH]).linearised({})
+    weights = np.ones_like(first.value)
+    expected = first.backward(weights)[STRENGTH]
+    assert expected > 0
+    second.backward(weights)
+    assert third.backward(weights)[STRENGTH] == pytest.approx(expected, rel=1e-5)
+    assert first.backward(weights)[STRENGTH] == pytest.approx(expected, rel=1e-5)
+    assert first.forward({STRENGTH: np.ones(1)}) @ weights == pytest.approx(expected[0], rel=1e-5)
