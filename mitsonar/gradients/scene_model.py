@@ -53,6 +53,11 @@ class SceneModel:
         self._field = RecordField(picture, seed, edges=edges)
         self.shape = self._field.shape
 
+    def __repr__(self) -> str:
+        pings, rows, bins = self.shape
+        return (f"SceneModel of {pings} pings, {rows} rows, {bins} bins by "
+                + ", ".join(f"{key} {start.shape}" for key, start in self.start.items()))
+
     def value(self, values: Values) -> np.ndarray:
         """Give the record of values, (N,) [µPa²]; see `ForwardModel.value`."""
         self._values.write(values)

@@ -110,6 +110,7 @@ def test_levels_are_those_of_the_picture(load):
 def test_values_are_given_back(load):
     scene = load(sidescan())
     model = mitsonar.scene_model(scene, [POSITIONS, STRENGTH])
+    assert repr(model) == f"SceneModel of 4 pings, 2 rows, 100 bins by {POSITIONS} (1775, 3), {STRENGTH} (1,)"
     before = model.value({})
     model.value({POSITIONS: model.start[POSITIONS] + 0.1, STRENGTH: [0.02]})
     np.testing.assert_allclose(model.value({}), before, rtol=1e-12)
