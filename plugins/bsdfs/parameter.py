@@ -19,6 +19,8 @@ class Parameter:
         For all places, for those of each class, or as it varies.
     low, high : float
         What textures are clipped to.
+    least : float
+        From which on, up to `high`, numbers may be changed.
 
     Attributes
     ----------
@@ -26,9 +28,10 @@ class Parameter:
         Whether the value is a texture.
     """
 
-    def __init__(self, value: float | np.ndarray | mi.Texture, low: float = -np.inf, high: float = np.inf) -> None:
+    def __init__(self, value: float | np.ndarray | mi.Texture, low: float = -np.inf, high: float = np.inf,
+                 least: float = -np.inf) -> None:
         self.textured = isinstance(value, mi.Texture)
-        self.low, self.high = low, high
+        self.low, self.high, self.least = low, high, least
         numbers = np.zeros(1) if isinstance(value, mi.Texture) else np.asarray(value, np.float32)
         self.classes = numbers.size
         self.value: Any = value if self.textured else upload(mi.Float, numbers)
@@ -40,22 +43,25 @@ class Parameter:
         Raises
         ------
         ValueError
-            If there are more or fewer than before, or one is not finite.
+            If there are more or fewer than before, or one is not finite or out of range.
         """
         if self.textured:
             return
         numbers = dr.detach(self.value).numpy()
         if len(numbers) != self.classes or not np.isfinite(numbers).all():
             raise ValueError(f"{name} is {numbers.tolist()}; give as many finite numbers as before, {self.classes}.")
+        slack = 1e-6 * abs(numbers)                                    # rounding of float32
+        if np.any(numbers + slack < self.least) or np.any(numbers - slack > self.high):
+            raise ValueError(f"{name} is {numbers.tolist()}; give numbers from {self.least:g} to {self.high:g}.")
 
     def keep(self) -> None:
         """Have numbers stay variables of kernels, after they were changed too."""
         if not self.textured:
             dr.make_opaque(self.value)
 
-    def traverse(self, name: str, callback: mi.TraversalCallback) -> None:
-        """Show the value to `mi.traverse`."""
-        callback.put(name, self.value, mi.ParamFlags.Differentiable)
+    def traverse(self, name: str, callback: mi.TraversalCallback, *, followed: bool = True) -> None:
+        """Show the value to `mi.traverse`; `followed`: whether derivatives know all that is made of it."""
+        callback.put(name, self.value, mi.ParamFlags.Differentiable if followed else mi.ParamFlags.NonDifferentiable)
 
     def at(self, si: mi.SurfaceInteraction3f, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
         """Value at interactions `si`, Float; `number`, UInt32, is that of each one's class."""

@@ -107,7 +107,7 @@ class SedimentBed(Material):
             if not isinstance(value, mi.Texture):
                 value = np.array([getattr(sediment, name) for sediment in self.sediments])
                 value = value[:1] if np.ptp(value) == 0 else value
-            self.parameters[name] = Parameter(value, LEAST[name] if name in LEAST else low, high)
+            self.parameters[name] = Parameter(value, LEAST[name] if name in LEAST else low, high, low)
         self.textured = (self.classes is not None or bool(self.varying)
                          or isinstance(self.coherence, mi.Texture))
         self.lib = arrays_of(mi.Float)
@@ -125,7 +125,8 @@ class SedimentBed(Material):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
         for name, parameter in self.parameters.items():
-            parameter.traverse(name, callback)
+            # the table of what a mesh leaves over is made of one gamma, without derivatives
+            parameter.traverse(name, callback, followed=name != "gamma" or not self.mesh_resolution)
         for name, texture in ({} if self.classes is None else self.classes.textures).items():
             callback.put(name, texture, mi.ParamFlags.NonDifferentiable)
 
