@@ -13,6 +13,7 @@ import numpy as np
 
 from ..scene.geometry import Geometry
 from ..sonar.track import Track
+from ..survey import placement
 from ..survey.survey import Survey
 from .attached_geometry import AttachedGeometry
 from .attached_layers import attached_layers
@@ -37,6 +38,7 @@ class AttachedScene:
     def __init__(self, picture: Picture, survey: Survey):
         self._sensor, self._survey, self._frequency = picture.sensor, survey, picture.rows.frequency
         self._start = self._offsets()
+        self._checked = survey.track.position, survey.geometry.vertices.numpy()
 
     def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
         """Offsets of position and attitude as they are now, (rows, 3)."""
@@ -59,10 +61,18 @@ class AttachedScene:
                 self._survey, geometry=Geometry(self._survey.geometry.scene, smooth_beds=True), profile=water.profile,
                 absorption=water.absorption_column(self._frequency),
                 passage=replace(self._survey.passage, voyage=replace(voyage, track=self._track())))
+            self._check(survey)
             scenery = field.at(survey)
             if np.any(survey.track.rotation() != self._survey.track.rotation()):
                 scenery = scenery.again(track=self._turned(scenery, survey.track, scenery.layers, attached=False))
         return scenery
+
+    def _check(self, survey: Survey) -> None:
+        """Refuse a sonar that a fit has moved out of the water; at the start `survey` has been checked."""
+        places = survey.track.position, survey.geometry.vertices.numpy()
+        if not all(np.array_equal(now, before) for now, before in zip(places, self._checked)):
+            placement.check(survey.geometry, survey.track)
+            self._checked = places
 
     def attached(self, scenery: Scenery) -> Scenery:
         """Give the same scenery with gradients of its own: those of a product are used up by it."""

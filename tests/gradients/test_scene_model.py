@@ -131,6 +131,13 @@ def test_what_cannot_be_is_told(load):
         model.linearised({}).backward(np.ones(3))
 
 
+def test_a_bed_lifted_above_the_sonar_is_refused(load):
+    model = mitsonar.scene_model(load(sidescan(rays=1000, pings=1)), [POSITIONS])
+    with pytest.raises(ValueError, match="sonar below the seabed"):
+        model.value({POSITIONS: model.start[POSITIONS] + [0, 0, 15]})
+    model.value({})
+
+
 def test_gradients_of_levels_are_verbs(load):
     scene = load(sidescan(sonar='<boolean name="noise" value="false"/>'))
     model = mitsonar.scene_model(scene, [STRENGTH])
@@ -211,3 +218,17 @@ def test_models_of_one_scene_and_of_two_do_not_meet(load):
     assert third.backward(weights)[STRENGTH] == pytest.approx(expected, rel=1e-5)
     assert first.backward(weights)[STRENGTH] == pytest.approx(expected, rel=1e-5)
     assert first.forward({STRENGTH: np.ones(1)}) @ weights == pytest.approx(expected[0], rel=1e-5)
+
+
+def test_numbers_of_a_sediment_stay_in_their_range(load):
+    def sediment(more: str = "") -> mi.Scene:
+        return load(sidescan(rays=1000, pings=1).replace(
+            '<bsdf type="lambert"><float name="mu_db" value="-25"/></bsdf>', f'<bsdf type="sediment">{more}</bsdf>'))
+
+    model = mitsonar.scene_model(sediment(), ["bed.bsdf.w2", "bed.bsdf.gamma"])
+    for key, value in (("w2", -1), ("gamma", 5)):
+        with pytest.raises(ValueError, match=rf"Sediment: {key} is \[{value}.*give numbers from"):
+            model.value({f"bed.bsdf.{key}": [float(value)]})
+    # the table of what a mesh leaves over is made of one gamma: its derivatives would be amiss
+    with pytest.raises(ValueError, match="no parameter 'bed.bsdf.gamma' that gradients could be of"):
+        mitsonar.scene_model(sediment('<float name="mesh_resolution" value="0.5"/>'), ["bed.bsdf.gamma"])
