@@ -126,7 +126,8 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
     scene, chosen, integrator = opened(scene, sensor)
     try:
         picture = picture_of(scene, chosen, integrator)
-        return SceneModel(scene, keys, picture, seed=chosen.own_seed(seed), edges=edges)
+        names = [keys] if isinstance(keys, str) else keys
+        return SceneModel(scene, names, picture, seed=chosen.own_seed(seed), edges=edges)
     except RuntimeError as error:
         raise as_exception(error) from error
 

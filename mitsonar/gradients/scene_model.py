@@ -107,6 +107,8 @@ class SceneLinearised:
         if weights.shape != self.value.shape:
             raise ValueError(f"weights have the shape {weights.shape}, and the record {self.value.shape}; give one for "
                              "every value of it")
+        if not np.all(np.isfinite(weights)):
+            raise ValueError("weights hold numbers that are not finite; give 0 where a value does not count")
         self._values.hold()
         self._values.clear()
         self._about.pull(weights)

@@ -20,6 +20,7 @@ __all__ = ["AttachedValues", "SceneValues", "differentiable"]
 _attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
 
 VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
+OF_EVERY_MESH = "vertex_positions", "vertex_normals", "vertex_texcoords"
 DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
 UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad", "sound_speed": "m/s",
          "absorption_db": "dB/m", "strength": "1", "mu_db": "dB", "target_strength_db": "dB", "position": "m"}
@@ -41,7 +42,7 @@ def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
     for key in parameters.keys():
         owner, _, name = key.rpartition(".")
         if hasattr(shapes.get(key.partition(".")[0]), "target_strength_db"):
-            found[key] = "a point target's echo stands still in gradients; give a SignalModel's target to move it"
+            found[key] = "a point target's echo stands still in gradients; take an ElementModel's target to move it"
         elif name == "vertex_positions" and getattr(shapes.get(owner), "sea_surface", False):
             found[key] = "the sea surface stands still in gradients"
         elif name == "vertex_positions" and "." in owner and owner not in shapes:
@@ -138,6 +139,13 @@ class SceneValues:
         self.hold(found, leaves)
         return found
 
+    def is_read(self, key: str) -> bool:
+        """Whether it is the vertices of a mesh with attributes of its own, which textures may read."""
+        mesh, _, name = key.rpartition(".")
+        own = (other.removeprefix(f"{mesh}.") for other in self._parameters.keys() if other.startswith(f"{mesh}."))
+        return name == "vertex_positions" and any(
+            other.startswith(("vertex_", "face_")) and other not in OF_EVERY_MESH for other in own)
+
     def give_up(self, holder: AttachedValues) -> None:
         """Have a holder's leaves put in anew when they are next asked for."""
         if self._holder is holder:
@@ -192,9 +200,10 @@ class AttachedValues:
         """Let the leaves move in these directions, and what their plugins made of them.
 
         A texture keeps a copy of its data, and a law that is called for it may be looked into by calls alone: Dr.Jit
-        wants tangents to be there before. That uses up the way from the leaf to the copy, which is made anew.
+        wants tangents to be there before. That uses up the way from the leaf to the copy, which is made anew. The same
+        holds for a mesh whose attributes a texture reads.
         """
-        copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf)]
+        copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf) or self._values.is_read(key)]
         if copied:
             for key in copied:                             # what earlier products left behind leads on from old leaves
                 self._leaves[key] = type(self._leaves[key])(dr.detach(self._leaves[key]))
