@@ -182,14 +182,17 @@ class Ground:
         """Which numbers are those of objects that reach below the bed, Bool by number; None where there are none."""
         geometry, facets = self._survey.geometry, self._facets
         kinds = geometry.named.label_kinds()
-        some = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT))
-        # three corners to a facet, and many facets to a corner: one of them
-        corners, number = np.unique(facets.corners(some.astype(np.uint32)).reshape(-1, 3), axis=0, return_index=True)
-        if not len(corners) or not self._horizon.exists:
+        some = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
+        if not some.size or not self._horizon.exists:
             return None
+        corners = facets.corners(some).reshape(-1, 3)
+        # none under the bed is higher than the bed's highest point: few are left of tall objects
+        low = np.flatnonzero(corners[:, 2] < self._horizon.highest)
+        # three corners to a facet, and many facets to a corner: one of them
+        corners, number = np.unique(corners[low], axis=0, return_index=True)
         below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
         buried = np.zeros(len(kinds), bool)
-        buried[facets.label[some[number[below] // 3]]] = True
+        buried[facets.label[some[low[number[below]] // 3]]] = True
         return upload(mi.Bool, buried) if buried.any() else None
 
     def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,

@@ -112,6 +112,11 @@ class BedHorizon:
             self._step = (self._high - self._low)[:2] / (np.array(self._grid.shape[::-1]) - 1)
         self._window: tuple[tuple[int, ...], mi.Float] | None = None
 
+    @property
+    def highest(self) -> float:
+        """The height of the beds' highest point [m]; minus infinity where there is no seabed."""
+        return float(self._high[2]) if self.exists else -np.inf
+
     def around(self, origin: np.ndarray, launch_rise: Callable[[mi.Float, mi.Float], mi.Float]) -> Horizon | None:
         """Give the horizon around a place; None where there is no seabed.
 
