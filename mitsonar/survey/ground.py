@@ -188,6 +188,8 @@ class Ground:
         corners = facets.corners(some).reshape(-1, 3)
         # none under the bed is higher than the bed's highest point: few are left of tall objects
         low = np.flatnonzero(corners[:, 2] < self._horizon.highest)
+        if not low.size:
+            return None
         # three corners to a facet, and many facets to a corner: one of them
         corners, number = np.unique(corners[low], axis=0, return_index=True)
         below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP

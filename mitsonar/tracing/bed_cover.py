@@ -20,6 +20,8 @@ BEYOND = 1e-4                      # [m] that the next ray begins behind a hit
 def bed_height(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Heights of the bed at places (N,) [m], under whatever lies over it; NaN where there is none."""
     start, found = np.full(len(x), float(-geometry.depth_range[0]) + 1.0), np.full(len(x), np.nan)
+    if not len(x):                 # a launch without rays ends the process
+        return found
     for _ in range(SURFACES):
         point = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in (x, y, start)))
         pi = geometry.scene.ray_intersect_preliminary(mi.Ray3f(point, mi.Vector3f(0, 0, -1)), coherent=mi.Bool(False))
