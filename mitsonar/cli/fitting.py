@@ -1,4 +1,5 @@
 """The command that fits what is in a scene to a record: fit."""
+import argparse
 import os
 from pathlib import Path
 
@@ -15,13 +16,16 @@ OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "no
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
-    fit = commands.add_parser("fit", help="fit parameters of a scene to a record, and say what the record "
-                                          "tells")
+    from ..inversion.problems import PROBLEMS
+
+    problems = "".join(f"  {name} {one.asks}\n      {one.summary}\n" for name, one in PROBLEMS.items())
+    fit = commands.add_parser("fit", help="fit parameters of a scene to a record, and say what the record tells",
+                              formatter_class=argparse.RawDescriptionHelpFormatter,
+                              epilog=f"problems with a name:\n{problems}")
     complete_with(fit.add_argument("what", metavar="SCENE|PROBLEM",
                                    help="a scene, with a RECORD (.exr, .nc) of its sonar and one KEY=DEVIATION or "
                                         "KEY=DEVIATION:LOWER:UPPER or more: parameters as mi.traverse names them, or "
-                                        "OBJECT.heights, OBJECT.pose; or heights, with a scene, a sidescan's record "
-                                        "and the bed's id; or map, with both and a texture's key, in decibels"), SCENES)
+                                        "OBJECT.heights, OBJECT.pose; or one of the problems below"), SCENES)
     complete_with(fit.add_argument("inputs", metavar="INPUT", nargs="*", help="what the scene or problem asks for"),
                   FILES)
     complete_with(fit.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
@@ -48,8 +52,8 @@ def add(commands: Commands) -> None:
     complete_with(scene.add_argument("--state", metavar="FILE.npz",
                                      help="written after each step; where it is there, the fit goes on with it"), FILES)
     complete_with(scene.add_argument("--truth", metavar="SCENE", help="to hold the answer against"), SCENES)
-    heights = fit.add_argument_group("of heights and map; so are -D, --sensor, --seed, --looks and --directions, and "
-                                     "--length of heights")
+    heights = fit.add_argument_group("of heights, map and pose; so are -D, --sensor, --seed and --looks, and "
+                                     "--directions and --length of some")
     heights.add_argument("--deviation", type=number, metavar="M|DB",
                          help="of the bed about a plane; default: 0.4; of the map about its mean; default: 6")
     heights.add_argument("--strength", metavar="KEY", help="of the bed, unknown then, such as bed.bsdf.strength")

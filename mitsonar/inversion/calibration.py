@@ -118,18 +118,21 @@ class Calibration:
         return said
 
     def to_dataset(self) -> xr.Dataset:
-        """Give it as a dataset: each parameter with its start, uncertainty and belief."""
+        """Give it as a dataset, by the names of `Fit.to_dataset`: each parameter with its start and deviations."""
         dims = {"rx_position": ("rx", "axis"), "rx_delay": ("rx",), "tx_position": ("axis",), "lever_arm": ("axis",),
                 "position_offset": ("ping", "axis"), "attitude_offset": ("ping", "angle"),
                 "velocity_offset": ("ping", "axis"), "target_position": ("target", "axis")}
-        parts = (("", self.values), ("_start", self.start), ("_uncertainty", self.uncertainty),
-                 ("_believed", self.believed))
-        found = {name + part: (dims[name], some[name], {"units": self.units[name]})
-                 for part, some in parts for name in self.values}
+        found = {}
+        for name in self.values:
+            for part, values in (("", self.values[name]), ("_start", self.start[name]),
+                                 ("_deviation", self.uncertainty[name]), ("_prior_deviation", self.believed[name])):
+                found[name + part] = dims[name], values, {"units": self.units[name]}
+            found[f"{name}_resolved"] = dims[name], self.resolved(name), {"units": "1"}
         found["rx_gain"] = (("rx",), self.gain, {"units": "1"})
-        found["rx_gain_uncertainty"] = (("rx",), self.gain_uncertainty, {"units": "1"})
+        found["rx_gain_deviation"] = (("rx",), self.gain_uncertainty, {"units": "1"})
         found["singular_value"] = (("unknown",), self.singular_values, {"units": "1"})
-        return xr.Dataset(found, attrs={"observable": " ".join(self.sentences()),
+        free = [name for name, deviation in self.believed.items() if np.any(deviation > 0)]
+        return xr.Dataset(found, attrs={"kind": "fit", "parameters": free, "observable": " ".join(self.sentences()),
                                         "residual_before": self.residual[0], "residual_after": self.residual[1]})
 
 

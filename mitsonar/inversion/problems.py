@@ -5,9 +5,11 @@ A new one is a function and a line in `PROBLEMS`. Whatever names none is a scene
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from .array_problems import array, sway
+from .problem import Options, Problem, Progress, Solved, beliefs, image_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,46 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["METHODS", "PROBLEMS", "SCENE", "Problem", "Solved", "solve"]
 
 METHODS = "gauss-newton", "adam", "l-bfgs"
-
-Options = Mapping[str, Any]        # what was given, by the options' names, in the units of the command line
-Progress = Callable[[float, float], object]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solved:
-    """An answer.
-
-    Attributes
-    ----------
-    dataset : xarray.Dataset
-        For a file.
-    sentences : list of str
-        What was done, and what was observable.
-    """
-
-    dataset: xr.Dataset
-    sentences: list[str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """A problem with a name.
-
-    Parameters
-    ----------
-    asks : str
-        The inputs, as the help says them.
-    summary : str
-    takes : tuple of str
-        Names of options.
-    solve : callable
-        Of inputs, options and progress.
-    """
-
-    asks: str
-    summary: str
-    takes: tuple[str, ...]
-    solve: Callable[[Sequence[str], Options, Progress], Solved]
 
 
 def solve(what: str, inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
@@ -96,7 +58,7 @@ def _scene(inputs: Sequence[str], options: Options, progress: Progress) -> Solve
     path, record, *keys = inputs
     path = scenes.find(path)
     priors = [_key_prior(text) for text in keys]
-    image, plain = _image(record), Stopping()
+    image, plain = image_of(record), Stopping()
     noise = options.get("noise", plain.noise)
     stopping = Stopping(iterations=options.get("iterations", plain.iterations), noise=noise or None)
     given = {name: options[name] for name in ("looks", "length", "model_error", "sensor", "seed", "directions")
@@ -171,7 +133,7 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     from .heights import HeightPrior, fit_heights
 
     path, record, owner = inputs
-    path, image = scenes.find(path), _image(record)
+    path, image = scenes.find(path), image_of(record)
     key = f"{owner}.vertex_positions"
     strength = options.get("strength")
     keys = [key] if strength is None else [key, strength]
@@ -200,7 +162,7 @@ def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     from .sediment_map import StrengthPrior, fit_sediment_map
 
     path, record, key = inputs
-    path, image = scenes.find(path), _image(record)
+    path, image = scenes.find(path), image_of(record)
     classes = dict(_class(text) for text in options["class"]) if "class" in options else None
     model = scene_model(load_file(path, **options.get("parameters", {})), [key], sensor=options.get("sensor", 0),
                         seed=options.get("seed", 0))
@@ -223,6 +185,41 @@ def _class(text: str) -> tuple[str, float]:
         raise ValueError(f"--class is {text!r}; give NAME=DB, such as sand=-27") from None
 
 
+# ---- the pose of an object
+
+def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Fit where an object lies and how it is turned: the scene, the record, its id, and NAME=DEVIATION of numbers."""
+    if len(inputs) < 3:
+        raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
+                         f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
+    import numpy as np
+
+    from ..gradient_verbs import scene_model
+    from ..io import scenes
+    from ..scene.loading import load_file
+    from .pose import NAMES, PosePrior, fit_pose
+
+    path, record, owner, *believed = inputs
+    path, image = scenes.find(path), image_of(record)
+    plain = PosePrior()
+    deviation = {**dict(zip(NAMES, (*plain.place, *plain.angles))), **beliefs(believed, NAMES)}
+    numbers = [deviation[name] for name in NAMES]
+    key = f"{owner}.vertex_positions"
+    model = scene_model(load_file(path, **options.get("parameters", {})), [key], sensor=options.get("sensor", 0),
+                        seed=options.get("seed", 0))
+    found = fit_pose(model, image, key, prior=PosePrior(place=tuple(numbers[:3]), angles=tuple(numbers[3:])),
+                     looks=options.get("looks", 1.0), farthest=options.get("farthest"), told=progress)
+    beforehand = found["prior_deviation"]
+    kept = (found["deviation"] / beforehand.where(beforehand > 0, np.inf)) ** 2
+    found = found.assign(start=found["pose"] * 0, resolved=(1 - kept).where(beforehand > 0, 0))
+    sentences = [str(found.attrs["stopped"])] + [
+        f"{name} is off by {value:.3g} ± {off:.2g} {'m' if name in NAMES[:3] else 'rad'}, of which the image told "
+        f"{100 * share:.0f} %" for name, value, off, share in zip(
+            NAMES, found["pose"].values, found["deviation"].values, found["resolved"].values) if deviation[name] > 0]
+    dataset = _as_fit(found, "pose", "pose").dataset.assign_attrs(observable="; ".join(sentences))
+    return Solved(dataset=dataset, sentences=sentences)
+
+
 def _as_fit(found: xr.Dataset, answer: str, name: str) -> Solved:
     """An answer over a plane by the names of `Fit.to_dataset`."""
     named = "start", "deviation", "prior_deviation", "resolved", "probability", "label"
@@ -237,17 +234,6 @@ def _as_fit(found: xr.Dataset, answer: str, name: str) -> Solved:
     return Solved(dataset=dataset, sentences=sentences)
 
 
-def _image(record: str) -> xr.Dataset:
-    import xarray as xr
-
-    from ..io import reading
-
-    image = reading.read(record)
-    if not isinstance(image, xr.Dataset):
-        raise ValueError(f"{record} holds no image; give an EXR or netCDF file of one")
-    return image
-
-
 SCENE = Problem(asks="SCENE RECORD KEY=DEVIATION[:LOWER:UPPER] ...", summary="parameters of a scene, from an image",
                 takes=("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method",
                        "directions", "state", "truth", "parameters"), solve=_scene)
@@ -259,4 +245,10 @@ PROBLEMS = {
     "map": Problem(asks="SCENE RECORD KEY", summary="a texture of the bed's strength, from a sidescan's image",
                    takes=("looks", "class", "deviation", "farthest", "sensor", "seed", "directions", "parameters"),
                    solve=_map),
+    "pose": Problem(asks="SCENE RECORD ID [NAME=DEVIATION ...]", summary="where an object lies and how it is turned, "
+                    "from an image of it", takes=("looks", "farthest", "sensor", "seed", "parameters"), solve=_pose),
+    "array": Problem(asks="SCENE SIGNALS [NAME=DEVIATION ...]", summary="an array's elements and navigation, from "
+                     "echoes of the scene's point targets", takes=("sensor", "parameters"), solve=array),
+    "sway": Problem(asks="ECHOES", summary="sway of a synthetic aperture, from the sharpness of its image", takes=(),
+                    solve=sway),
 }

@@ -89,6 +89,18 @@ class Sway:
                         "hardly tells sway.")
         return said
 
+    def to_dataset(self) -> xr.Dataset:
+        """Give sway by the names of `Fit.to_dataset`, and the trajectory with it, which `focus` takes."""
+        metres, still = {"units": "m"}, np.zeros(len(self.sway))
+        found = xr.Dataset({"sway": ("ping", self.sway, metres), "sway_start": ("ping", still, metres),
+                            "sway_deviation": ("ping", self.uncertainty, metres),
+                            "curvature": ("pattern", self.curvature, {"units": "1/m^2"}),
+                            "pattern": (("pattern", "ping"), self.patterns, {"units": "1"})})
+        motion = [name for name in self.trajectory.variables if str(name).startswith("motion_")]
+        return found.merge(self.trajectory[motion].drop_attrs()).assign_attrs(
+            kind="fit", parameters=["sway"], observable=" ".join(self.sentences()), contrast=list(self.contrast),
+            half_wavelength=self.half_wavelength)
+
 
 def sharpness(pings: PingImages, sway: np.ndarray) -> tuple[float, np.ndarray]:
     """Give L and its gradient (P,) [1/m] at a sway (P,) [m]."""

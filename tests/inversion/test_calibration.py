@@ -77,7 +77,7 @@ def test_an_array_that_is_off_is_found_as_well_as_is_said(rng):
     assert answer.effective < len(answer.singular_values)
     # the array as a whole may stand elsewhere against platform and targets: that is said
     assert any("shift forward is not observable" in sentence for sentence in answer.sentences())
-    assert answer.to_dataset()["rx_position_uncertainty"].dims == ("rx", "axis")
+    assert answer.to_dataset()["rx_position_deviation"].dims == ("rx", "axis")
 
 
 def test_cycles_in_doubt_are_told(rng):
