@@ -107,7 +107,7 @@ class ImageFit:
 
 
 def fit_image(model: ForwardModel, record: ImageRecord, unknowns: Unknowns, stages: Sequence[Stage] = COARSE_TO_FINE,
-              *, told: Callable[[int, int], None] | None = None) -> ImageFit:
+              *, start: np.ndarray | None = None, told: Callable[[int, int], None] | None = None) -> ImageFit:
     """Fit unknowns to an image.
 
     Parameters
@@ -116,12 +116,14 @@ def fit_image(model: ForwardModel, record: ImageRecord, unknowns: Unknowns, stag
     record : ImageRecord
     unknowns : Unknowns
     stages : sequence of Stage
+    start : (size,)
+        Unknowns to begin with; without them, 0.
     told : callable
         Of steps done, and of all.
     """
     if not stages:
         raise ValueError("no stage was given; give one or more, or leave them out")
-    z = np.zeros(unknowns.size)
+    z = np.zeros(unknowns.size) if start is None else np.array(start, float)
     about = model.linearised(unknowns.values(z))
     misfit, done, total = [], 0, sum(stage.steps for stage in stages)
     comparison, stopped = record.at(stages[0].bins), ""

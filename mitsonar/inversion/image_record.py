@@ -15,7 +15,7 @@ import xarray as xr
 
 from ..units import power_from_db
 
-__all__ = ["Comparison", "ImageRecord", "first_return_range", "intensities"]
+__all__ = ["Comparison", "ImageRecord", "first_return_range", "intensities", "saturated"]
 
 HUBER = 3.0                        # √deviance beyond which it grows linearly
 BRIGHT, FAINT = 0.1, 0.15          # floors about the first return, re the loudest bin; beyond, re the bin's own level
@@ -177,3 +177,9 @@ def first_return_range(intensity: np.ndarray, bin_width: float) -> np.ndarray:
 
     found = np.mean([first_return(np.sqrt(side), bin_width) for side in np.moveaxis(intensity, 1, 0)], 0)
     return (found + 0.5) * bin_width
+
+
+def saturated(intensity: np.ndarray) -> int:
+    """Count bins at the recorder's full scale: those that share the loudest level, where more than two do."""
+    count = int(np.sum(intensity >= intensity.max() * (1 - 1e-9)))
+    return count if count > 2 else 0

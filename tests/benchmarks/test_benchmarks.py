@@ -38,6 +38,7 @@ RUNS = {
     "gradients": (["gradients.py", "--rays", "4000", "--pings", "2", "--rounds", "1"], "Jt w, hits kept"),
     "inversions": (["inversions.py", "--quick", "--scenes", "mounds", "--looks", "1", "--pings", "7", "--spacing", "4"],
                    "mounds"),
+    "poses": (["poses.py", "--quick", "--scenes", "box", "--looks", "1", "--pings", "5", "--rays", "500", "--exact"], "box"),
     "strips": (["strips.py", "--cell", "0.3", "--rounds", "1", "-Dreceivers=6", "-Doverlap=2"], "this checkout"),
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
     "real_sidescan": (["real_sidescan.py", "--real", "none.xtf", "--pings", "70", "-Drays=10000", "-Dbed_spacing=0.3",

@@ -11,7 +11,8 @@ import pytest
 from scenes import SCENE, looked, model
 
 from mitsonar.inversion.image_fit import Stage
-from mitsonar.inversion.pose import PosePrior, PoseUnknowns, fit_pose
+from mitsonar.inversion.image_record import saturated
+from mitsonar.inversion.pose import PosePrior, PoseUnknowns, fit_pose, searched
 
 BOX = "box.vertex_positions"
 CUBE = """<shape type="cube" id="box"> <transform name="to_world"><scale x="1" y="1.5" z="0.8"/>
@@ -52,11 +53,50 @@ def test_motions_and_their_transpose_are_those_of_differences():
     assert np.sum(pushed * w) == pytest.approx(v @ unknowns.pulled(z, {BOX: w}), rel=1e-9)
 
 
+def test_strengths_and_the_track_move_beside_the_pose():
+    draw = np.random.default_rng(1)
+    start, strength, track = draw.standard_normal((8, 3)), "sand.strength", "sonar.position_offset"
+    unknowns = PoseUnknowns(start, BOX, PosePrior(), {strength: np.array([0.02])}, (track, 30))
+    z, v = 0.3 * draw.standard_normal((2, unknowns.size))
+    w = {key: draw.standard_normal(value.shape) for key, value in unknowns.values(z).items()}
+    up, down = (unknowns.values(z + sign * 1e-4 * v) for sign in (1, -1))
+    pushed = unknowns.pushed(z, v)
+    for key in (BOX, strength, track):
+        assert pushed[key] == pytest.approx((up[key] - down[key]) / 2e-4, abs=1e-6)
+    assert sum(np.sum(pushed[key] * w[key]) for key in w) == pytest.approx(v @ unknowns.pulled(z, w), rel=1e-9)
+    assert unknowns.size < 6 + 1 + 3 * 30                   # offsets alike over 5 pings are fewer numbers than pings
+    drawn = [unknowns.values(one)[track] for one in draw.standard_normal((400, unknowns.size))]
+    assert np.std(drawn) == pytest.approx(0.05, rel=0.05)
+
+
+def test_a_search_finds_a_well_that_the_start_lies_outside_of():
+    well = np.array([1.2, -0.9, 0.2, 0.7, 0.1, -0.3])
+
+    def cost(z):                                            # level beyond 1.5 deviations, as for shadows apart
+        return 100 * min(1.0, np.sum((z - well) ** 2) / 1.5 ** 2) + z @ z / 100
+
+    assert cost(searched(cost, 6)) < 5 < cost(np.zeros(6))
+    still = searched(cost, 6, moved=(0,))
+    assert still.shape == (6,)
+
+
+def test_bins_at_the_recorders_full_scale_are_counted():
+    levels = np.random.default_rng(0).exponential(size=500)
+    assert saturated(levels) == 0
+    assert saturated(np.minimum(levels, 3.0)) == np.sum(levels >= 3)
+
+
 def test_poses_that_cannot_be_are_refused(tmp_path):
     started = model(box(tmp_path, rays=50), BOX, "bed.bsdf.strength")
     with pytest.raises(ValueError, match="no parameter 'crate.vertex_positions'"):
         fit_pose(started, None, "crate.vertex_positions")
     with pytest.raises(ValueError, match="give the key of a mesh's vertices"):
         fit_pose(started, None, "bed.bsdf.strength")
+    with pytest.raises(ValueError, match="bed.bsdf.strength has the shape.*offsets of 11 pings"):
+        fit_pose(started, None, BOX, track="bed.bsdf.strength")
+    with pytest.raises(ValueError, match="box.vertex_positions has 72 values; give the key of a strength"):
+        fit_pose(started, None, BOX, strengths=[BOX])
+    with pytest.raises(ValueError, match="are 0 dB and 0.05 m, alike over 5 pings"):
+        PoseUnknowns(np.zeros((3, 3)), BOX, PosePrior(level_db=0))
     with pytest.raises(ValueError, match="give six numbers, 0 or more"):
         PoseUnknowns(np.zeros((3, 3)), BOX, PosePrior(place=(0, 0, 0), angles=(0, 0, 0)))
