@@ -14,6 +14,7 @@ import mitsuba as mi
 
 from ..device.arrays import arrays_of
 from ..scene.geometry import Geometry
+from .attached_shapes import AttachedShapes
 
 __all__ = ["AttachedGeometry"]
 
@@ -32,8 +33,12 @@ class AttachedGeometry:
         As of `Geometry`, four wide.
     normals : Float or None
     texcoords : Float or None
+    shapes : AttachedShapes or None
+        What is not made of facets; None where that is nothing that is known there.
+    textured : bool
+        Whether a material may read texture coordinates.
     attached : bool
-        Whether any vertex carries a gradient.
+        Whether anything carries a gradient.
     """
 
     def __init__(self, geometry: Geometry):
@@ -43,7 +48,9 @@ class AttachedGeometry:
         meshes = [(first, shape, mi.traverse(shape)["vertex_positions"])
                   for first, (_, shape, *_) in zip(geometry.first_vertices, geometry.meshes)]
         moving = [(first, shape, positions) for first, shape, positions in meshes if dr.grad_enabled(positions)]
-        self.attached = bool(moving)
+        shapes = AttachedShapes(geometry)
+        self.shapes, self.textured = shapes if shapes.numbers else None, bool(geometry.textured)
+        self.attached = bool(moving or shapes.moving)
         if not moving:
             return
         vertices = dr.zeros(mi.Float, dr.width(geometry.vertices))

@@ -15,7 +15,8 @@ A point of a line that moves by dx moves in directions by m(dx), two numbers alo
 
 e -> unit, across the ray at its end in that plane, downwards; h -> unit, level, across the plane; A -> spreading area;
 τ -> the line per s; dr -> how the ray of one launch moves there (`ray_shift`). E_- and E_+ are those of two rays, a
-hair to either side. Where something hides the line both meet the same, and nothing jumps. What jumps within that hair
+hair to either side. Outlines of spheres and cylinders slide over them as they move; across the view they move as the
+material does, n·dx. Where something hides the line both meet the same, and nothing jumps. What jumps within that hair
 must belong to the line (`_own`): near the limb of a round body several edges lie so close. Places and energies are
 detached; gradients come by dx and dr alone.
 """
@@ -40,10 +41,11 @@ from .attached_geometry import AttachedGeometry
 from .jump_lines import JumpLines
 from .line_samples import LineSamples
 from .mesh_edges import NO_FACE
+from .shape_outlines import OutlinePoints
 from .tangents import tangent
 from .tent_bins import TentBins
 
-__all__ = ["EdgeTerms", "LinePoints", "edge_terms"]
+__all__ = ["EdgeTerms", "LinePoints", "edge_terms", "outline_terms"]
 
 NEAR = 0.05                            # [m] of an outline, that a ray which passes in front of what is behind hits
 ASIDE, ASIDE_PER_RANGE = 1e-4, 2e-6    # [m], [-] of the rays on either side, over what chords and float32 are off
@@ -63,6 +65,8 @@ class LinePoints:
         g, times what each point is worth.
     motion : list of (UInt32, Vector3f)
         Rows of vertices, and what of v_n dl their motion adds: g shared out.
+    shape : UInt32 (N,) or None
+        Registry index of the shape without facets that the points lie on.
     """
 
     hits: Hits
@@ -70,6 +74,7 @@ class LinePoints:
     drawn: Rays
     covector: mi.Vector3f
     motion: list[tuple[mi.UInt32, mi.Vector3f]]
+    shape: mi.UInt32 | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +104,9 @@ class EdgeTerms:
         for vertex, part in self.points.motion:
             row = dr.gather(lib.Array4f, geometry.vertices, vertex)
             speed = speed + dr.dot(part, tangent(mi.Vector3f(row[0], row[1], row[2])))
+        if self.points.shape is not None and geometry.shapes is not None:
+            on = geometry.shapes.on(self.points.shape, self.points.hits.valid)
+            speed = speed + dr.dot(self.points.covector, on.motion(mi.Vector3f(self.points.hits.point)))
         if across is not None:
             speed = speed - dr.dot(self.points.covector, tangent(across))
         speed = mi.Float64(dr.select(self.points.hits.valid, speed, 0))
@@ -124,19 +132,47 @@ def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, 
     drawn : callable(place, rays)
         Gives rays as they would have been drawn.
     """
+    ends = lines.ends[samples.line].astype(float)
+    along = ends[:, 1] - ends[:, 0]
+    middle = ends[:, 0] + samples.place[:, None] * along
+    points, aside = _points(tracer, place, samples.ping, middle, along, samples.worth, drawn)
+    motion = _motion(tracer, lines, samples, middle, points.covector.numpy().T.astype(float))
+    kind = _kind(tracer, lines, samples, points.hits.arrival_direction.numpy().T.astype(float))
+    points = replace(points, motion=motion)
+    met, sides = _sides(tracer, rows, first_hits, place, points, aside, surface)
+    found = [(hits, _facet(tracer, pi, hits.valid)) for hits, pi in met]
+    return _evaluated(points, sides, _own(points.hits, kind, lines, samples, found))
+
+
+def outline_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, outlines: OutlinePoints, *,
+                  surface: int | None, drawn: Callable[[Place, Rays], Rays]) -> EdgeTerms:
+    """Trace both sides of points on outlines of shapes without facets; parameters as of `edge_terms`."""
+    points, aside = _points(tracer, place, outlines.ping, outlines.point, outlines.along, outlines.worth, drawn)
+    points = replace(points, shape=upload(mi.UInt32, outlines.shape))
+    met, sides = _sides(tracer, rows, first_hits, place, points, aside, surface)
+    mine = [hits.valid & (registry_index(pi) == points.shape) for hits, pi in met]
+    own = _nearer_is(points.hits, [hits for hits, _ in met], mine)
+    return _evaluated(points, sides, own)
+
+
+def _sides(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, points: LinePoints, aside: mi.Vector3f,
+           surface: int | None) -> tuple[list[tuple[Hits, mi.PreliminaryIntersection3f]], list[Echoes]]:
+    """What rays a hair to either side meet, and their echoes."""
     sources = tracer.sources(np.unique(-place.position[:, 2]))
-    points, aside, kind = _points(tracer, place, lines, samples, drawn)
     ping, met, sides = points.rays.ping, [], []
     origin, source = place.origin(ping), place.source(ping)
     for sign in (-1.0, 1.0):
         direction = dr.normalize(points.rays.direction + sign * aside)
         hits, found = tracer.trace_met(sources, origin, source, direction, points.hits.valid)
-        met.append((hits, _facet(tracer, found, hits.valid)))
+        met.append((hits, found))
         if surface is not None:
             hits = replace(hits, valid=hits.valid & (hits.label != surface))
         rays = rows.aimed(place, ping, direction, dr.full(mi.Float, 1, dr.width(direction)))
         sides.append(first_hits.echoes(place, rays, hits))
-    own = _own(points.hits, kind, lines, samples, met)
+    return met, sides
+
+
+def _evaluated(points: LinePoints, sides: list[Echoes], own: mi.Bool) -> EdgeTerms:
     terms = EdgeTerms(points=points, sides=[replace(side, active=side.active & own) for side in sides])
     dr.eval(terms)
     return terms
@@ -158,11 +194,15 @@ def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
     """
     faces = [upload(mi.UInt32, lines.faces[samples.line, k].astype(np.uint32)) for k in range(2)]
     beside = [hits.valid & (face != NO_FACE) & ((face == faces[0]) | (face == faces[1])) for hits, face in met]
-    first, second = (dr.select(hits.valid, mi.Float(hits.arc_length), dr.inf) for hits, _ in met)
-    nearer = dr.minimum(first, second)
-    by = abs(nearer - mi.Float(points.arc_length)) < NEAR
-    outline = dr.select(first < second, beside[0], beside[1]) | by
+    outline = _nearer_is(points, [hits for hits, _ in met], beside)
     return dr.select(kind.fold, beside[0] & beside[1], kind.outline & outline)
+
+
+def _nearer_is(points: Hits, met: list[Hits], mine: list[mi.Bool]) -> mi.Bool:
+    """Whether of two rays that which goes less far meets something of the line's own, or just by it."""
+    first, second = (dr.select(hits.valid, mi.Float(hits.arc_length), dr.inf) for hits in met)
+    by = abs(dr.minimum(first, second) - mi.Float(points.arc_length)) < NEAR
+    return dr.select(first < second, mine[0], mine[1]) | by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,16 +227,13 @@ def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarr
     return _Kind(outline=mi.Bool(outline), fold=mi.Bool(~outline & ~lines.smooth[samples.line]))
 
 
-def _points(tracer: Tracer, place: Place, lines: JumpLines, samples: LineSamples,
-            drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f, _Kind]:
-    """Points of lines in directions, the small steps across the lines, towards E_+, and what the points are."""
+def _points(tracer: Tracer, place: Place, pings: np.ndarray, middle: np.ndarray, along: np.ndarray, worths: np.ndarray,
+            drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f]:
+    """Points (N, 3) of lines in directions, and the small steps across the lines, towards E_+."""
     lib: Any = arrays_of(mi.Float)
-    ends = lines.ends[samples.line].astype(float)
-    along = ends[:, 1] - ends[:, 0]
-    middle = ends[:, 0] + samples.place[:, None] * along
     point = lib.Array3f64(*(upload(mi.Float64, middle[:, k]) for k in range(3)))
     tau = mi.Vector3f(*(upload(mi.Float, along[:, k].astype(np.float32)) for k in range(3)))
-    ping, worth = upload(mi.UInt32, samples.ping), upload(mi.Float, samples.worth.astype(np.float32))
+    ping, worth = upload(mi.UInt32, pings), upload(mi.Float, worths.astype(np.float32))
     way = Connector(tracer.geometry, tracer.water).connect(place.sources, place.origin(ping), place.source(ping), point,
                                                            mi.Vector3f(0), occlusion=False)
     e0, e, h, steepness, level = _axes(way, mi.Vector3f(point - place.origin(ping)))
@@ -215,10 +252,8 @@ def _points(tracer: Tracer, place: Place, lines: JumpLines, samples: LineSamples
                    travel_time=way.travel_time, arc_length=way.arc_length,
                    ray_parameter=way.ray_parameter)
     rays = Rays(ping=ping, direction=way.launch_direction, solid_angle=mi.Float(0))
-    points = LinePoints(hits=hits, rays=rays, drawn=drawn(place, rays), covector=covector,
-                        motion=_motion(tracer, lines, samples, middle, covector.numpy().T.astype(float)))
-    kind = _kind(tracer, lines, samples, way.arrival_direction.numpy().T.astype(float))
-    return points, step * (n_down * e0 + n_side * h), kind
+    points = LinePoints(hits=hits, rays=rays, drawn=drawn(place, rays), covector=covector, motion=[])
+    return points, step * (n_down * e0 + n_side * h)
 
 
 def _axes(way: Connection, chord: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Float, mi.Float]:

@@ -12,7 +12,7 @@ scene changes afterwards. So values at two places differ by the change alone.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import drjit as dr
@@ -26,18 +26,19 @@ from ..survey.places import Place, Places
 from ..survey.rows import Rays, Rows
 from ..survey.survey import Survey
 from ..tracing.hits import Hits
-from ..tracing.tracer import Tracer
+from ..tracing.tracer import Tracer, registry_index
 from ..tracing.water import DeviceWater
 from .attached_geometry import AttachedGeometry
 from .attached_track import AttachedTrack
-from .edge_terms import EdgeTerms, edge_terms
+from .edge_terms import EdgeTerms, edge_terms, outline_terms
 from .finish import Facets, finished
 from .jump_lines import JumpLines
 from .line_samples import LineSampler
 from .ray_shift import ray_shift
+from .shape_outlines import OutlineSampler
 from .tent_bins import TentBins
 
-__all__ = ["Block", "EnergyField", "Kept", "Scenery"]
+__all__ = ["Block", "EnergyField", "Kept", "Samplers", "Scenery"]
 
 BELOW = 1.0                        # [m]
 FINE = 2e-5                        # [m] of rays to either side of a line, chord against arc: see `edge_terms.ASIDE`
@@ -65,6 +66,15 @@ class Kept:
     rays: Rays
     hits: Hits
     facets: Facets
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samplers:
+    """What draws points on lines of meshes and on outlines of other shapes; None where there are none."""
+
+    tracer: Tracer
+    lines: LineSampler | None
+    shapes: OutlineSampler | None
 
 
 class EnergyField:
@@ -124,26 +134,38 @@ class EnergyField:
                 if scenery.mirrors:
                     hits = replace(hits, valid=hits.valid & (hits.label != scenery.surface))
                 on_mesh, face, u, v = scenery.tracer.facet(met, hits.valid)
-                facets = Facets(on_mesh=on_mesh, face=face, u=mi.Float(u), v=mi.Float(v))
+                facets = Facets(on_mesh=on_mesh, shape=registry_index(met), face=face, u=mi.Float(u), v=mi.Float(v))
                 found.append(Kept(rays=rays, hits=hits, facets=facets))
         return found
 
-    def sampler(self, scenery: Scenery, lines: JumpLines) -> LineSampler:
-        """Give what draws points on lines at which energies jump."""
+    def sampler(self, scenery: Scenery, lines: JumpLines | None, outlined: Sequence[int]) -> Samplers:
+        """Give what draws points on lines, and on outlines of the shapes without facets with these registry indices."""
         with dr.suspend_grad():
             tracer = Tracer(scenery.tracer.geometry, scenery.water, max_range=self._range, tolerance=FINE)
-            return LineSampler(lines, tracer, self.rows, scenery.survey.track.position, self._range, self._seed)
+            of_lines = of_shapes = None
+            if lines is not None:
+                of_lines = LineSampler(lines, tracer, self.rows, scenery.survey.track.position, self._range, self._seed)
+            if outlined and scenery.facets.shapes is not None:
+                of_shapes = OutlineSampler(scenery.facets.shapes, outlined, tracer, self.rows, self._range, self._seed)
+            return Samplers(tracer=tracer, lines=of_lines, shapes=of_shapes)
 
-    def edges(self, scenery: Scenery, block: Block, sampler: LineSampler) -> EdgeTerms | None:
-        """Trace either side of points on lines at which energies jump, detached; None where no line is seen."""
+    def edges(self, scenery: Scenery, block: Block, samplers: Samplers) -> list[EdgeTerms]:
+        """Trace either side of points on lines at which energies jump, detached; none where no line is seen."""
         place, rays = scenery.of(block.ping), sum(dr.width(rays.direction) for rays in block.rays)
+        count = max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY))
+        surface, found = scenery.surface if scenery.mirrors else None, []
         with dr.suspend_grad():
-            samples = sampler.drawn(place, max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY)))
-            if not len(samples.line):
-                return None
             first_hits = FirstHits(self.rows, scenery.water, self._tents.of, smooth_patches=True)
-            return edge_terms(sampler.tracer, self.rows, first_hits, place, sampler.lines, samples,
-                              surface=scenery.surface if scenery.mirrors else None, drawn=scenery.drawn)
+            if samplers.lines is not None:
+                samples = samplers.lines.drawn(place, count)
+                if len(samples.line):
+                    found.append(edge_terms(samplers.tracer, self.rows, first_hits, place, samplers.lines.lines,
+                                            samples, surface=surface, drawn=scenery.drawn))
+            points = None if samplers.shapes is None else samplers.shapes.drawn(place, count)
+            if points is not None:
+                found.append(outline_terms(samplers.tracer, self.rows, first_hits, place, points, surface=surface,
+                                           drawn=scenery.drawn))
+        return found
 
     def echoes(self, scenery: Scenery, block: Block, kept: Kept) -> Echoes:
         """Give the echoes of a pass of rays, detached."""
@@ -152,7 +174,7 @@ class EnergyField:
         first_hits = FirstHits(self.rows, scenery.water, self._tents.of, smooth_patches=True)
         return first_hits.echoes(place, rays, kept.hits)
 
-    def sums(self, scenery: Scenery, block: Block, kept: list[Kept], edges: EdgeTerms | None = None) -> mi.Float64:
+    def sums(self, scenery: Scenery, block: Block, kept: list[Kept], edges: Sequence[EdgeTerms] = ()) -> mi.Float64:
         """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
         place = scenery.attached(block.ping)
         total = dr.zeros(mi.Float64, place.rows * self.rows.bins.count)
@@ -160,13 +182,13 @@ class EnergyField:
         for one in kept:
             rays, hits = self._finished(scenery, place, one)
             self._tents.add(total, first_hits.echoes(place, rays, hits))
-        if edges is not None:
-            points, across = edges.points, None
+        for term in edges:
+            points, across = term.points, None
             if scenery.moves:
                 direction = scenery.turned(place, points.drawn).direction
                 origin = place.origin(points.rays.ping)
                 across = ray_shift(scenery.layers, scenery.speeds, origin, direction, points.hits).across
-            edges.add(total, self._tents, scenery.facets, across)
+            term.add(total, self._tents, scenery.facets, across)
         return total
 
     def _finished(self, scenery: Scenery, place: Place, kept: Kept) -> tuple[Rays, Hits]:

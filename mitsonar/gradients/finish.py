@@ -12,6 +12,9 @@ dx -> the motion of the facet's point that was hit, n -> its normal, t -> the ra
 point slides over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated
 between corners, the normal that the surface scatters by and texture coordinates.
 
+On spheres, cylinders, disks and rectangles there are no corners: dx, and the normal where the point has slid to, are
+those of `attached_shapes`.
+
 Edges are not here: a point that slides off its facet goes on in the facet's plane. What comes out of a shadow or goes
 into one is the part of `edge_terms`.
 """
@@ -28,6 +31,7 @@ from ..propagation.layer_table import LayerTable
 from ..scene.geometry import interpolated
 from ..tracing.hits import Hits, towards_sound
 from .attached_geometry import AttachedGeometry
+from .attached_shapes import OnShapes
 from .ray_shift import RayShift
 from .tangents import tangent
 
@@ -43,7 +47,8 @@ class Facets:
     Attributes
     ----------
     on_mesh : Bool (R,)
-        Others stand still.
+    shape : UInt32 (R,)
+        Registry index of what was hit.
     face : Array4u (R,)
         Corners and label, see `Geometry`.
     u, v : Float (R,)
@@ -51,6 +56,7 @@ class Facets:
     """
 
     on_mesh: mi.Bool
+    shape: mi.UInt32
     face: dr.ArrayBase
     u: mi.Float
     v: mi.Float
@@ -79,6 +85,9 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
     a, b, c = _corners(geometry.vertices, facets)
     e1, e2 = b - a, c - a
     dx = tangent(a + e1 * facets.u + e2 * facets.v)
+    on = None if geometry.shapes is None else geometry.shapes.on(facets.shape, valid & ~facets.on_mesh)
+    if on is not None:
+        dx = dr.select(on.known, on.motion(mi.Vector3f(hits.point)), dx)
     dr_ = mi.Vector3f(0) if shift is None else shift.across
     slope = dr.dot(n, t)
     lit = valid & (slope < -GRAZING)
@@ -99,11 +108,19 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
         speed, widening = speed + shift.sound_speed, widening + shift.spreading
     arrival = _arrival(hits, parameter, speed, shift)
     normal, smooth = _normals(hits, facets, geometry, (e1, e2), (facets.u + du, facets.v + dv), arrival)
+    uv = _texture(hits, facets, geometry, du, dv)
+    if on is not None:
+        place = mi.Vector3f(dr.detach(hits.point)) + moved
+        normal = normal + dr.select(on.known, _of_shapes(on, place, hits.normal), 0)
+        if smooth is not None:
+            smooth = towards_sound(dr.select(on.known, normal, smooth), normal, arrival)
+        if geometry.textured:
+            uv = uv + dr.select(on.known, on.texture(place), 0)
     wide: Any = arrays_of(mi.Float).Array3f64
     return replace(hits, point=hits.point + wide(moved), travel_time=time, arc_length=arc,
                    spreading_area=hits.spreading_area * (1 + widening), ray_parameter=parameter, sound_speed=speed,
                    arrival_direction=arrival, normal=normal, smooth=smooth,
-                   uv=_texture(hits, facets, geometry, du, dv))
+                   uv=uv)
 
 
 def _corners(vertices: mi.Float, facets: Facets) -> list[mi.Vector3f]:
@@ -154,6 +171,12 @@ def _normals(hits: Hits, facets: Facets, geometry: AttachedGeometry, edges: tupl
         return normal, None
     between = interpolated(arrays_of(mi.Float), geometry.normals, facets.face, *place, facets.on_mesh)
     return normal, towards_sound(between, normal, arrival)
+
+
+def _of_shapes(on: OnShapes, place: mi.Vector3f, side: mi.Vector3f) -> mi.Vector3f:
+    """How normals of shapes without facets turn, on the side of `side`: 0, with gradients."""
+    normal = on.normal(place)
+    return tangent(dr.select(dr.dot(dr.detach(normal), side) < 0, -normal, normal))
 
 
 def _texture(hits: Hits, facets: Facets, geometry: AttachedGeometry, du: mi.Float, dv: mi.Float) -> mi.Point2f:

@@ -16,20 +16,19 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
-from ..device.chance import Salt, hashed, row_keys, seeded, uniform
+from ..device.chance import Salt
 from ..survey.places import Place
 from ..survey.rows import Rows
-from ..tracing.connection import Connector
 from ..tracing.tracer import Tracer
 from .jump_lines import JumpLines
 from .mesh_edges import NO_FACE
+from .sight import Sight, drawn_pieces
 
 __all__ = ["LineSampler", "LineSamples"]
 
 FINE = 1 / 300                     # [rad] of a piece: narrow beams see parts of lines
 MOST_PIECES = 64                   # of a line
 TOGETHER = 1 << 22                 # pieces and pings of one kernel
-FAINT = 1e-3                       # of the strongest beam: what directions outside are drawn by
 GRAZING = 0.03                     # sine below which a facet is seen from its edge, or nearly so
 HIDDEN = 0.1                       # of the weight of lines whose facets look away, which closed bodies hide
 
@@ -78,8 +77,7 @@ class LineSampler:
 
     def __init__(self, lines: JumpLines, tracer: Tracer, rows: Rows, positions: np.ndarray, reach: float, seed: int):
         self.lines, self.tracer = lines, tracer
-        self._rows, self._seed, self._water = rows, seed, tracer.water
-        self._connector = Connector(tracer.geometry, tracer.water)
+        self._seed, self._sight = seed, Sight(tracer, rows, reach)
         self._vertices, self._faces = tracer.geometry.vertices, tracer.geometry.faces
         length = np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1)
         away = _distance(lines.ends.mean(1), positions)
@@ -96,7 +94,7 @@ class LineSampler:
         self._smooth = upload(mi.UInt32, lines.smooth.astype(np.uint32))
         self._pieces = [upload(mi.UInt32, self._line), upload(mi.Float, self._first.astype(np.float32)),
                         upload(mi.Float, self._share.astype(np.float32))]
-        self._edges, self._reach = dr.opaque(mi.UInt32, lines.edges), dr.opaque(mi.Float, reach)
+        self._edges = dr.opaque(mi.UInt32, lines.edges)
 
     def drawn(self, place: Place, count: int) -> LineSamples:
         """Draw so many points for every ping of a place."""
@@ -112,20 +110,13 @@ class LineSampler:
 
     def _chosen(self, ping: int, number: int, weights: np.ndarray, count: int) -> LineSamples:
         """Points of one ping, `number` in the survey."""
-        sums = np.cumsum(weights)
-        total = sums[-1] if len(sums) else 0.0
-        if not total > 0:
+        if not weights.sum() > 0:
             none = np.zeros(0)
             return LineSamples(ping=none.astype(np.uint32), line=none.astype(np.uint32), place=none, worth=none)
-        lib: Any = arrays_of(mi.Float)
-        key = seeded(upload(mi.UInt32, row_keys(np.array([number], np.uint64))), self._seed, Salt.EDGES)
-        chance = uniform(lib, hashed(lib, key, dr.arange(mi.UInt32, count))).numpy().astype(float)
-        wanted = (np.arange(count) + chance) / count * total
-        piece = np.minimum(np.searchsorted(sums, wanted, side="right"), len(sums) - 1)
-        within = np.clip((wanted - sums[piece]) / weights[piece] + 1, 0, 1)
+        piece, within, worth = drawn_pieces(weights, count, number, self._seed, Salt.EDGES)
         share = self._share[piece]
         return LineSamples(ping=np.full(count, ping, np.uint32), line=self._line[piece],
-                           place=self._first[piece] + within * share, worth=total * share / (count * weights[piece]))
+                           place=self._first[piece] + within * share, worth=worth * share)
 
     def _weights(self, place: Place, number: np.ndarray) -> np.ndarray:
         """w of all pieces from pings with these numbers in the place, (B, pieces)."""
@@ -139,28 +130,9 @@ class LineSampler:
         a, b = (mi.Vector3f(end[0], end[1], end[2]) for end in ends)
         along = (b - a) * share
         middle = a + (b - a) * (first + 0.5 * share)
-        distance = dr.maximum(dr.norm(middle - mi.Vector3f(place.origin(ping))), 1e-6)
-        launch, view = self._ray(place, ping, middle)
-        length = dr.norm(dr.cross(along, view)) / distance
-        rays = self._rows.aimed(place, ping, launch, mi.Float(1))
-        response = self._rows.response(place, rays, launch)
-        beam = dr.select(response.active, response.pattern, 0)
-        jump = self._jump(line, a, along, view)
-        near = (distance < self._reach) & dr.isfinite(length) & dr.isfinite(beam)
-        weight = dr.select(near, length * jump, 0)
-        return (weight * (beam + FAINT * dr.max(beam))).numpy().astype(float).reshape(len(number), -1)
-
-    def _ray(self, place: Place, ping: mi.UInt32, point: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f]:
-        """About where the bent rays to points leave for, and which way they arrive."""
-        lib: Any = arrays_of(mi.Float)
-        wide, origin, source = lib.Array3f64(point), place.origin(ping), place.source(ping)
-        launch = self._connector.launch_direction(place.sources, origin, source, wide)
-        _, speed, _ = place.sources.state.gather(lib, source)
-        level = dr.sqrt(dr.maximum(1 - dr.square(launch.z), 0))
-        cosine = dr.minimum(level * mi.Float(self._water.layers().at(-wide.z)[0] / speed), 1)
-        scale = cosine / dr.maximum(level, 1e-6)
-        upwards = dr.copysign(dr.sqrt(1 - cosine * cosine), mi.Float(wide.z - origin.z))
-        return launch, mi.Vector3f(launch.x * scale, launch.y * scale, upwards)
+        _, view = self._sight.ray(place, ping, middle)
+        weight = self._sight.weight(place, ping, middle, along, self._jump(line, a, along, view))
+        return weight.numpy().astype(float).reshape(len(number), -1)
 
     def _jump(self, line: mi.UInt32, start: mi.Vector3f, along: mi.Vector3f, view: mi.Vector3f) -> mi.Float:
         """About how much of the energy of directions jumps across lines: all of it at outlines."""

@@ -21,8 +21,8 @@ import numpy as np
 from ..scene.geometry import Geometry
 from .attached_scene import AttachedScene
 from .edge_terms import EdgeTerms
-from .energy_field import Block, EnergyField, Kept, Scenery
-from .jump_lines import JumpLines, LineMaker
+from .energy_field import Block, EnergyField, Kept, Samplers, Scenery
+from .jump_lines import LineMaker
 from .pictures import Picture
 from .unseen import seen_in, shares
 
@@ -77,17 +77,20 @@ class RecordField:
         """Give the record about the scene as it is, with products by its Jacobian."""
         return About(self)
 
-    def lines(self, scenery: Scenery) -> JumpLines | None:
-        """Give the lines at which energies jump and which move with what carries gradients; None where none does."""
+    def samplers(self, scenery: Scenery) -> Samplers | None:
+        """Give what draws points on lines that move with what carries gradients; None where none does."""
         if not self.outlines:
             return None
-        geometry = scenery.tracer.geometry
-        moves = self.scene.attached(scenery).moves
-        meshes = tuple(range(len(geometry.meshes)) if moves else geometry.moving())
+        geometry, attached = scenery.tracer.geometry, self.scene.attached(scenery)
+        meshes = tuple(range(len(geometry.meshes)) if attached.moves else geometry.moving())
         if meshes not in self._makers:
             self._makers = {meshes: LineMaker(geometry, list(meshes))}
         lines = self._makers[meshes].lines(geometry)
-        return lines if len(lines.ends) else None
+        shapes = attached.facets.shapes
+        outlined = [] if shapes is None else shapes.numbers if attached.moves else shapes.moving
+        if not len(lines.ends) and not outlined:
+            return None
+        return self.energy.sampler(scenery, lines if len(lines.ends) else None, outlined)
 
     def shown(self, energy: list[np.ndarray]) -> np.ndarray:
         """What the picture shows of blocks of energies [1/m²]."""
@@ -117,8 +120,7 @@ class About:
     def __init__(self, field: RecordField):
         self._field, self._energy = field, field.energy
         self._scenery = field.scene.scenery(field.energy)
-        lines = field.lines(self._scenery)
-        self._sampler = None if lines is None else field.energy.sampler(self._scenery, lines)
+        self._samplers = field.samplers(self._scenery)
         rays = sum(dr.width(rays.direction) for block in field.energy.blocks for rays in block.rays)
         self._kept = [self._traced(block) for block in field.energy.blocks] if rays <= MOST_KEPT else None
         with dr.suspend_grad():
@@ -135,14 +137,14 @@ class About:
             told["echoes that stand still"] = echoes / (echoes + moving)
         return told
 
-    def _traced(self, block: Block, edges: bool = True) -> tuple[list[Kept], EdgeTerms | None]:
+    def _traced(self, block: Block, edges: bool = True) -> tuple[list[Kept], list[EdgeTerms]]:
         kept = self._energy.kept(self._scenery, block)
         dr.eval(kept)
-        if self._sampler is None or not edges:
-            return kept, None
-        return kept, self._energy.edges(self._scenery, block, self._sampler)
+        if self._samplers is None or not edges:
+            return kept, []
+        return kept, self._energy.edges(self._scenery, block, self._samplers)
 
-    def _each(self, edges: bool = True) -> Iterator[tuple[Block, list[Kept], EdgeTerms | None]]:
+    def _each(self, edges: bool = True) -> Iterator[tuple[Block, list[Kept], list[EdgeTerms]]]:
         """Blocks with their hits, traced anew where they are not kept; those may go without edges."""
         for number, block in enumerate(self._energy.blocks):
             yield block, *(self._traced(block, edges) if self._kept is None else self._kept[number])

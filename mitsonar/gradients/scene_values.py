@@ -1,7 +1,8 @@
 """Parameters of a scene as NumPy arrays, and as leaves that gradients begin at.
 
 What is written goes through `mi.traverse` and its `update`, so that whatever a plugin keeps of a parameter is made
-anew. Arrays of vectors have a row a vector; all else has the shape that Mitsuba gives it.
+anew. Arrays of vectors have a row a vector; all else has the shape that Mitsuba gives it. The ``to_world`` of a sphere,
+cylinder, disk or rectangle is a matrix (4, 4), whose last row stays 0, 0, 0, 1.
 """
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..spelling import meant
+from .attached_shapes import as_taken, kind_of
 from .model import Values
 
 __all__ = ["AttachedValues", "SceneValues", "differentiable"]
@@ -22,17 +24,28 @@ _attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls 
 VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
 OF_EVERY_MESH = "vertex_positions", "vertex_normals", "vertex_texcoords"
 DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
-UNITS = {"vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad", "sound_speed": "m/s",
-         "absorption_db": "dB/m", "strength": "1", "mu_db": "dB", "target_strength_db": "dB", "position": "m"}
+POSE = "to_world"
+UNITS = {POSE: "1 and m", "vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad",
+         "sound_speed": "m/s", "absorption_db": "dB/m", "strength": "1", "mu_db": "dB",
+         "target_strength_db": "dB", "position": "m"}
 
 
 def differentiable(scene: mi.Scene) -> list[str]:
-    """Names of the parameters of a scene that gradients may be asked for; poses of shapes without vertices are none."""
+    """Names of the parameters of a scene that gradients may be asked for."""
     parameters: Any = mi.traverse(scene)
-    still = _still(scene, parameters)
+    still, moving = _still(scene, parameters), _transforms(scene)
     return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
-            and key.rpartition(".")[2] not in DERIVED and not hasattr(parameters[key], "inverse_transpose")
-            and key not in still]
+            and key.rpartition(".")[2] not in DERIVED and key not in still
+            and (key in moving or not _is_transform(parameters[key]))]
+
+
+def _is_transform(value: Any) -> bool:
+    return hasattr(value, "inverse_transpose")
+
+
+def _transforms(scene: mi.Scene) -> dict[str, int]:
+    """Names of the poses that echoes follow, with the kind of their shapes: of those that are not made of facets."""
+    return {f"{shape.id()}.{POSE}": kind_of(shape) for shape in scene.shapes() if kind_of(shape) and shape.id()}
 
 
 def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
@@ -78,16 +91,23 @@ class SceneValues:
         for key in keys:
             if key not in known and (reason := _still(scene, self._parameters).get(key)):
                 raise ValueError(f"{key!r} has no gradient: {reason}")
+            owner, _, name = key.rpartition(".")
+            if name == POSE and f"{owner}.vertex_positions" in known:
+                raise ValueError(f"a mesh such as {owner!r} has no {key!r}: its vertices are where they are; take "
+                                 f"{owner}.vertex_positions, or its pose by parametrisation.Pose")
             if key not in known:
                 raise ValueError(f"the scene has no parameter {key!r} that gradients could be of{meant(key, known)}; "
                                  f"it has {', '.join(known)}")
-        self.keys = tuple(dict.fromkeys(keys))
+        self.keys, self._kinds = tuple(dict.fromkeys(keys)), _transforms(scene)
         self._holder: AttachedValues | None = None      # whose leaves are in the scene now
         self.start = {key: self._array(key) for key in self.keys}
         self.units = {key: UNITS.get(key.rpartition(".")[2], "") for key in self.keys}
 
     def _array(self, key: str) -> np.ndarray:
-        value = dr.detach(self._parameters[key])
+        value = self._parameters[key]
+        if _is_transform(value):
+            return np.array(dr.detach(value.matrix), float).reshape(4, 4)
+        value = dr.detach(value)
         array = np.array(value, float)
         if array.ndim > 1 and not dr.is_tensor_v(value):               # Dr.Jit's vectors have their axis first
             array = array.T
@@ -99,7 +119,7 @@ class SceneValues:
         for key in self.keys:
             new = checked.get(key, self.start[key])
             if not np.array_equal(new, self._array(key)):
-                self._parameters[key] = self.value(key, new)
+                self._parameters[key] = self._put(key, self.value(key, new))
         self._parameters.update()
 
     def checked(self, values: Values) -> dict[str, np.ndarray]:
@@ -116,9 +136,19 @@ class SceneValues:
             found[key] = array
         return found
 
+    def _put(self, key: str, value: Any) -> Any:
+        """A value as the scene takes it: of a matrix, the transform."""
+        return type(self._parameters[key])(value) if key in self._kinds else value
+
+    def direction(self, key: str, array: np.ndarray) -> Any:
+        """A direction as Mitsuba's own kind of value."""
+        return mi.Matrix4f(array) if key in self._kinds else self.value(key, array)
+
     def value(self, key: str, array: np.ndarray) -> Any:
-        """An array as Mitsuba's own kind of value."""
+        """An array as Mitsuba's own kind of value; of a transform, its matrix."""
         kind = type(self._parameters[key])
+        if key in self._kinds:
+            return mi.Matrix4f(as_taken(self._kinds[key], array, key))
         if kind is float:
             return float(array)
         if dr.is_tensor_v(kind):
@@ -161,7 +191,7 @@ class SceneValues:
             if key not in leaves and dr.grad_enabled(self._parameters[key]):
                 self._parameters[key] = dr.detach(self._parameters[key])
         for key, leaf in leaves.items():
-            self._parameters[key] = leaf
+            self._parameters[key] = self._put(key, leaf)
         self._parameters.update()
         self._holder = holder
         _attached.append(self)
@@ -212,7 +242,7 @@ class AttachedValues:
             self.hold()
         for key, leaf in self._leaves.items():
             dr.clear_grad(leaf)
-            dr.set_grad(leaf, self._values.value(key, directions[key]))
+            dr.set_grad(leaf, self._values.direction(key, directions[key]))
         if copied:
             for key in copied:
                 dr.enqueue(dr.ADMode.Forward, self._leaves[key])
@@ -228,7 +258,7 @@ class AttachedValues:
         found = {}
         for key, leaf in self._leaves.items():
             array = np.array(dr.grad(leaf), float)
-            if array.ndim > 1 and not dr.is_tensor_v(leaf):
+            if array.ndim > 1 and not dr.is_tensor_v(leaf) and not dr.is_matrix_v(leaf):
                 array = array.T
             found[key] = array.reshape(self._values.start[key].shape)
         self.clear()

@@ -1,7 +1,7 @@
 """What a record does not see of a scene, and its derivatives do not know of, as shares.
 
     bins in shadow                       of those between a row's first and last ray in the main lobe: none comes
-    echoes of shapes without facets      of all energy of first hits: spheres and cylinders, which stand still
+    echoes of shapes that stand still    of all energy of first hits: such as instances, which stand still
     echoes that stand still              of all energy: of several bounces, of the water, of what has a phase; told by
                                          `record_field`
     outlines left out                    1 where nobody asks for them: derivatives are of what is lit
@@ -27,13 +27,13 @@ class Seen:
     ----------
     rays : (rows, bins)
         Within the main lobe.
-    energy, without_facets : float
-        Of all first hits, and of those on shapes without facets, in units of their bins.
+    energy, standing : float
+        Of all first hits, and of those on shapes that stand still, in units of their bins.
     """
 
     rays: np.ndarray
     energy: float
-    without_facets: float
+    standing: float
 
 
 def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept]) -> Seen:
@@ -48,8 +48,11 @@ def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept
             dr.scatter_add(rays, mi.UInt32(1), echoes.response.row * bins + echoes.bin, inside)
             units = dr.select(echoes.active, echoes.units, 0)
             total += float(dr.sum(units)[0])
-            rest += float(dr.sum(dr.select(one.facets.on_mesh, 0, units))[0])
-    return Seen(rays=rays.numpy().reshape(-1, bins), energy=total, without_facets=rest)
+            still = ~one.facets.on_mesh
+            if scenery.facets.shapes is not None:
+                still &= ~scenery.facets.shapes.on(one.facets.shape, still & one.hits.valid).known
+            rest += float(dr.sum(dr.select(still, units, 0))[0])
+    return Seen(rays=rays.numpy().reshape(-1, bins), energy=total, standing=rest)
 
 
 def shares(seen: list[Seen], *, outlines: bool) -> dict[str, float]:
@@ -57,9 +60,9 @@ def shares(seen: list[Seen], *, outlines: bool) -> dict[str, float]:
     lit = np.concatenate([one.rays for one in seen]) > 0
     within = np.maximum.accumulate(lit, 1) & np.maximum.accumulate(lit[:, ::-1], 1)[:, ::-1]
     told = {"bins in shadow": float(np.sum(within & ~lit) / max(np.sum(within), 1))}
-    total, rest = (sum(getattr(one, name) for one in seen) for name in ("energy", "without_facets"))
+    total, rest = (sum(getattr(one, name) for one in seen) for name in ("energy", "standing"))
     if rest > 0:
-        told["echoes of shapes without facets"] = rest / total
+        told["echoes of shapes that stand still"] = rest / total
     if not outlines:
         told["outlines left out"] = 1.0
     return told
