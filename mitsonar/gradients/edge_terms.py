@@ -16,8 +16,9 @@ A point of a line that moves by dx moves in directions by m(dx), two numbers alo
 e -> unit, across the ray at its end in that plane, downwards; h -> unit, level, across the plane; A -> spreading area;
 τ -> the line per s; dr -> how the ray of one launch moves there (`ray_shift`). E_- and E_+ are those of two rays, a
 hair to either side. Outlines of spheres and cylinders slide over them as they move; across the view they move as the
-material does, n·dx. Where something hides the line both meet the same, and nothing jumps. What jumps within that hair
-must belong to the line (`_own`): near the limb of a round body several edges lie so close. Places and energies are
+material does, n·dx. There energies fall to those of the limb as the root of how far inside a ray passes:
+E(0) = 2 E(h) - E(4 h). Where something hides the line both meet the same, and nothing jumps. What jumps within that
+hair must belong to the line (`_own`): near the limb of a round body several edges lie so close. Places and energies are
 detached; gradients come by dx and dr alone.
 """
 from __future__ import annotations
@@ -86,10 +87,13 @@ class EdgeTerms:
     points : LinePoints
     sides : list of Echoes
         Of a worth of one, on either side of the lines.
+    worths : list of float
+        Of each side, with its sign.
     """
 
     points: LinePoints
     sides: list[Echoes]
+    worths: list[float]
 
     def add(self, sums: mi.Float64, tents: TentBins, geometry: AttachedGeometry, across: mi.Vector3f | None) -> None:
         """Add the terms to sums (rows x bins,) [1/m²]: 0, with gradients.
@@ -110,8 +114,8 @@ class EdgeTerms:
         if across is not None:
             speed = speed - dr.dot(self.points.covector, tangent(across))
         speed = mi.Float64(dr.select(self.points.hits.valid, speed, 0))
-        for sign, side in zip((1.0, -1.0), self.sides):
-            tents.add(sums, replace(side, units=sign * side.units * speed))
+        for worth, side in zip(self.worths, self.sides):
+            tents.add(sums, replace(side, units=worth * side.units * speed))
 
 
 def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, lines: JumpLines,
@@ -141,7 +145,7 @@ def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, 
     points = replace(points, motion=motion)
     met, sides = _sides(tracer, rows, first_hits, place, points, aside, surface)
     found = [(hits, _facet(tracer, pi, hits.valid)) for hits, pi in met]
-    return _evaluated(points, sides, _own(points.hits, kind, lines, samples, found))
+    return _evaluated(points, sides, [1.0, -1.0], _own(points.hits, kind, lines, samples, found))
 
 
 def outline_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, outlines: OutlinePoints, *,
@@ -149,10 +153,13 @@ def outline_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Plac
     """Trace both sides of points on outlines of shapes without facets; parameters as of `edge_terms`."""
     points, aside = _points(tracer, place, outlines.ping, outlines.point, outlines.along, outlines.worth, drawn)
     points = replace(points, shape=upload(mi.UInt32, outlines.shape))
-    met, sides = _sides(tracer, rows, first_hits, place, points, aside, surface)
-    mine = [hits.valid & (registry_index(pi) == points.shape) for hits, pi in met]
-    own = _nearer_is(points.hits, [hits for hits, _ in met], mine)
-    return _evaluated(points, sides, own)
+    found, own = [], mi.Bool(True)
+    for step in (1.0, 4.0):
+        met, sides = _sides(tracer, rows, first_hits, place, points, step * aside, surface)
+        mine = [hits.valid & (registry_index(pi) == points.shape) for hits, pi in met]
+        own = own & _nearer_is(points.hits, [hits for hits, _ in met], mine)
+        found += sides
+    return _evaluated(points, found, [2.0, -2.0, -1.0, 1.0], own)
 
 
 def _sides(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, points: LinePoints, aside: mi.Vector3f,
@@ -172,8 +179,8 @@ def _sides(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, poin
     return met, sides
 
 
-def _evaluated(points: LinePoints, sides: list[Echoes], own: mi.Bool) -> EdgeTerms:
-    terms = EdgeTerms(points=points, sides=[replace(side, active=side.active & own) for side in sides])
+def _evaluated(points: LinePoints, sides: list[Echoes], worths: list[float], own: mi.Bool) -> EdgeTerms:
+    terms = EdgeTerms(points=points, sides=[replace(side, active=side.active & own) for side in sides], worths=worths)
     dr.eval(terms)
     return terms
 
