@@ -12,7 +12,7 @@ from .observability import Observability
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Fit", "FittedParameter"]
+__all__ = ["Fit", "FittedParameter", "named", "told_of"]
 
 TOLD = 0.5                         # share of a number's prior variance that must be gone to call it told
 HIDDEN = 0.1                       # the same of a pattern that is called unseen
@@ -125,16 +125,11 @@ class Fit:
     @staticmethod
     def _of_parameter(name: str, one: FittedParameter) -> str:
         unit = f" {one.unit}" if one.unit not in ("", "1") else ""
-        told = one.resolved > TOLD
         middle = f"{np.median(one.uncertainty):.3g}{unit}"
         if one.value.size == 1:
             return (f"{name} is {one.value.item():.6g} ± {middle}, of which the record told "
                     f"{100 * one.resolved.item():.0f} %")
-        if not told.any():
-            return (f"{name}: none of its {told.size} numbers is told to better than {np.sqrt(1 - TOLD):.1f} of its "
-                    "prior")
-        return (f"{name}: {int(told.sum())} of {told.size} numbers are told, to ± "
-                f"{np.median(one.uncertainty[told]):.3g}{unit} in the middle of them")
+        return told_of(name, one.resolved, one.uncertainty, one.unit)
 
     def to_dataset(self) -> xr.Dataset:
         """Give all of it as a dataset; `mitsonar.write` makes a netCDF file of it."""
@@ -156,16 +151,43 @@ class Fit:
         return "Fit\n" + "\n".join(f"    {one}" for one in self.sentences())
 
 
+def told_of(name: str, resolved: np.ndarray, deviation: np.ndarray, unit: str) -> str:
+    """Say how many numbers of a parameter a record told, and to what."""
+    told = resolved > TOLD
+    if not told.any():
+        return (f"{name}: none of its {told.size} numbers is told to better than {np.sqrt(1 - TOLD):.1f} of its "
+                "deviation beforehand")
+    return (f"{name}: {int(told.sum())} of {told.size} numbers are told, to ± {np.median(deviation[told]):.3g}"
+            f"{f' {unit}' if unit else ''} in the middle of them")
+
+
+def named(name: str, dims: tuple[str, ...], unit: str, *, value: np.ndarray, start: np.ndarray, deviation: np.ndarray,
+          prior_deviation: np.ndarray, resolved: np.ndarray) -> dict[str, tuple]:
+    """Give a parameter's variables by the names that every fit's dataset has.
+
+    Parameters
+    ----------
+    name : str
+    dims : tuple of str
+    unit : str
+    value, start, deviation, prior_deviation : array
+        What was found, what it began with, one deviation after and before the fit.
+    resolved : array [-]
+        Share of the prior's variance that has gone.
+    """
+    measured = {"": value, "_start": start, "_deviation": deviation, "_prior_deviation": prior_deviation}
+    return {**{name + what: (dims, some, {"units": unit}) for what, some in measured.items()},
+            f"{name}_resolved": (dims, resolved, {"units": "1"})}
+
+
 def _variables(name: str, one: FittedParameter) -> Iterator[tuple[str, tuple]]:
     """A parameter's variables of a dataset."""
     dims = tuple(f"{name}_{axis}" for axis in range(one.value.ndim))
-    unit = {"units": one.unit or "1"}
-    for what, value in (("", one.value), ("_start", one.start), ("_deviation", one.uncertainty),
-                        ("_prior_deviation", one.prior_deviation)):
-        yield name + what, (dims, value, unit)
-    yield f"{name}_resolved", (dims, one.resolved, {"units": "1"})
-    yield f"{name}_seen", (("pattern", *dims), one.seen, unit)
-    yield f"{name}_unseen", (("unseen", *dims), one.unseen, unit)
+    unit = one.unit or "1"
+    yield from named(name, dims, unit, value=one.value, start=one.start, deviation=one.uncertainty,
+                     prior_deviation=one.prior_deviation, resolved=one.resolved).items()
+    yield f"{name}_seen", (("pattern", *dims), one.seen, {"units": unit})
+    yield f"{name}_unseen", (("unseen", *dims), one.unseen, {"units": unit})
     if one.labels is not None and one.probabilities is not None and one.classes is not None:
         yield f"{name}_class", (dims, one.labels, {"values": list(one.classes)})
         yield f"{name}_probability", ((*dims, f"{name}_classes"), one.probabilities, {"units": "1"})

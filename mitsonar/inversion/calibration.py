@@ -24,6 +24,7 @@ from ..sonar.pulse import Pulse
 from ..sonar.pulses import pulse_of
 from ..sonar.track import Track
 from ..water.profile import SoundSpeedProfile
+from .answer import named
 from .arrival_model import UNITS, ArrivalModel
 from .arrival_times import MeasuredArrivals, measured_arrivals
 
@@ -124,10 +125,9 @@ class Calibration:
                 "velocity_offset": ("ping", "axis"), "target_position": ("target", "axis")}
         found = {}
         for name in self.values:
-            for part, values in (("", self.values[name]), ("_start", self.start[name]),
-                                 ("_deviation", self.uncertainty[name]), ("_prior_deviation", self.believed[name])):
-                found[name + part] = dims[name], values, {"units": self.units[name]}
-            found[f"{name}_resolved"] = dims[name], self.resolved(name), {"units": "1"}
+            found |= named(name, dims[name], self.units[name], value=self.values[name], start=self.start[name],
+                           deviation=self.uncertainty[name], prior_deviation=self.believed[name],
+                           resolved=self.resolved(name))
         found["rx_gain"] = (("rx",), self.gain, {"units": "1"})
         found["rx_gain_deviation"] = (("rx",), self.gain_uncertainty, {"units": "1"})
         found["singular_value"] = (("unknown",), self.singular_values, {"units": "1"})

@@ -17,13 +17,13 @@ import xarray as xr
 
 from ..gradients.model import Values
 from ..gradients.scene_model import SceneModel
+from .answer import named, told_of
 from .image_fit import COARSE_TO_FINE, ImageFit, Stage, fit_image, posterior
 from .image_record import ImageRecord
 from .smooth_field import SmoothField, grid_of
 
 __all__ = ["HeightPrior", "HeightUnknowns", "fit_heights"]
 
-RESOLVED = 0.5                     # share of the prior's variance that has gone, from which a height counts as seen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,8 +149,9 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     Returns
     -------
     Dataset (x, y)
-        ``start``, ``height``, ``deviation``, ``prior_deviation`` [m], and ``resolved``, the share of the prior's
-        variance that has gone; ``misfit`` by step; ``information`` by mode. Its attributes say what was seen.
+        By the names of `Fit.to_dataset`: ``height``, ``height_start``, ``height_deviation``,
+        ``height_prior_deviation`` [m], and ``height_resolved``, the share of the prior's variance that has gone;
+        ``misfit`` by step; ``information`` by mode. Its attributes say what was seen.
 
     Raises
     ------
@@ -179,19 +180,15 @@ def _answer(fit: ImageFit, unknowns: HeightUnknowns, modes: int) -> xr.Dataset:
     gone = np.tensordot(information / (1 + information), patterns ** 2, 1)
     deviation = np.sqrt(np.maximum(prior ** 2 - gone, 0))
     resolved = np.clip(gone / prior ** 2, 0, 1)
-    seen = 100 * float(np.mean(resolved > RESOLVED))
     slopes = [float(np.mean(np.gradient(height, axis, axis=number)))
               for number, axis in enumerate((unknowns.x, unknowns.y))]
     data = xr.Dataset(
-        {"start": (("x", "y"), start, {"units": "m"}), "height": (("x", "y"), height, {"units": "m"}),
-         "deviation": (("x", "y"), deviation, {"units": "m"}),
-         "prior_deviation": (("x", "y"), prior, {"units": "m"}), "resolved": (("x", "y"), resolved, {"units": "1"}),
+        {**named("height", ("x", "y"), "m", value=height, start=start, deviation=deviation, prior_deviation=prior,
+                 resolved=resolved),
          "misfit": ("step", fit.misfit, {"units": "1"}), "information": ("mode", information, {"units": "1"})},
         {"x": ("x", unknowns.x, {"units": "m"}), "y": ("y", unknowns.y, {"units": "m"})})
-    data.attrs = {
-        "kind": "heights from one sidescan image", "gain_db": unknowns.gain_db(fit.unknowns),
-        "slope_x": slopes[0], "slope_y": slopes[1], "stopped": fit.stopped,
-        "told": (f"{np.sum(information > 1)} directions or more are told better by the image than beforehand; half of "
-                 f"the prior's variance has gone at {seen:.0f} % of the nodes; deviations "
-                 "are of speckle alone: errors of the model come on top")}
-    return data
+    told = (f"{told_of('height', resolved, deviation, 'm')}; {np.sum(information > 1)} directions or more are told "
+            "better by the image than beforehand; deviations are of speckle alone: errors of the model come on top")
+    return data.assign_attrs(
+        kind="fit", parameters=["height"], stopped=fit.stopped, observable=told,
+        gain_db=unknowns.gain_db(fit.unknowns), slope_x=slopes[0], slope_y=slopes[1])

@@ -17,10 +17,11 @@ import xarray as xr
 
 from ..gradients.model import Values
 from ..gradients.scene_model import SceneModel
+from .answer import named
 from .image_fit import ImageFit, Stage, fit_image, posterior
 from .image_record import ImageRecord, saturated
 
-__all__ = ["PosePrior", "fit_pose"]
+__all__ = ["NAMES", "PosePrior", "fit_pose"]
 
 NAMES = "east", "north", "up", "yaw", "pitch", "roll"
 STAGES = Stage(bins=6, steps=3, products=12), Stage(bins=2, steps=5, products=12)
@@ -192,8 +193,9 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     Returns
     -------
     Dataset (number)
-        ``pose``, ``deviation``, ``prior_deviation`` of `NAMES` [m] and [rad], about the start; ``information`` by
-        direction, whose numbers ``direction`` has; ``misfit`` by step.
+        By the names of `Fit.to_dataset`: ``pose``, ``pose_start``, ``pose_deviation``, ``pose_prior_deviation`` of
+        `NAMES` [m] and [rad], about the start, and ``pose_resolved``; ``information`` by mode, whose numbers
+        ``direction`` has; ``misfit`` by step. Its attributes say what was seen.
 
     Raises
     ------
@@ -239,12 +241,17 @@ def _start(model: SceneModel, record: ImageRecord, unknowns: PoseUnknowns, stage
 def _answer(fit: ImageFit, unknowns: PoseUnknowns, clipped: int) -> xr.Dataset:
     information, vectors = posterior(fit, unknowns, unknowns.size)
     spread = (vectors[:, :6] ** 2 / (1 + information)[:, None]).sum(0)
-    units = {"units": "m, rad"}
-    said = (f"{clipped} bins are as loud as the recorder writes: a model without its full scale is too loud there, and "
-            "the pose is off" if clipped else "deviations are those of speckle and of what was unknown beside the pose")
-    return xr.Dataset({"pose": ("number", unknowns.deviation * fit.unknowns[:6], units),
-                       "deviation": ("number", unknowns.deviation * np.sqrt(spread), units),
-                       "prior_deviation": ("number", unknowns.deviation, units),
+    believed = unknowns.deviation
+    resolved = np.where(believed > 0, 1 - spread, 0)
+    found, deviation = believed * fit.unknowns[:6], believed * np.sqrt(spread)
+    said = [f"{name} is off by {found[number]:.3g} ± {deviation[number]:.2g} {'m' if number < 3 else 'rad'}, of which "
+            f"the image told {100 * resolved[number]:.0f} %"
+            for number, name in enumerate(NAMES) if believed[number] > 0]
+    said.append(f"{clipped} bins are as loud as the recorder writes: a model without its full scale is too loud there, "
+                "and the pose is off" if clipped
+                else "deviations are those of speckle and of what was unknown beside the pose")
+    return xr.Dataset({**named("pose", ("number",), "m, rad", value=found, start=np.zeros(6), deviation=deviation,
+                               prior_deviation=believed, resolved=resolved),
                        "information": ("mode", information), "direction": (("mode", "number"), vectors[:, :6]),
                        "misfit": ("step", fit.misfit)}, {"number": list(NAMES)},
-                      {"kind": "pose from one sidescan image", "stopped": fit.stopped, "told": said})
+                      {"kind": "fit", "parameters": ["pose"], "stopped": fit.stopped, "observable": "; ".join(said)})

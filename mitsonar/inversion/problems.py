@@ -146,7 +146,7 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     prior = HeightPrior(**{name: options[name] for name in ("deviation", "length") if name in options})
     found = fit_heights(model, image, key, strength=strength, prior=prior, looks=options.get("looks", 1.0),
                         farthest=options.get("farthest"), modes=options.get("directions", 60), told=told)
-    return _as_fit(found, "height", "heights")
+    return _solved(found)
 
 
 # ---- a map of sediments
@@ -173,7 +173,7 @@ def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     prior = StrengthPrior() if "deviation" not in options else StrengthPrior(deviation_db=options["deviation"])
     found = fit_sediment_map(model, image, key, classes=classes, prior=prior, looks=options.get("looks", 1.0),
                              farthest=options.get("farthest"), modes=options.get("directions", 20), told=told)
-    return _as_fit(found, "strength_db", "strength_db")
+    return _solved(found)
 
 
 def _class(text: str) -> tuple[str, float]:
@@ -192,46 +192,31 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     if len(inputs) < 3:
         raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
                          f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
-    import numpy as np
-
     from ..gradient_verbs import scene_model
     from ..io import scenes
     from ..scene.loading import load_file
+    from ..verbs import opened
     from .pose import NAMES, PosePrior, fit_pose
 
     path, record, owner, *believed = inputs
     path, image = scenes.find(path), image_of(record)
     plain = PosePrior()
-    deviation = {**dict(zip(NAMES, (*plain.place, *plain.angles))), **beliefs(believed, NAMES)}
+    deviation = dict(zip(NAMES, (*plain.place, *plain.angles)))
+    deviation |= {"level_db": plain.level_db, "track": 0.0, **beliefs(believed, [*NAMES, "level_db", "track"])}
     numbers = [deviation[name] for name in NAMES]
-    key = f"{owner}.vertex_positions"
-    model = scene_model(load_file(path, **options.get("parameters", {})), [key], sensor=options.get("sensor", 0),
+    scene, sonar, _ = opened(load_file(path, **options.get("parameters", {})), options.get("sensor", 0))
+    key, track = f"{owner}.vertex_positions", f"{sonar.id()}.position_offset" if deviation["track"] else None
+    strengths = [options["strength"]] if "strength" in options else []
+    model = scene_model(scene, [key, *strengths, *([track] if track else [])], sensor=options.get("sensor", 0),
                         seed=options.get("seed", 0))
-    found = fit_pose(model, image, key, prior=PosePrior(place=tuple(numbers[:3]), angles=tuple(numbers[3:])),
-                     looks=options.get("looks", 1.0), farthest=options.get("farthest"), told=progress)
-    beforehand = found["prior_deviation"]
-    kept = (found["deviation"] / beforehand.where(beforehand > 0, np.inf)) ** 2
-    found = found.assign(start=found["pose"] * 0, resolved=(1 - kept).where(beforehand > 0, 0))
-    sentences = [str(found.attrs["stopped"])] + [
-        f"{name} is off by {value:.3g} ± {off:.2g} {'m' if name in NAMES[:3] else 'rad'}, of which the image told "
-        f"{100 * share:.0f} %" for name, value, off, share in zip(
-            NAMES, found["pose"].values, found["deviation"].values, found["resolved"].values) if deviation[name] > 0]
-    dataset = _as_fit(found, "pose", "pose").dataset.assign_attrs(observable="; ".join(sentences))
-    return Solved(dataset=dataset, sentences=sentences)
+    prior = PosePrior(place=(numbers[0], numbers[1], numbers[2]), angles=(numbers[3], numbers[4], numbers[5]),
+                      level_db=deviation["level_db"], track=deviation["track"] or plain.track)
+    return _solved(fit_pose(model, image, key, prior=prior, looks=options.get("looks", 1.0), strengths=strengths,
+                            track=track, farthest=options.get("farthest"), told=progress))
 
 
-def _as_fit(found: xr.Dataset, answer: str, name: str) -> Solved:
-    """An answer over a plane by the names of `Fit.to_dataset`."""
-    named = "start", "deviation", "prior_deviation", "resolved", "probability", "label"
-    parts = {one: f"{name}_{one}" for one in named if one in found}
-    dataset = found.rename({answer: name, **parts} if answer != name else parts)
-    sentences = [str(found.attrs[one]) for one in ("stopped", "told") if one in found.attrs]
-    told = found["resolved"].values > 0.5
-    unit, deviation = found[answer].attrs["units"], found["deviation"].values
-    sentences.append(f"{name}: {int(told.sum())} of {told.size} numbers are told" + (
-        f", to ± {float(deviation[told].mean()):.3g} {unit} on average" if told.any() else ""))
-    dataset.attrs = {**found.attrs, "kind": "fit", "parameters": [name], "observable": "; ".join(sentences)}
-    return Solved(dataset=dataset, sentences=sentences)
+def _solved(found: xr.Dataset) -> Solved:
+    return Solved(dataset=found, sentences=[found.attrs["stopped"], *found.attrs["observable"].split("; ")])
 
 
 SCENE = Problem(asks="SCENE RECORD KEY=DEVIATION[:LOWER:UPPER] ...", summary="parameters of a scene, from an image",
@@ -246,7 +231,8 @@ PROBLEMS = {
                    takes=("looks", "class", "deviation", "farthest", "sensor", "seed", "directions", "parameters"),
                    solve=_map),
     "pose": Problem(asks="SCENE RECORD ID [NAME=DEVIATION ...]", summary="where an object lies and how it is turned, "
-                    "from an image of it", takes=("looks", "farthest", "sensor", "seed", "parameters"), solve=_pose),
+                    "from an image of it", takes=("looks", "farthest", "strength", "sensor", "seed", "parameters"),
+                    solve=_pose),
     "array": Problem(asks="SCENE SIGNALS [NAME=DEVIATION ...]", summary="an array's elements and navigation, from "
                      "echoes of the scene's point targets", takes=("sensor", "parameters"), solve=array),
     "sway": Problem(asks="ECHOES", summary="sway of a synthetic aperture, from the sharpness of its image", takes=(),

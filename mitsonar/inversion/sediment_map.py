@@ -15,6 +15,7 @@ import xarray as xr
 
 from ..gradients.model import Values
 from ..gradients.scene_model import SceneModel
+from .answer import named, told_of
 from .image_fit import ImageFit, Stage, fit_image, posterior
 from .image_record import ImageRecord
 from .smooth_field import SmoothField
@@ -130,18 +131,18 @@ def _answer(fit: ImageFit, unknowns: StrengthUnknowns, prior: StrengthPrior, cla
     gone = np.tensordot(information / (1 + information), patterns ** 2, 1)
     deviation = np.sqrt(np.maximum(believed ** 2 - gone, 0))
     at = ("row", "column")
-    data = xr.Dataset({"start": (at, before, {"units": "dB"}), "strength_db": (at, strength, {"units": "dB"}),
-                       "deviation": (at, deviation, {"units": "dB"}),
-                       "prior_deviation": (at, believed, {"units": "dB"}),
-                       "resolved": (at, np.clip(gone / believed ** 2, 0, 1), {"units": "1"}),
+    resolved = np.clip(gone / believed ** 2, 0, 1)
+    told = told_of("strength_db", resolved, deviation, "dB")
+    data = xr.Dataset({**named("strength_db", at, "dB", value=strength, start=before, deviation=deviation,
+                               prior_deviation=believed, resolved=resolved),
                        "misfit": ("step", fit.misfit, {"units": "1"}),
                        "information": ("mode", information, {"units": "1"})},
-                      attrs={"kind": "sediment map from one sidescan image", "stopped": fit.stopped})
+                      attrs={"kind": "fit", "parameters": ["strength_db"], "stopped": fit.stopped, "observable": told})
     if classes is None:
         return data
     probability = _probabilities(strength, deviation, np.array(list(classes.values())), prior.within_db)
-    return data.assign(probability=(("sediment", *at), probability, {"units": "1"}),
-                       label=(at, probability.argmax(0))).assign_coords(sediment=list(classes))
+    return data.assign(strength_db_probability=(("sediment", *at), probability, {"units": "1"}),
+                       strength_db_class=(at, probability.argmax(0))).assign_coords(sediment=list(classes))
 
 
 def _probabilities(strength: np.ndarray, deviation: np.ndarray, levels: np.ndarray, within: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from .line_sheet import bar_beside, curve_axes, headed, key_above
 __all__ = ["fit_figure"]
 
 ROW, WIDTH, HEAD = 330, 1300, 70   # picture elements
-VALUES, ERRORS, SHARES = "viridis", "magma", "Greys"
+VALUES, ERRORS, DEVIATIONS, SHARES = "viridis", "RdBu_r", "magma", "Greys"
 MOST_ROWS = 8
 LONG = 2.0                         # times as long as wide: a map that is longer fills its axes
 
@@ -62,12 +62,17 @@ def _draw(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
 def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
     unit = answer[name].attrs.get("units", "1")
     columns = [(f"{name}_start", "start", VALUES), (name, "answer", VALUES),
-               (f"{name}_deviation", "one deviation", ERRORS), (f"{name}_resolved", "share told", SHARES)]
+               (f"{name}_deviation", "one deviation", DEVIATIONS), (f"{name}_resolved", "share told", SHARES)]
     if f"{name}_truth" in answer:
         columns.insert(0, (f"{name}_truth", "truth", VALUES))
     same = np.concatenate([answer[key].values.ravel() for key, _, colours in columns if colours == VALUES])
     limits = {VALUES: tuple(np.percentile(same, (1, 99))), SHARES: (0.0, 1.0),
-              ERRORS: (0.0, float(answer[f"{name}_prior_deviation"].values.max()))}
+              DEVIATIONS: (0.0, float(answer[f"{name}_prior_deviation"].values.max()))}
+    if f"{name}_truth" in answer:
+        columns.insert(3, (f"{name}_error", "answer - truth", ERRORS))
+        answer = answer.assign({f"{name}_error": answer[name] - answer[f"{name}_truth"]})
+        most = max(float(np.percentile(np.abs(answer[f"{name}_error"].values), 98)), 1e-12)
+        limits[ERRORS] = -most, most
     row = figure.add_gridspec(1, len(columns), **place).subplots(squeeze=False)[0]
     for axes, (key, title, colours) in zip(row, columns):
         low, high = limits[colours]

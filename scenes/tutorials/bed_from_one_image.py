@@ -90,14 +90,15 @@ def off(heights):
     return float(np.std(error))
 
 
-before, after = off(fit.start.values), off(fit.height.values)
+before, after = off(fit.height_start.values), off(fit.height.values)
 print(f"off by {before:.2f} m before and {after:.2f} m after; said to be "
-      f"{np.sqrt(np.mean(fit.deviation.values[seen] ** 2)):.2f} m; level {fit.gain_db:.2f} dB of 1; {fit.stopped}")
+      f"{np.sqrt(np.mean(fit.height_deviation.values[seen] ** 2)):.2f} m; level {fit.gain_db:.2f} dB of 1; "
+      f"{fit.stopped}")
 assert after < 0.7 * before
-assert np.all(fit.deviation.values <= fit.prior_deviation.values * (1 + 1e-6))
+assert np.all(fit.height_deviation.values <= fit.height_prior_deviation.values * (1 + 1e-6))
 figure, axes = plt.subplots(1, 4, figsize=(16, 4), gridspec_kw={"wspace": 0.5})
 for axis, title, values in zip(axes, ("truth", "start", "answer", "one deviation"),
-                               (truth, fit.start, fit.height, fit.deviation)):
+                               (truth, fit.height_start, fit.height, fit.height_deviation)):
     drawn = axis.imshow(np.asarray(values).T, origin="lower", extent=(-24, 24, -24, 24),
                         **({} if title == "one deviation" else {"vmin": truth.min(), "vmax": truth.max()}))
     axis.set_title(f"{title} [m]")
@@ -124,7 +125,7 @@ model = mitsonar.scene_model(mitsonar.load_file(folder / "painted.xml"), ["bed.b
 sediments = fit_sediment_map(model, image, "bed.bsdf.mu_db.data", classes={"sand": -22.0, "gravel": -14.0},
                              stages=stages, farthest=21)
 inside = (np.abs(across) > 0.15) & (np.abs(across) < 0.7) & (np.abs(along) < 0.7)
-right = np.mean((sediments.label.values == (painted > -18))[inside])
+right = np.mean((sediments.strength_db_class.values == (painted > -18))[inside])
 print(f"{right:.0%} of the cells named rightly; off by "
       f"{np.sqrt(np.mean((sediments.strength_db.values - painted)[inside] ** 2)):.1f} dB rms, before "
       f"{np.sqrt(np.mean((-19 - painted)[inside] ** 2)):.1f}")
@@ -132,7 +133,8 @@ assert right > 0.85
 assert np.sqrt(np.mean((sediments.strength_db.values - painted)[inside] ** 2)) < 3
 figure, axes = plt.subplots(1, 3, figsize=(12, 4), gridspec_kw={"wspace": 0.5})
 for axis, title, values in zip(axes, ("truth [dB]", "answer [dB]", "probability of gravel"),
-                               (painted, sediments.strength_db, sediments.probability.sel(sediment="gravel"))):
+                               (painted, sediments.strength_db,
+                                sediments.strength_db_probability.sel(sediment="gravel"))):
     drawn = axis.imshow(values, **({} if "gravel" in title else {"vmin": -25, "vmax": -12}))
     axis.set_title(title)
     figure.colorbar(drawn, ax=axis, fraction=0.046)

@@ -109,18 +109,21 @@ def looked(scene, looks):
 def fitted(name, looks, given, folder):
     """Give a row of the table."""
     fit, truth, seen, seconds = (heights if name in HEIGHTS else sediments)(name, looks, given, folder)
-    answer, start = (fit[one].values for one in ("height" if name in HEIGHTS else "strength_db", "start"))
+    parameter = "height" if name in HEIGHTS else "strength_db"
+    answer, start, deviation, resolved = (fit[f"{parameter}{part}"].values
+                                          for part in ("", "_start", "_deviation", "_resolved"))
     off, unit = (answer - truth)[seen], "m" if name in HEIGHTS else "dB"
     if given.pictures:
-        from mitsonar.plots.fits import fit_figure
+        from mitsonar.plots.fit_sheet import fit_figure
 
         given.pictures.mkdir(exist_ok=True)
-        fit_figure(fit, truth).savefig(given.pictures / f"{name}_{looks}.png")
+        drawn = fit.assign({f"{parameter}_truth": (fit[parameter].dims, truth)})
+        fit_figure(drawn).savefig(given.pictures / f"{name}_{looks}.png")
     level = (f"{fit.gain_db:+.2f} dB of 1" if name in HEIGHTS
-             else f"{np.mean((fit['label'].values == nearest(truth))[seen]):.0%} right")
+             else f"{np.mean((fit['strength_db_class'].values == nearest(truth))[seen]):.0%} right")
     return [name, str(looks), f"{rms((start - truth)[seen]):.3f} {unit}", f"{rms(off):.3f} {unit}",
-            f"{np.std(off):.3f} {unit}", f"{rms(fit['deviation'].values[seen]):.3f} {unit}", level,
-            f"{np.mean(fit['resolved'].values[seen] > 0.5):.0%}", *(f"{one:.1f}" for one in seconds)]
+            f"{np.std(off):.3f} {unit}", f"{rms(deviation[seen]):.3f} {unit}", level,
+            f"{np.mean(resolved[seen] > 0.5):.0%}", *(f"{one:.1f}" for one in seconds)]
 
 
 def rms(values):

@@ -142,7 +142,7 @@ def fitted(name, looks, given, folder):
     fit = fit_pose(model, image, VERTICES, looks=looks, farthest=25.0, strengths=keys, track=offsets,
                    stages=[Stage(bins=6, steps=1, products=2)] if given.quick else STAGES)
     seconds = time.process_time() - begun
-    wrong, told = fit["pose"].values - truth, fit["deviation"].values
+    wrong, told = fit["pose"].values - truth, fit["pose_deviation"].values
     place = [np.hypot(*one[:2]) for one in (truth, wrong, told)]
     yaw = [np.rad2deg(abs(one[3])) for one in (truth, wrong, told)]
     if given.verbose:

@@ -32,7 +32,7 @@ def rms(values, fit):
 
 def test_shapes_are_nearer_than_the_start_and_the_depth_no_farther(found):
     fit, truth = found
-    before, after = fit["start"] - truth, fit["height"] - truth
+    before, after = fit["height_start"] - truth, fit["height"] - truth
     assert rms(after - after.mean(), fit) < 0.75 * rms(before - before.mean(), fit)
     assert rms(after, fit) < 0.8 * rms(before, fit)
 
@@ -43,9 +43,9 @@ def test_a_level_that_is_off_is_told_from_the_bed(found):
 
 def test_uncertainty_is_less_where_rays_are(found):
     fit, _ = found
-    assert np.all(fit["deviation"] <= fit["prior_deviation"] + 1e-12)
-    assert fit["deviation"].sel(x=0, y=10) < 0.7 * fit["deviation"].sel(x=0, y=-24)
-    assert "directions" in fit.told and fit["misfit"][-1] < fit["misfit"][0]
+    assert np.all(fit["height_deviation"] <= fit["height_prior_deviation"] + 1e-12)
+    assert fit["height_deviation"].sel(x=0, y=10) < 0.7 * fit["height_deviation"].sel(x=0, y=-24)
+    assert "directions" in fit.observable and fit["misfit"][-1] < fit["misfit"][0]
 
 
 def test_parameters_that_are_not_there_are_named(tmp_path):

@@ -36,9 +36,9 @@ def test_a_map_is_found_and_its_sediments_named(tmp_path):
                            stages=[Stage(bins=6, steps=3, products=6)])
     inside = (slice(2, 10), slice(2, 6))
     assert np.abs(fit["strength_db"].values - truth)[inside].mean() < 1.5
-    assert (fit["label"].values == (truth > -23))[inside].mean() > 0.9
-    assert fit["probability"].sum("sediment").values == pytest.approx(1)
-    assert np.all(fit["deviation"] <= fit["prior_deviation"] + 1e-12)
+    assert (fit["strength_db_class"].values == (truth > -23))[inside].mean() > 0.9
+    assert fit["strength_db_probability"].sum("sediment").values == pytest.approx(1)
+    assert np.all(fit["strength_db_deviation"] <= fit["strength_db_prior_deviation"] + 1e-12)
 
 
 def test_what_is_no_map_in_decibels_is_refused(tmp_path):

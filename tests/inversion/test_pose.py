@@ -40,7 +40,7 @@ def test_a_box_is_found_where_it_lies_and_how_it_is_turned(tmp_path):
                    stages=[Stage(bins=6, steps=3, products=6), Stage(bins=3, steps=2, products=5)])
     off = fit["pose"].values - TRUE
     assert np.all(np.abs(off[:2]) < 0.12) and abs(off[3]) < 0.07
-    assert np.all(fit["deviation"] < 0.3 * fit["prior_deviation"] + 0.05)
+    assert np.all(fit["pose_deviation"] < 0.3 * fit["pose_prior_deviation"] + 0.05)
 
 
 def test_motions_and_their_transpose_are_those_of_differences():
