@@ -44,6 +44,7 @@ RUNS = {
     "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
     "real_sidescan": (["real_sidescan.py", "--real", "none.xtf", "--pings", "70", "-Drays=10000", "-Dbed_spacing=0.3",
                        "-Dripple_height=0", "-Dripple_wavelength=2", "-Dbins=512"], "coefficient of variation"),
+    "real_heights": (["real_heights.py", "--line", "none.kmall"], "is not here"),
     "profile_from_soundings": (["profile_from_soundings.py", "--quick"], "mean only"),
     "soundings": (["soundings.py", "--preset", "shelf_80khz", "-Ddepth=12", "-Drange=40", "-Dswath_deg=120",
                    "--rounds", "1"], "shelf_80khz, with the water"),
