@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from .node_weights import node_weights
+from .rigid import Rigid
 from .rotations import left_jacobian, rotation
 
 __all__ = ["BoundChange", "Change", "Heights", "InDecibels", "Log", "Offset", "OnNodes", "Pose"]
@@ -98,8 +99,9 @@ class Heights:
 class Pose:
     """Six numbers of a rigid object: how far east, north, up [m], and a rotation vector [rad], about its centre.
 
-    ``crate.vertex_positions`` as ``crate.pose``, zeros at the start. The centre is that of the box around its vertices;
-    the vector's direction is the axis, in scene coordinates, and its length the angle.
+    ``crate.vertex_positions`` or ``ball.to_world`` as ``crate.pose`` and ``ball.pose``, zeros at the start. Of vertices
+    the centre is that of the box around them, of a transform its origin (see `rigid`); the vector's direction is the
+    axis, in scene coordinates, and its length the angle.
 
     Parameters
     ----------
@@ -109,20 +111,20 @@ class Pose:
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for vertices (V, 3); see `Change.bound`."""
-        _check_vertices(self.key, start)
-        centre = (start.min(0) + start.max(0)) / 2
-        arms = start - centre
+        """Give it for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
+        body = Rigid(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
-            return centre + arms @ rotation(x[3:]).T + x[:3]
+            return body.moved(rotation(x[3:]), x[:3])
 
         def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
-            return dx[:3] + np.cross(left_jacobian(x[3:]) @ dx[3:], arms @ rotation(x[3:]).T)
+            turned = np.cross(left_jacobian(x[3:]) @ dx[3:], body.arms(rotation(x[3:])))
+            return body.array(body.carried * dx[:3] + turned, tangent=True)
 
         def pull(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-            moment = np.cross(arms @ rotation(x[3:]).T, weights).sum(0)
-            return np.concatenate([weights.sum(0), left_jacobian(x[3:]).T @ moment])
+            forces = body.rows(weights)
+            moment = np.cross(body.arms(rotation(x[3:])), forces).sum(0)
+            return np.concatenate([(body.carried * forces).sum(0), left_jacobian(x[3:]).T @ moment])
 
         return BoundChange(name=_sibling(self.key, "pose"), unit="m, rad", start=np.zeros(6), inner=inner, push=push,
                            pull=pull)

@@ -19,7 +19,7 @@ HALVINGS = 14
 AGREED = 1e-5                      # that no smaller step is tried for
 BENT = 0.3                         # change of a record, as a share of its size, of which the step is too large
 STILL = 1e-6                       # change of weighted sums, as a share, below which rounding is all there is
-FIRST = {"m": 0.05, "m/s": 2.0, "rad": 0.02, "dB": 1.0, "s": 1e-4, "degC": 0.5}
+FIRST = {"1 and m": 0.05, "dB/m": 0.01, "m": 0.05, "m/s": 2.0, "rad": 0.02, "dB": 1.0, "s": 1e-4, "degC": 0.5}
 SHARE = 0.1                        # of a parameter's size: the first step where its unit tells none
 
 

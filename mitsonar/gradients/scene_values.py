@@ -26,7 +26,7 @@ OF_EVERY_MESH = "vertex_positions", "vertex_normals", "vertex_texcoords"
 DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
 POSE = "to_world"
 UNITS = {POSE: "1 and m", "vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad",
-         "sound_speed": "m/s", "absorption_db": "dB/m", "strength": "1", "mu_db": "dB",
+         "sound_speed": "m/s", "absorption_offset": "dB/m", "absorption_db": "dB/m", "strength": "1", "mu_db": "dB",
          "target_strength_db": "dB", "position": "m"}
 
 

@@ -2,6 +2,8 @@
 
     v' = c + t + R(ψ, θ, φ) (v - c),    R = R_z(ψ) R_y(θ) R_x(φ)        c -> the middle of its vertices at the start
 
+or the same of the ``to_world`` of a sphere, cylinder, disk or rectangle, about its origin (`gradients.rigid`).
+
 Shadows and outlines say most of it: make the model with ``edges``, whose gradients have them. Where its shadow does not
 overlap that of the answer there is no gradient towards it: places and turns that are spread over what is believed are
 tried first, then steps along one number after the other, and Gauss-Newton begins at the best (Hooke and Jeeves 1961,
@@ -16,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ..gradients.model import Values
+from ..gradients.rigid import Rigid
 from ..gradients.scene_model import SceneModel
 from .answer import named
 from .image_fit import ImageFit, Stage, fit_image, posterior
@@ -59,11 +62,11 @@ class PosePrior:
 
 
 class PoseUnknowns:
-    """Six numbers that move a mesh, and beside them strengths and the track.
+    """Six numbers that move a mesh or another shape, and beside them strengths and the track.
 
     Parameters
     ----------
-    start : (N, 3) [m]
+    start : (N, 3) or (4, 4) [m]
     key : str
     prior : PosePrior
     strengths : dict of str to array
@@ -82,8 +85,7 @@ class PoseUnknowns:
 
     def __init__(self, start: np.ndarray, key: str, prior: PosePrior, strengths: Values | None = None,
                  track: tuple[str, int] | None = None):
-        self._start, self._key = start, key
-        self._middle = 0.5 * (start.min(0) + start.max(0))
+        self._body, self._key = Rigid(key, start), key
         self.deviation = np.array([*prior.place, *prior.angles], float)
         if self.deviation.shape != (6,) or np.any(self.deviation < 0) or not self.deviation.any():
             raise ValueError(f"a pose's deviations are {self.deviation.tolist()}; give six numbers, 0 or more, and not "
@@ -106,16 +108,16 @@ class PoseUnknowns:
         (sz, sy, sx), (cz, cy, cx) = np.sin(pose[3:]), np.cos(pose[3:])
         turn = (np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
                 @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]))
-        return self._middle + pose[:3] + (self._start - self._middle) @ turn.T
+        return self._body.moved(turn, pose[:3])
 
     def _columns(self, unknowns: np.ndarray) -> np.ndarray:
-        """How vertices move with each number, (6, N, 3)."""
+        """How vertices or the transform move with each number, (6, N, 3) or (6, 4, 4)."""
         pose = self.deviation * unknowns[:6]
         return np.stack([deviation * (self._moved(pose + step) - self._moved(pose - step)) / (2 * STEP)
                          for deviation, step in zip(self.deviation, STEP * np.eye(6))])
 
     def values(self, unknowns: np.ndarray) -> Values:
-        """Give the vertices, strengths and the track's offsets."""
+        """Give the vertices or the transform, strengths and the track's offsets."""
         gains = np.exp(self._gain * unknowns[self._gains])
         found = {key: start * gain for (key, start), gain in zip(self._strengths.items(), gains)}
         if self._track:
@@ -183,7 +185,8 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     model, image, looks, stages, farthest, told
         As of `heights.fit_heights`; the scene's bed is known.
     key : str
-        Of the target's vertices, such as ``box.vertex_positions``.
+        Of the target's vertices, such as ``box.vertex_positions``, or of the transform of a shape without facets, such
+        as ``ball.to_world``.
     prior : PosePrior
     strengths : sequence of str
         Keys of strengths that are unknown too, such as ``sand.strength``, each one number.
@@ -200,14 +203,12 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     Raises
     ------
     ValueError
-        If the key is unknown or no mesh's, or the record is another sonar's.
+        If the key is unknown or neither of the two, or the record is another sonar's.
     """
     for name in (key, *strengths, *([track] if track else [])):
         if name not in model.start:
             raise ValueError(f"the model has no parameter {name!r}; make it with that key: it has "
                              f"{', '.join(model.start)}")
-    if model.start[key].ndim != 2 or model.start[key].shape[1] != 3:
-        raise ValueError(f"{key} has the shape {model.start[key].shape}; give the key of a mesh's vertices")
     for name in strengths:
         if model.start[name].size != 1:
             raise ValueError(f"{name} has {model.start[name].size} values; give the key of a strength that is one "

@@ -4,7 +4,7 @@
 
 y -> the image's intensities, F -> mean intensities (`gradients.scene_model`), f -> `FLOOR` of the loudest bin, which
 keeps shadows from counting without end; x -> parameters of `mi.traverse(scene)`, or ``bed.heights`` and ``crate.pose``
-of an object's ``vertex_positions``.
+of an object's ``vertex_positions``, or ``ball.pose`` of the ``to_world`` of a shape without facets.
 """
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from .priors import Prior
 __all__ = ["KeyPrior", "fit_scene", "scene_values", "vertex_places"]
 
 OTHER = {"heights": Heights, "pose": Pose}           # of the vertices of the object whose name stands before them
-VERTICES = "vertex_positions"
+VERTICES, TRANSFORM = "vertex_positions", "to_world"
 FLOOR = 1e-4
 ROBUST = 3.0
 
@@ -123,17 +123,19 @@ def scene_values(scene: mi.Scene | FilePath, names: Sequence[str], *, sensor: in
 def _model(scene: mi.Scene, names: Sequence[str], sensor: int | str, seed: int) -> ForwardModel:
     """The model of parameters, some of them by other numbers."""
     known = differentiable(scene)
-    owners = [key.rpartition(".")[0] for key in known if key.endswith(f".{VERTICES}")]
-    others = [f"{owner}.{other}" for owner in owners for other in OTHER]
+    others = {f"{key.removesuffix(VERTICES)}{other}": key for key in known if key.endswith(f".{VERTICES}")
+              for other in OTHER}
+    others.update({f"{key.removesuffix(TRANSFORM)}pose": key for key in known if key.endswith(f".{TRANSFORM}")})
     for name in names:
         if name not in known and name not in others:
-            raise ValueError(f"the scene has no parameter {name!r} that could be fitted{meant(name, known + others)}; "
-                             f"it has {', '.join(known + others)}")
+            all_names = [*known, *others]
+            raise ValueError(f"the scene has no parameter {name!r} that could be fitted{meant(name, all_names)}; it "
+                             f"has {', '.join(all_names)}")
     if len(set(names)) < len(names):
         raise ValueError(f"a parameter is given twice: {', '.join(names)}; leave one out")
-    changes = {name: f"{name.rpartition('.')[0]}.{VERTICES}" for name in names if name in others}
+    changes = {name: others[name] for name in names if name in others}
     if len(set(changes.values())) < len(changes) or set(changes.values()) & set(names):
-        raise ValueError(f"{', '.join(names)} move the same vertices; leave one out")
+        raise ValueError(f"{', '.join(names)} move the same object; leave one out")
     model = scene_model(scene, [changes.get(name, name) for name in names], sensor=sensor, seed=seed)
     return parametrised(model, *(OTHER[_other(name)](key) for name, key in changes.items()))
 

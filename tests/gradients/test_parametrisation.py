@@ -99,6 +99,22 @@ def test_a_pose_turns_about_the_middle_of_the_object():
     np.testing.assert_allclose(seen[-1], wanted, atol=1e-12)
 
 
+def test_a_transform_has_a_pose_about_its_origin():
+    # motion and turn of the transform are those of any point on its shape; derivatives to central differences' 1e-8
+    rng = np.random.default_rng(5)
+    start = np.vstack([rng.standard_normal((3, 4)), [0, 0, 0, 1]])
+    bound, x, dx = Pose("ball.to_world").bound(start, "m"), rng.standard_normal(6), rng.standard_normal(6)
+    assert bound.name == "ball.pose" and np.array_equal(bound.inner(np.zeros(6)), start)
+    quarter = bound.inner(np.array([1, 2, 3, 0, 0, np.pi / 2]))
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_allclose(quarter[:3, :3], turn @ start[:3, :3], atol=1e-12)
+    np.testing.assert_allclose(quarter[:3, 3], start[:3, 3] + [1, 2, 3], atol=1e-12)
+    ends = [bound.inner(x + sign * 1e-5 * dx) for sign in (1, -1)]
+    np.testing.assert_allclose(bound.push(x, dx), (ends[0] - ends[1]) / 2e-5, atol=1e-8)
+    weights = rng.standard_normal((4, 4))
+    assert bound.pull(x, weights) @ dx == pytest.approx(np.sum(weights[:3] * bound.push(x, dx)[:3]), rel=1e-10)
+
+
 @pytest.mark.parametrize("cubic", [False, True])
 def test_nodes_follow_a_plane_exactly(cubic):
     # B-splines of both degrees reproduce linear functions of their nodes' places, and weights sum to one

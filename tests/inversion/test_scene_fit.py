@@ -47,7 +47,7 @@ def test_heights_and_strength_come_from_an_image(scenes):
 
 @pytest.mark.parametrize("priors, options, words", [
     ([KeyPrior(key="bed.height", deviation=1.0)], {}, "did you mean \"bed.heights\""),
-    ([KeyPrior(key="bed.heights", deviation=1.0), KeyPrior(key="bed.pose", deviation=1.0)], {}, "the same vertices"),
+    ([KeyPrior(key="bed.heights", deviation=1.0), KeyPrior(key="bed.pose", deviation=1.0)], {}, "the same object"),
     ([KeyPrior(key="bed.heights", deviation=1.0)] * 2, {}, "given twice"),
     ([KeyPrior(key="bed.bsdf.strength", deviation=1.0)], {"length": 2.0}, "no parameter has a number a vertex"),
     ([KeyPrior(key="bed.heights", deviation=1.0)], {"looks": 0.0}, "give looks above zero"),
