@@ -216,9 +216,9 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     if track and model.start[track].shape != (model.shape[0], 3):
         raise ValueError(f"{track} has the shape {model.start[track].shape}; give the key of the offsets of "
                          f"{model.shape[0]} pings in three directions")
-    record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
     unknowns = PoseUnknowns(model.start[key], key, prior, {name: model.start[name] for name in strengths},
                             (track, model.shape[0]) if track else None)
+    record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
     fit = fit_image(model, record, unknowns, stages, told=told, start=_start(model, record, unknowns, stages[0]))
     return _answer(fit, unknowns, saturated(record.intensity))
 

@@ -193,6 +193,7 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
         raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
                          f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
     from ..gradient_verbs import scene_model
+    from ..gradients.scene_values import differentiable
     from ..io import scenes
     from ..scene.loading import load_file
     from ..verbs import opened
@@ -205,7 +206,8 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     deviation |= {"level_db": plain.level_db, "track": 0.0, **beliefs(believed, [*NAMES, "level_db", "track"])}
     numbers = [deviation[name] for name in NAMES]
     scene, sonar, _ = opened(load_file(path, **options.get("parameters", {})), options.get("sensor", 0))
-    key, track = f"{owner}.vertex_positions", f"{sonar.id()}.position_offset" if deviation["track"] else None
+    track = f"{sonar.id()}.position_offset" if deviation["track"] else None
+    key = f"{owner}.{'to_world' if f'{owner}.to_world' in differentiable(scene) else 'vertex_positions'}"
     strengths = [options["strength"]] if "strength" in options else []
     model = scene_model(scene, [key, *strengths, *([track] if track else [])], sensor=options.get("sensor", 0),
                         seed=options.get("seed", 0))
