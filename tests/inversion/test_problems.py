@@ -62,6 +62,17 @@ def test_a_box_is_found_where_it_lies(variant, tmp_path):
     assert sum("north is off by" in sentence for sentence in answer.sentences) == 1
 
 
+def test_the_pose_of_an_object_is_a_parameter_of_a_scenes_fit(variant, tmp_path):
+    """The box is 0.15 m north of where the scene has it, one bin of range; half of that is asked for."""
+    scene = written(tmp_path, BOX)
+    mitsonar.write(mitsonar.render(mitsonar.load_file(scene, y=9.15, speckle=False), 7), tmp_path / "seen.exr")
+    answer = solved(str(scene), tmp_path / "seen.exr", "box.pose=0.1", parameters={"rays": "2000"}, looks=20.0,
+                    iterations=3, directions=2, noise=0.0)
+    pose, deviation = (answer.dataset[f"box.pose{part}"].values for part in ("", "_deviation"))
+    assert pose[1] == pytest.approx(0.15, abs=0.075)
+    assert deviation[1] < 0.05
+
+
 def test_an_array_is_found_from_its_scene_and_its_signals(variant, tmp_path, rng):
     """Elements 2 mm off a coordinate, of a wavelength of 15 mm: shapes to half of that or better, by five pings."""
     turn = np.arange(8) * np.pi / 4
