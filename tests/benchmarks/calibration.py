@@ -25,12 +25,22 @@ GRID = np.linspace(-0.15, 0.15, 5)
 PLANE = np.stack([np.zeros(25), *(part.ravel() for part in np.meshgrid(GRID, GRID))], 1)
 TURNS = np.arange(16) * np.pi / 8
 RING = np.stack([0.1 * np.cos(3 * TURNS), 0.25 * np.cos(TURNS), 0.25 * np.sin(TURNS)], 1)
-# elements, kHz, water, targets, knots, pings
+ARC = np.stack([0.4 - 0.4 * np.cos(np.linspace(-0.6, 0.6, 20)), 0.4 * np.sin(np.linspace(-0.6, 0.6, 20)),
+                0.05 * np.cos(9 * np.linspace(-0.6, 0.6, 20))], 1)
+ARM = np.linspace(-0.2, 0.2, 9)
+CROSS = np.concatenate([np.stack([0 * ARM, ARM, 0 * ARM], 1), np.stack([0 * ARM, 0 * ARM, ARM], 1)])
+CROSS = np.unique(CROSS, axis=0)
+CLOUD = np.random.default_rng(5).uniform((-0.1, -0.25, -0.15), (0.1, 0.25, 0.15), (18, 3))
+# elements, kHz, water, targets, knots, pings; the first three were used while the fit was made, the others were not
 SCENES = {
     "line": (LINE, 100.0, UNIFORM, [(-6, 14, -21), (5, 17, -18), (1, 22, -23), (9, 25, -16), (-9, 27, -20)], 3.0, 12),
     "plane": (PLANE, 70.0, SUMMER, [(-4, 16, -17), (6, 20, -22), (0, 25, -19), (-9, 29, -14)], 2.0, 14),
     "ring": (RING, 120.0, SUMMER, [(3, 15, -15), (-5, 19, -20), (7, 23, -17), (-2, 28, -22), (10, 30, -20)],
              4.0, 10),
+    "arc": (ARC, 150.0, SUMMER, [(-3, 13, -16), (4, 15, -20), (8, 19, -22), (-7, 21, -18), (2, 24, -24)], 2.5, 12),
+    "cross": (CROSS, 85.0, UNIFORM, [(5, 15, -19), (-2, 18, -23), (-8, 21, -16), (9, 26, -20)], 3.5, 12),
+    "cloud": (CLOUD, 60.0, SUMMER, [(-5, 12, -18), (2, 16, -22), (7, 18, -16), (-1, 23, -24), (-10, 27, -20)], 3.0,
+              14),
 }
 
 
