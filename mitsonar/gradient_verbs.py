@@ -102,7 +102,7 @@ def directional_derivative(scene: mi.Scene | FilePath, tangents: Mapping[str, np
 
 
 def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int | str = 0, seed: int = 0,
-                edges: bool = True) -> SceneModel:
+                edges: bool = True, rays: int | None = None) -> SceneModel:
     """Give the mean intensities of a sonar's record as a function of parameters of its scene.
 
     It writes the parameters into the scene, and keeps rays and hits between products: for fits, and for many products
@@ -116,16 +116,20 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
         Names of `mi.traverse(scene)`.
     edges : bool
         Whether derivatives know that outlines move, and with them what is lit and what lies in shadow.
+    rays : int, optional
+        A ping, at most: a fit to a speckled record needs fewer than a picture. Default: the scene's.
 
     Raises
     ------
     FileNotFoundError, ValueError, TypeError
-        As `mitsonar.render`, or if a name is unknown.
+        As `mitsonar.render`, or if a name is unknown or ``rays`` is less than 1.
     """
     seed = checked_seed(seed)
+    if rays is not None and rays < 1:
+        raise ValueError(f"rays is {rays}; give the most that a ping may have, 1 or more")
     scene, chosen, integrator = opened(scene, sensor)
     try:
-        picture = picture_of(scene, chosen, integrator)
+        picture = picture_of(scene, chosen, integrator, rays)
         names = [keys] if isinstance(keys, str) else keys
         return SceneModel(scene, names, picture, seed=chosen.own_seed(seed), edges=edges)
     except RuntimeError as error:

@@ -8,6 +8,7 @@ symmetric.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Protocol
 
 import mitsuba as mi
@@ -182,8 +183,8 @@ def has_phases(survey: Survey) -> bool:
     return bool(geometry.targets()) or smooth or geometry.surface_mirrors
 
 
-def picture_of(scene: mi.Scene, sensor: Any, integrator: Any) -> Picture:
-    """Plan what gradients can be of.
+def picture_of(scene: mi.Scene, sensor: Any, integrator: Any, rays: int | None = None) -> Picture:
+    """Plan what gradients can be of; of so many rays a ping at most.
 
     Raises
     ------
@@ -194,7 +195,10 @@ def picture_of(scene: mi.Scene, sensor: Any, integrator: Any) -> Picture:
     if sensor.kind not in PICTURES:
         raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "
                          "one of them")
-    return PICTURES[sensor.kind](integrator.survey(scene, sensor), sensor)
+    survey = integrator.survey(scene, sensor)
+    if rays is not None:
+        survey = replace(survey, rays=min(survey.rays, rays))
+    return PICTURES[sensor.kind](survey, sensor)
 
 
 def _array(survey: ArraySurvey, sensor: Any) -> Picture:

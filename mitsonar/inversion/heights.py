@@ -5,7 +5,7 @@
 The start is a level bed at the depth of the first return. Slopes along the track are seen by what is nearer or farther,
 and hardly by brightness; a level that is off is told from tilt by the two sides together. What no ray meets keeps what
 was believed of it. Deviations are those of speckle, about the answer: a model that differs by its facets, its
-navigation or its water comes on top, and was two to four times as much where it was tried.
+navigation or its water comes on top.
 """
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from .smooth_field import SmoothField, grid_of
 
 __all__ = ["HeightPrior", "HeightUnknowns", "fit_heights"]
 
+POOR = 1.5                         # of speckle's deviance, above which a bed does not explain its image
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +170,15 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     depth = float(np.median(record.first_return - image["z"].values.astype(float)))
     unknowns = HeightUnknowns(model, key, strength, depth, prior)
     fit = fit_image(model, record, unknowns, stages, told=told)
-    return _answer(fit, unknowns, modes)
+    answer = _answer(fit, unknowns, modes)
+    value = fit.about.value
+    poor = fit.comparison.deviance(value) / fit.comparison.expected(value)
+    answer.attrs["misfit_of_speckle"] = poor
+    if poor > POOR:
+        answer.attrs["observable"] += (
+            f"; the image is {poor:.1f} times as far off as speckle alone would be: the bed is rougher than the prior or "
+            "the nodes allow, or the sonar, water or sediment is another, and heights may be wrong by more than was told")
+    return answer
 
 
 def _answer(fit: ImageFit, unknowns: HeightUnknowns, modes: int) -> xr.Dataset:

@@ -131,8 +131,15 @@ class Comparison:
         """Robust deviance of a model's record (N,); of one that is right, a little less than the number of sums."""
         return float(self._deviances(self.modelled(values)).sum())
 
-    def _deviances(self, mean: np.ndarray) -> np.ndarray:
-        ratio = np.maximum(self.seen, 1e-300) / mean
+    def expected(self, values: np.ndarray) -> float:
+        """Give the deviance that a draw of speckle about a model's record (N,) has: that of a model that is right."""
+        looks, shape = self._record.looks, self._record.intensity.shape
+        drawn = np.random.default_rng(0).gamma(looks, np.maximum(values, 0) / looks).reshape(shape)
+        seen = np.maximum(self.summed((drawn + self._record.floor).ravel()), 1e-300)
+        return float(self._deviances(self.modelled(values), seen).sum())
+
+    def _deviances(self, mean: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
+        ratio = np.maximum(self.seen if seen is None else seen, 1e-300) / mean
         plain = np.maximum(2 * self.looks * (ratio - 1 - np.log(ratio)), 0)
         return np.where(plain < HUBER ** 2, plain, 2 * HUBER * np.sqrt(plain) - HUBER ** 2)
 

@@ -1,10 +1,11 @@
 """Smooth fields on a regular grid: a tilted plane, and what bends it, of a known deviation and length.
 
-    h(x, y) = a + s_x x + s_y y + C q(k) z,    q ∝ (1 + ℓ²k²)^(-p)
+    h(x, y) = a + s_x x + s_y y + C q(k) z,    q ∝ (1 + ℓ²k²)^-1
 
 C -> the cosine basis, whose functions are level across the grid's edges; z -> unknowns of deviation 1; q is such that
 the mean deviation over the grid is ``deviation``; ℓ -> ``length``. Its constant is left out: a stands for it.
-(Whittle 1954, Biometrika 41, 434: this family of priors.)
+(Whittle 1954, Biometrika 41, 434: this prior.) Its power falls by k⁻⁴. That of seabeds falls by k⁻³ to k⁻⁴ (Jackson and
+Richardson 2007, ch. 6): a prior that falls faster holds an answer off from them.
 """
 from __future__ import annotations
 
@@ -12,8 +13,6 @@ import numpy as np
 from scipy.fft import dctn, idctn
 
 __all__ = ["SmoothField", "grid_of"]
-
-POWER = 1.5
 
 
 class SmoothField:
@@ -48,7 +47,7 @@ class SmoothField:
             raise ValueError(f"a prior's deviation is {deviation:g}, its length {length:g}, those of its plane "
                              f"{level:g} and {slope:g}; give numbers above 0")
         wave = [np.pi * np.arange(count) / (count * step) for count, step in zip(shape, spacing)]
-        share = (1 + length ** 2 * (wave[0][:, None] ** 2 + wave[1][None] ** 2)) ** -POWER
+        share = (1 + length ** 2 * (wave[0][:, None] ** 2 + wave[1][None] ** 2)) ** -1.0
         share[0, 0] = 0
         self._share = share * deviation / np.sqrt(np.mean(share ** 2))
         at = [step * (np.arange(count) - (count - 1) / 2) for count, step in zip(shape, spacing)]

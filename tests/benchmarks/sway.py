@@ -38,11 +38,11 @@ def made(name, pings, cell, seed):
     places = np.stack([GROUND + rng.uniform(-1.2, 1.2, 25), rng.uniform(-1.2, 1.2, 25), np.full(25, -19.98)], 1)
     shapes = {f"stone{number}": point_target(place, rng.uniform(-28, -20)) for number, place in enumerate(places)}
     shapes["reflector"] = point_target([GROUND + 0.5, 0.3, -19.95], -18.0)
-    step = 4 * RECEIVERS[preset] / 2
+    step, above = 4 * RECEIVERS[preset] / 2, height[0] if height else 10.0
     scene = synthetic_aperture({"bed": bed(20.0, size=100.0), **shapes}, water=water,
                                sensor={"preset": preset, "pings": pings, "receivers": 8, "overlap": 4, "banks": 1,
                                        "noise": True,
-                                       "start": [0.0, -0.5 * step * pings, *([height[0] - 20.0] if height else [-10.0])]},
+                                       "start": [0.0, -0.5 * step * pings, above - 20.0]},
                                film={"range_min": 18.0, "range": 25.0}, integrator={"cell": cell})
     raw = mitsonar.raw_echoes(scene, seed=seed)
     sway = rng.standard_normal(pings)

@@ -10,6 +10,7 @@ from scenes import BED, STRENGTH, looked, model, scene, vertices
 
 from mitsonar.inversion.heights import fit_heights
 from mitsonar.inversion.image_fit import Stage
+from mitsonar.inversion.image_record import ImageRecord
 from mitsonar.inversion.smooth_field import grid_of
 
 STAGES = Stage(bins=6, steps=4, products=6, first_only=True), Stage(bins=6, steps=3, products=12)
@@ -46,6 +47,36 @@ def test_uncertainty_is_less_where_rays_are(found):
     assert np.all(fit["height_deviation"] <= fit["height_prior_deviation"] + 1e-12)
     assert fit["height_deviation"].sel(x=0, y=10) < 0.7 * fit["height_deviation"].sel(x=0, y=-24)
     assert "directions" in fit.observable and fit["misfit"][-1] < fit["misfit"][0]
+
+
+def test_a_fit_says_how_far_it_is_from_its_image_and_when_that_is_too_far(found, tmp_path):
+    assert found[0].misfit_of_speckle < 1.5 and "rougher than the prior" not in found[0].observable
+    loud = looked(scene(tmp_path, rays=3000, mu_db="-5", speckle="true"), 4)
+    fit = fit_heights(model(scene(tmp_path, rays=500), BED), loud, BED, looks=4, modes=2, farthest=21,
+                      stages=[Stage(bins=8, steps=1, products=2)])
+    assert fit.misfit_of_speckle > 1.5 and "rougher than the prior" in fit.observable
+
+
+def test_the_deviance_of_a_right_model_is_foretold(tmp_path):
+    started = model(scene(tmp_path, rays=2000), BED)
+    mean = started.value({})
+    image = looked(scene(tmp_path, rays=50), 1)
+    drawn = mean * np.random.default_rng(3).gamma(4, 1 / 4, mean.size)
+    image = image.assign(level=(image["level"].dims, 10 * np.log10(drawn).reshape(image["level"].shape)))
+    comparison = ImageRecord.of(image, started.shape, looks=4, farthest=21).at(4)
+    assert comparison.deviance(mean) == pytest.approx(comparison.expected(mean), rel=0.1)
+    assert comparison.deviance(2 * mean) > 3 * comparison.expected(2 * mean)
+
+
+def test_a_model_takes_fewer_rays_where_it_is_asked_to(tmp_path):
+    from mitsonar.gradient_verbs import scene_model
+
+    few, own, many = (scene_model(scene(tmp_path, rays=600), [BED], seed=5, rays=rays).value({})
+                      for rays in (60, None, 10 ** 6))
+    assert np.array_equal(own, many) and not np.array_equal(few, own)
+    assert few.sum() == pytest.approx(own.sum(), rel=0.2)
+    with pytest.raises(ValueError, match="rays is 0; give the most"):
+        scene_model(scene(tmp_path), [BED], rays=0)
 
 
 def test_parameters_that_are_not_there_are_named(tmp_path):
