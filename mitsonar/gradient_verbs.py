@@ -8,10 +8,14 @@ x -> parameters by the names of `mi.traverse`; I -> mean intensities, (ping, row
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .gradients.element_operation import attached_signals
+from .gradients.elements import ElementModel
 from .gradients.pictures import picture_of
 from .gradients.check_table import GradientCheck
 from .gradients.scene_check import check_parameters
@@ -22,7 +26,8 @@ from .scene.errors import as_exception
 from .spelling import meant
 from .verbs import checked_seed, opened
 
-__all__ = ["QUANTITIES", "directional_derivative", "gradient", "gradient_check", "scene_model"]
+__all__ = ["QUANTITIES", "differentiable_signals", "directional_derivative", "gradient", "gradient_check",
+           "scene_model"]
 
 QUANTITIES = "level", "intensity"
 DECIBELS = 10 / np.log(10)
@@ -134,6 +139,47 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
         return SceneModel(scene, names, picture, seed=chosen.own_seed(seed), edges=edges)
     except RuntimeError as error:
         raise as_exception(error) from error
+
+
+def differentiable_signals(scene: mi.Scene, params: Any, pings: Sequence[int] = (0,), *, sensor: int | str = 0,
+                           seed: int = 0) -> mi.TensorXf:
+    """Give the signals of a sonar's elements, attached to the parameters of its scene that carry gradients.
+
+    It is `mitsonar.element_signals` for `dr.backward` and `dr.forward_to`: coherent, with phases, scatterers staying.
+    What Dr.Jit makes of the signals, beams or pictures, can be differentiated as well.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    params : mitsuba.SceneParameters
+        ``mi.traverse(scene)``. Elements' positions, delays and weights, positions and strengths of point targets, and
+        the track's offsets may carry gradients.
+    pings : sequence of int
+    sensor, seed
+        As of `mitsonar.render`.
+
+    Returns
+    -------
+    TensorXf (ping, receiver, sample, 2) [µPa]
+        Real and imaginary part.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `mitsonar.element_signals`, or if nothing carries a gradient, or something that signals have none of.
+
+    Notes
+    -----
+    Gradients leave out how spreading and strengths change with place, about 1/(k R) of them: `gradients.elements`.
+    """
+    seed = checked_seed(seed)
+    scene, chosen, _ = opened(scene, sensor)
+    keys = [key for key, value in params if dr.is_diff_v(value) and dr.grad_enabled(value)]
+    if not keys:
+        raise ValueError("no parameter carries a gradient; call dr.enable_grad(params[key]) of one, and then "
+                         "params.update()")
+    model = ElementModel(scene, keys, pings=pings, sensor=scene.sensors().index(chosen), seed=seed)
+    return attached_signals(model, params, pings)
 
 
 def gradient_check(scene: mi.Scene | FilePath, keys: Sequence[str] | None = None, *, sensor: int | str = 0,

@@ -16,6 +16,7 @@ import numpy as np
 from ..survey.kinds import kind_of
 from .pictures import picture_of
 from .record_field import About, RecordField
+from .scene_values import check_followed
 
 __all__ = ["LevelProducts", "wants_gradients"]
 
@@ -35,10 +36,12 @@ class LevelProducts:
     Raises
     ------
     ValueError
-        If there are none of this kind of sonar.
+        If there are none of this kind of sonar, or something carries a gradient that levels have none of.
     """
 
     def __init__(self, scene: mi.Scene, sensor: Any, integrator: Any, seed: int):
+        with dr.resume_grad():
+            check_followed(scene)
         field = RecordField(picture_of(scene, sensor, integrator), sensor.own_seed(seed))
         self._about: About = field.about()
         intensity = self._about.value

@@ -17,7 +17,7 @@ from ..spelling import meant
 from .attached_shapes import as_taken, kind_of
 from .model import Values
 
-__all__ = ["AttachedValues", "SceneValues", "differentiable"]
+__all__ = ["AttachedValues", "SceneValues", "check_followed", "differentiable"]
 
 _attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
 
@@ -25,6 +25,7 @@ VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_of
 OF_EVERY_MESH = "vertex_positions", "vertex_normals", "vertex_texcoords"
 DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
 POSE = "to_world"
+OF_ELEMENTS = "tx_position", "rx_position", "tx_delay", "rx_delay", "tx_weight", "rx_weight"
 UNITS = {POSE: "1 and m", "vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad",
          "sound_speed": "m/s", "absorption_offset": "dB/m", "absorption_db": "dB/m", "strength": "1", "mu_db": "dB",
          "target_strength_db": "dB", "position": "m"}
@@ -55,12 +56,31 @@ def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
     for key in parameters.keys():
         owner, _, name = key.rpartition(".")
         if hasattr(shapes.get(key.partition(".")[0]), "target_strength_db"):
-            found[key] = "a point target's echo stands still in gradients; take an ElementModel's target to move it"
+            found[key] = ("a point target's echo stands still in levels' gradients; mitsonar.differentiable_signals "
+                          "moves it")
+        elif name in OF_ELEMENTS:
+            found[key] = ("elements stand still in levels' gradients, which are of mean intensities; "
+                          "mitsonar.differentiable_signals has theirs")
         elif name == "vertex_positions" and getattr(shapes.get(owner), "sea_surface", False):
             found[key] = "the sea surface stands still in gradients"
         elif name == "vertex_positions" and "." in owner and owner not in shapes:
             found[key] = "what instances show stands still in gradients; put the mesh itself into the scene"
     return found
+
+
+def check_followed(scene: mi.Scene) -> None:
+    """Refuse gradients of what levels do not follow: they would be zero.
+
+    Raises
+    ------
+    ValueError
+        If such a parameter of the scene carries one.
+    """
+    parameters: Any = mi.traverse(scene)
+    for key, reason in _still(scene, parameters).items():
+        value = parameters[key]
+        if dr.is_diff_v(value) and dr.grad_enabled(value):
+            raise ValueError(f"{key!r} carries a gradient, and has none: {reason}")
 
 
 class SceneValues:

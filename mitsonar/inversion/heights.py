@@ -176,8 +176,9 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     answer.attrs["misfit_of_speckle"] = poor
     if poor > POOR:
         answer.attrs["observable"] += (
-            f"; the image is {poor:.1f} times as far off as speckle alone would be: the bed is rougher than the prior or "
-            "the nodes allow, or the sonar, water or sediment is another, and heights may be wrong by more than was told")
+            f"; the image is {poor:.1f} times as far off as speckle alone would be: the bed is rougher than the prior "
+            "or the nodes allow, or the sonar, water or sediment is another, and heights may be wrong by more than was "
+            "told")
     return answer
 
 

@@ -4,7 +4,7 @@
     tx_delay, rx_delay         [s]   one an element: by which it sends, or its signal comes, later
     tx_weight, rx_weight       [-]   one an element; 0 is one that has failed
 
-Renders follow them. Gradients of levels do not: `mitsonar.gradients.elements` has those of element signals.
+Renders follow them. Gradients of levels do not: those of element signals are `mitsonar.differentiable_signals`.
 """
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ class ElementKeys:
     def traverse(self, callback: mi.TraversalCallback) -> None:
         """Show them."""
         for name, value in self._values.items():
-            callback.put(name, value, mi.ParamFlags.NonDifferentiable)
+            followed = name != "rx_weight"           # it shades beams: signals of elements do not depend on it
+            callback.put(name, value, mi.ParamFlags.Differentiable if followed else mi.ParamFlags.NonDifferentiable)
 
     def changed(self) -> tuple[Array, Array]:
         """Give the transmit and the receive array of the numbers as they are now; the same objects if none changed.

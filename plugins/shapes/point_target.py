@@ -85,9 +85,9 @@ class PointTarget(mi.Mesh):
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
-        callback.put("position", self.place, mi.ParamFlags.NonDifferentiable)
+        callback.put("position", self.place, mi.ParamFlags.Differentiable)
         if self.scattering is None:
-            callback.put("target_strength_db", self.strength_db, mi.ParamFlags.NonDifferentiable)
+            callback.put("target_strength_db", self.strength_db, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
         place, strength = (dr.detach(value).numpy() for value in (self.place, self.strength_db))
