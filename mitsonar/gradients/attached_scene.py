@@ -1,7 +1,7 @@
 """A scene as a field sees it now: geometry, water and track, with gradients where its arrays carry them.
 
-Arrays that carry gradients are those of the plugins: vertices of meshes, ``sound_speed`` and ``absorption_scale`` of
-the water, ``position_offset`` and ``attitude_offset`` of the sonar; materials hold their own.
+Arrays that carry gradients are those of the plugins: vertices of meshes, ``sound_speed``, ``absorption_scale`` and
+``absorption_offset`` of the water, ``position_offset`` and ``attitude_offset`` of the sonar; materials hold their own.
 """
 from __future__ import annotations
 
@@ -85,8 +85,9 @@ class AttachedScene:
         track = scenery.track
         if any(dr.grad_enabled(value) for value in moving):
             track = self._turned(scenery, scenery.survey.track, layers, attached=True)
+        losses = AttachedWater(scenery.water, water.absorption_scale, water.absorption_offset)
         return scenery.again(facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
-                             speeds=water.speeds, losses=AttachedWater(scenery.water, water.absorption_scale))
+                             speeds=water.speeds, losses=losses)
 
     def _turned(self, scenery: Scenery, track: Track, layers: Any, *, attached: bool) -> AttachedTrack:
         sensor = self._sensor

@@ -70,16 +70,17 @@ class Medium:
         return layer_table(self.profile, mi.Float)
 
     @cached_property
-    def _absorption(self) -> Absorption | None:
+    def absorption(self) -> Absorption | None:
+        """Of sound; None where nothing is lost."""
         if self._column is None:
             return None
         return Absorption(self._column, self.profile, self._deepest, mi.Float, top=self._top)
 
     def loss_db(self, z0: mi.Float, z1: mi.Float, arc_length: mi.Float, ray_parameter: mi.Float) -> mi.Float:
         """Two-way absorption [dB] along rays between depths z0 and z1 [m], Float (R,)."""
-        if self._absorption is None:
+        if self.absorption is None:
             return dr.zeros(mi.Float, dr.width(arc_length))
-        return self._absorption.two_way_db(z0, z1, arc_length, ray_parameter)
+        return self.absorption.two_way_db(z0, z1, arc_length, ray_parameter)
 
     def at(self, depth: np.ndarray | float) -> SourceState:
         """What rays need to know of the depths (D,) [m] that they start from."""

@@ -25,6 +25,13 @@ class Absorption:
     like : Dr.Jit array or type
     top : float [m]
         Shallowest depth asked for.
+
+    Attributes
+    ----------
+    depth : (S,) [m]
+        Where the table has its rows, from the top to the deepest.
+    table : Float (S, 4)
+        See `column.column_integrals`.
     """
 
     def __init__(self, column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, like: DrJitArray | type,
@@ -32,6 +39,7 @@ class Absorption:
         self.lib = lib = arrays_of(like)
         deepest = max(float(deepest), 1.0)
         integrals, c_r = column_integrals(column, profile, deepest, ABSORPTION_STEPS, top)
+        self.depth = np.linspace(top, deepest, ABSORPTION_STEPS + 1)
         self.table = upload(lib.Float, integrals.astype(np.float32))
         self.top = dr.opaque(lib.Float, top)
         self.steps_per_metre = dr.opaque(lib.Float, ABSORPTION_STEPS / (deepest - top))

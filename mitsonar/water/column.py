@@ -44,7 +44,7 @@ class AbsorptionColumn:
         if nodes.shape != alpha.shape or np.any(np.diff(nodes) <= 0):
             raise ValueError("an absorption column needs one value per depth, depths increasing")
         if not np.all(np.isfinite(alpha) & (alpha >= 0)):
-            raise ValueError("absorption must be finite and not negative [dB/m]")
+            raise ValueError(f"absorption must be finite and not negative; somewhere it is {np.min(alpha):g} dB/m")
         object.__setattr__(self, "depth", nodes)
         object.__setattr__(self, "absorption_db", alpha)
 
@@ -53,6 +53,17 @@ class AbsorptionColumn:
         below = self.depth > 0
         depth, alpha = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.absorption_db[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
+
+    def added(self, depth: np.ndarray, offset: np.ndarray) -> "AbsorptionColumn":
+        """Make a column with something more [dB/m] at depths (K,) [m], linear between them and constant beyond.
+
+        Raises
+        ------
+        ValueError
+            If it is less than nothing somewhere.
+        """
+        nodes = np.union1d(self.depth, depth)
+        return type(self)(nodes, self.at(nodes) + np.interp(nodes, depth, offset))
 
     def at(self, depth: Values) -> Values:
         """Give the absorption [dB/m] at depths [m]."""

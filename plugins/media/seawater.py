@@ -8,7 +8,8 @@ temperature and salinity, if it has them, set the absorption. A formula gives th
 reaches, and is constant below.
 
 `mi.traverse` names the sound speeds at the profile's nodes (``sound_speed``) and a factor of the absorption
-(``absorption_scale``).
+(``absorption_scale``). ``absorption_offset`` [dB/m] is added to the absorption before that, at the profile's nodes and
+linear between them, 0 at the start and the same at all frequencies: what no formula says of a layer.
 
 Sonars that steer beams measure the sound speed at their head. ``head_sound_speed`` is then the profile's node at
 ``head_depth``, in place of one within 5 mm; the water is linear from there to the nodes above and below.
@@ -81,6 +82,8 @@ class Seawater(mi.Medium):
     volume : VolumeScattering or None
     speeds : Float64 (K,) [m/s]
         Sound speeds at the profile's nodes, for `mi.traverse`.
+    absorption_offset : Float64 (K,) [dB/m]
+        What is added to absorption at the profile's nodes, for `mi.traverse`.
     absorption_scale : Float64 (1,) [-]
         By which absorption is multiplied, for `mi.traverse`.
     """
@@ -98,6 +101,7 @@ class Seawater(mi.Medium):
         self.profile = _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
         self.absorption_scale = upload(mi.Float64, np.ones(1))
+        self.absorption_offset = upload(mi.Float64, np.zeros(len(self.profile.depth)))
         try:
             self.absorption_column(100e3)          # refuse water outside the formula's range now, not at the first ping
         except ValueError as error:
@@ -107,6 +111,9 @@ class Seawater(mi.Medium):
     def absorption_column(self, frequency: float) -> AbsorptionColumn:
         """Absorption against depth at one frequency [Hz], as an `AbsorptionColumn`."""
         column, scale = self._column(frequency), float(dr.detach(self.absorption_scale).numpy()[0])
+        offset = dr.detach(self.absorption_offset).numpy()
+        if np.any(offset):
+            column = column.added(self.profile.depth, offset)
         return column if scale == 1 else AbsorptionColumn(column.depth, scale * column.absorption_db)
 
     def _column(self, frequency):
@@ -139,6 +146,7 @@ class Seawater(mi.Medium):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         callback.put("sound_speed", self.speeds, mi.ParamFlags.Differentiable)
         callback.put("absorption_scale", self.absorption_scale, mi.ParamFlags.Differentiable)
+        callback.put("absorption_offset", self.absorption_offset, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
         speeds, scale = (dr.detach(value).numpy() for value in (self.speeds, self.absorption_scale))
@@ -150,6 +158,10 @@ class Seawater(mi.Medium):
             self.profile = SoundSpeedProfile(self.profile.depth, speeds)
         if len(scale) != 1 or not np.isfinite(scale[0]) or scale[0] < 0:
             raise ValueError(f"seawater: absorption_scale is {scale.tolist()}; give one number of 0 or more.")
+        offset = dr.detach(self.absorption_offset).numpy()
+        if len(offset) != nodes or not np.all(np.isfinite(offset)):
+            raise ValueError(f"seawater: absorption_offset has {len(offset)} numbers, and the profile {nodes} nodes; "
+                             "give a finite one for each.")
 
     # A ray integrator of light would ask these; sound is traced by `sonar_path`, for which the water is clear.
     def intersect_aabb(self, ray: mi.Ray3f) -> tuple[mi.Bool, mi.Float, mi.Float]:
