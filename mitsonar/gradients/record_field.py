@@ -24,6 +24,7 @@ from .edge_terms import EdgeTerms
 from .energy_field import Block, EnergyField, Kept, Samplers, Scenery
 from .jump_lines import LineMaker
 from .pictures import Picture
+from .shape_meetings import may_meet
 from .unseen import seen_in, shares
 
 __all__ = ["About", "RecordField"]
@@ -52,6 +53,8 @@ class RecordField:
         Sum of that without noise.
     outlines : bool
         As `edges`.
+    unsampled : list of (str, str)
+        Names of moving shapes that may meet along lines that derivatives do not know of.
     """
 
     def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
@@ -59,6 +62,7 @@ class RecordField:
         survey = replace(survey, geometry=Geometry(survey.geometry.scene, smooth_beds=True))
         self._picture = picture
         self.outlines, self._makers = edges, {}
+        self.unsampled: list[tuple[str, str]] = []
         self.energy = EnergyField(survey, picture.rows, seed)
         self.shape = survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
         self.scene = AttachedScene(picture, survey)
@@ -83,11 +87,12 @@ class RecordField:
             return None
         geometry, attached = scenery.tracer.geometry, self.scene.attached(scenery)
         meshes = tuple(range(len(geometry.meshes)) if attached.moves else geometry.moving())
+        shapes = attached.facets.shapes
+        outlined = [] if shapes is None else shapes.numbers if attached.moves else shapes.moving
+        self.unsampled = [] if not geometry.others else may_meet(geometry, outlined, meshes)
         if meshes not in self._makers:
             self._makers = {meshes: LineMaker(geometry, list(meshes))}
         lines = self._makers[meshes].lines(geometry)
-        shapes = attached.facets.shapes
-        outlined = [] if shapes is None else shapes.numbers if attached.moves else shapes.moving
         if not len(lines.ends) and not outlined:
             return None
         return self.energy.sampler(scenery, lines if len(lines.ends) else None, outlined)
@@ -121,6 +126,7 @@ class About:
         self._field, self._energy = field, field.energy
         self._scenery = field.scene.scenery(field.energy)
         self._samplers = field.samplers(self._scenery)
+        self._unsampled = field.unsampled
         rays = sum(dr.width(rays.direction) for block in field.energy.blocks for rays in block.rays)
         self._kept = [self._traced(block) for block in field.energy.blocks] if rays <= MOST_KEPT else None
         with dr.suspend_grad():
@@ -132,6 +138,7 @@ class About:
         """What the record and its derivatives do not see, as shares."""
         found = [seen_in(self._energy, self._scenery, block, kept) for block, kept, _ in self._each(edges=False)]
         told, echoes = shares(found, outlines=self._field.outlines), self._field.still_echoes
+        told |= {f"where {one} and {other} meet, left out": 1.0 for one, other in self._unsampled}
         if echoes > 0:                                     # of several bounces, of the water, of what has a phase
             moving = float(np.sum(self.value - self._field.still))
             told["echoes that stand still"] = echoes / (echoes + moving)

@@ -1,9 +1,11 @@
 """What a record does not see of a scene, and its derivatives do not know of, as shares.
 
     bins in shadow                       of those between a row's first and last ray in the main lobe: none comes
-    echoes of shapes that stand still    of all energy of first hits: such as instances, which stand still
+    echoes of shapes that stand still    of all energy of first hits: of instances and of kinds other than meshes,
+                                         spheres, cylinders, disks and rectangles
     echoes that stand still              of all energy: of several bounces, of the water, of what has a phase; told by
                                          `record_field`
+    where A and B meet, left out         1 where a shape without facets may pass through another, and one moves
     outlines left out                    1 where nobody asks for them: derivatives are of what is lit
 """
 from __future__ import annotations

@@ -196,3 +196,12 @@ def test_a_ball_scaled_unlike_along_its_axes_counts_by_its_volume(load):
     alike, unlike = model.start[KEY].copy(), model.start[KEY].copy()
     alike[:3, :3], unlike[:3, :3] = 2 * np.eye(3), np.diag([1.0, 2.0, 4.0])
     assert np.array_equal(model.value({KEY: alike}), model.value({KEY: unlike}))
+
+
+def test_lines_where_a_ball_meets_the_bed_are_told(load):
+    """Half in the bed, and while the sonar alone moves, too; not of a ball that hangs above it."""
+    for key in (KEY, "sonar.position_offset"):
+        for z, wanted in ((-29.5, {"where ball and bed meet, left out": 1.0}), (-28, {})):
+            model = scene_model(load(scene(shape("sphere", (16, 0.3, z)), rays=2000, pings=1)), [key])
+            told = model.linearised({}).told
+            assert {name: told[name] for name in told if "meet" in name} == wanted
