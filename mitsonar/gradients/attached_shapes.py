@@ -82,7 +82,8 @@ class OnShapes:
         """Give dx of the material there: 0, with gradients."""
         a, b, c, t = self.columns
         with dr.suspend_grad():
-            on_unit = _on_unit(*(dr.detach(column) for column in self.columns), dr.detach(point))
+            still = dr.detach(a), dr.detach(b), dr.detach(c), dr.detach(t)
+            on_unit = _on_unit(*still, dr.detach(point))
         dx = tangent(a * on_unit.x + b * on_unit.y + c * on_unit.z + t)
         return dr.select(self.known, dx, 0)
 

@@ -13,6 +13,7 @@ What a change of sound speed does to absorption along a given way is left out: 1
 from __future__ import annotations
 
 import copy
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -80,7 +81,7 @@ def _more(table: Absorption, profile: SoundSpeedProfile, offset: mi.Float64) -> 
         integral = dr.prefix_reduce(dr.ReduceOp.Add, area, exclusive=True)
         _put(attached, column, mi.Float(dr.gather(mi.Float64, integral, rows)))
     _put(attached, 3, mi.Float(dr.gather(mi.Float64, alpha, rows)))
-    found = copy.copy(table)
+    found: Any = copy.copy(table)
     found.table = dr.replace_grad(dr.detach(table.table), attached)
     return found
 

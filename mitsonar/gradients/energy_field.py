@@ -31,7 +31,7 @@ from ..tracing.water import DeviceWater
 from .attached_geometry import AttachedGeometry
 from .attached_track import AttachedTrack
 from .edge_terms import EdgeTerms, edge_terms, outline_terms
-from .finish import Facets, finished
+from .finish import Facets, finished, side_of
 from .jump_lines import JumpLines
 from .line_samples import LineSampler
 from .ray_shift import ray_shift
@@ -66,6 +66,7 @@ class Kept:
     rays: Rays
     hits: Hits
     facets: Facets
+    side: mi.Float | None = None       # see `finish.side_of`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,13 +130,14 @@ class EnergyField:
         place, found = scenery.of(block.ping), []
         with dr.suspend_grad():
             for rays in block.rays:
-                hits, met = scenery.tracer.trace_met(place.sources, place.origin(rays.ping), place.source(rays.ping),
-                                                     scenery.turned(place, rays).direction)
+                origin, direction = place.origin(rays.ping), scenery.turned(place, rays).direction
+                hits, met = scenery.tracer.trace_met(place.sources, origin, place.source(rays.ping), direction)
                 if scenery.mirrors:
                     hits = replace(hits, valid=hits.valid & (hits.label != scenery.surface))
                 on_mesh, face, u, v = scenery.tracer.facet(met, hits.valid)
                 facets = Facets(on_mesh=on_mesh, shape=registry_index(met), face=face, u=mi.Float(u), v=mi.Float(v))
-                found.append(Kept(rays=rays, hits=hits, facets=facets))
+                side = side_of(hits, scenery.water.direct.layers, scenery.speeds, origin, direction)
+                found.append(Kept(rays=rays, hits=hits, facets=facets, side=side))
         return found
 
     def sampler(self, scenery: Scenery, lines: JumpLines | None, outlined: Sequence[int]) -> Samplers:
@@ -199,7 +201,8 @@ class EnergyField:
         shift = None
         if scenery.moves:
             shift = ray_shift(scenery.layers, scenery.speeds, origin, rays.direction, hits)
-        return rays, finished(hits, kept.facets, scenery.facets, scenery.layers, mi.Float(down), distance, shift)
+        return rays, finished(hits, kept.facets, scenery.facets, scenery.layers, mi.Float(down), distance, shift,
+                              kept.side)
 
 
 class Scenery:

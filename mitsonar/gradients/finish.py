@@ -5,12 +5,13 @@ A ray of one launch meets a surface at x_0. As the surface, the ray or the water
     δ = n·(dx - dr) / (n·t)                      along the ray, to the facet that moved
     x = x_0 + dr + δ t,    T = T_0 + dT + δ/c,    L = L_0 + dL + δ
     A = A_0 (1 + dA/A + κ δ),    κ = cos θ / X + 1 / R_w
-    1/R_w = (c sin θ_0 / c_0 - p g V cos θ) / (V sin θ),    V = A cos θ_0 / X
+    1/R_w = (c sin θ_0 / c_0 - p g V cos θ) / (V sin θ),    V = ± A cos θ_0 / X
 
 dx -> the motion of the facet's point that was hit, n -> its normal, t -> the ray's direction there; dr, dT, dL, dA/A ->
-`RayShift`; κ is how fast the ray's tube widens along it, R_w the radius of the wavefront in the vertical plane. The
-point slides over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated
-between corners, the normal that the surface scatters by and texture coordinates.
+`RayShift`; κ is how fast the ray's tube widens along it, R_w the radius of the wavefront in the vertical plane. Angles
+are positive down; V has the sign of sin θ sin θ_0 dX/dp, which changes where rays cross (`side_of`). The point slides
+over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated between corners,
+the normal that the surface scatters by and texture coordinates.
 
 On spheres, cylinders, disks and rectangles there are no corners: dx, and the normal where the point has slid to, are
 those of `attached_shapes`.
@@ -34,8 +35,9 @@ from .attached_geometry import AttachedGeometry
 from .attached_shapes import OnShapes
 from .ray_shift import RayShift
 from .tangents import tangent
+from .walked_rays import walked
 
-__all__ = ["Facets", "finished"]
+__all__ = ["Facets", "finished", "side_of"]
 
 GRAZING = 1e-4                     # sine below which nothing slides: its derivative has no bound
 
@@ -63,7 +65,7 @@ class Facets:
 
 
 def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: LayerTable, sine0: mi.Float,
-             distance: mi.Float, shift: RayShift | None) -> Hits:
+             distance: mi.Float, shift: RayShift | None, side: mi.Float | None = None) -> Hits:
     """Give the same hits with gradients.
 
     Parameters
@@ -80,6 +82,8 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
         X: from the sonar to the hits, horizontally.
     shift : RayShift or None
         None: rays leave from where they did, in the same water.
+    side : Float (R,) or None
+        Sign of V, 0 where it is unknown; None where no ray turned, and all are 1.
     """
     t, n, valid = hits.arrival_direction, hits.normal, hits.valid
     a, b, c = _corners(geometry.vertices, facets)
@@ -100,7 +104,7 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
     dv = dr.dot(dr.cross(dr.detach(e1), slid), across) / square
     gradient = layers.shape(layers.find(-hits.point.z))[2]
     speed = hits.sound_speed - gradient * mi.Float64(t.z * delta)
-    widening = _widening(hits, sine0, distance, mi.Float(gradient)) * delta
+    widening = _widening(hits, sine0, distance, mi.Float(gradient), side) * delta
     time, arc = hits.travel_time + mi.Float64(delta) / hits.sound_speed, hits.arc_length + delta
     parameter = hits.ray_parameter
     if shift is not None:
@@ -129,7 +133,22 @@ def _corners(vertices: mi.Float, facets: Facets) -> list[mi.Vector3f]:
     return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
 
 
-def _widening(hits: Hits, sine0: mi.Float, distance: mi.Float, gradient: mi.Float) -> mi.Float:
+def side_of(hits: Hits, layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase,
+            direction: mi.Vector3f) -> mi.Float | None:
+    """Give the sign of V of detached hits of rays from points `origin` in launch directions; see `finished`."""
+    sine0, drop = mi.Float64(-direction.z), mi.Float64(origin.z - hits.point.z)
+    turned = hits.valid & ((sine0 * mi.Float64(-hits.arrival_direction.z) < 0) | (sine0 * drop < 0))
+    if not dr.any(turned)[0]:
+        return None
+    away = hits.point - origin
+    distance = dr.sqrt(away.x * away.x + away.y * away.y)
+    lib: Any = arrays_of(mi.Float)
+    spread = walked(layers, lib, speeds, mi.Float64(-origin.z), sine0, mi.Float64(-hits.point.z), distance, turned)[2]
+    sign = mi.Float(dr.sign(spread * sine0)) * dr.sign(-hits.arrival_direction.z)
+    return dr.select(turned, dr.select(spread == 1, 0, sign), 1)       # 1: the walk came by elsewhere
+
+
+def _widening(hits: Hits, sine0: mi.Float, distance: mi.Float, gradient: mi.Float, side: mi.Float | None) -> mi.Float:
     """κ: how fast the logarithm of the spreading area grows along the ray [1/m]."""
     length = dr.maximum(hits.arc_length, 1e-6)
     speed, parameter = mi.Float(hits.sound_speed), mi.Float(hits.ray_parameter)
@@ -137,10 +156,13 @@ def _widening(hits: Hits, sine0: mi.Float, distance: mi.Float, gradient: mi.Floa
     cosine = parameter * speed
     sine = -hits.arrival_direction.z
     plain = 2 / length                                # straight rays; level and upright ones take it, too
-    bent = hits.valid & (abs(sine) > 0.02) & (distance > 1e-3 * length) & (sine * sine0 > 0)
+    bent = hits.valid & (abs(sine) > 0.02) & (distance > 1e-3 * length) & (
+        sine * sine0 > 0 if side is None else side != 0)
     source_speed = cosine0 / dr.select(bent, parameter, 1)             # Snell: p = cos θ_0 / c_0
     aside = dr.select(bent, distance, 1)
     v = hits.spreading_area * cosine0 / aside
+    if side is not None:
+        v = dr.select(side < 0, -v, v)
     curved = (speed * sine0 / source_speed - parameter * gradient * v * cosine) / (
         dr.select(bent, v, 1) * dr.select(bent, sine, 1))
     return dr.select(bent, cosine / aside + curved, plain)

@@ -5,7 +5,11 @@
 
 by the series of `propagation.two_point`, without its step of Newton: a launched ray needs none. z is detached, all else
 may be attached: source depth z_0, sound speeds, launch angle θ_0 and heading. The hit itself then slides along the ray
-(`finish`). Rays that turned, or for which the series is too slow, have a walk in its place (`walked_rays`).
+(`finish`). Rays that turned, or for which the series is too slow, have a walk in its place (`walked_rays`), and
+
+    A = X |D| |sin θ sin θ_0| / (p c_0²),    D = dX/dp at fixed depths,    dS = cos θ_1 dX - sin θ_0 dz_0
+
+θ_1 -> the flatter of both ends.
 """
 from __future__ import annotations
 
@@ -17,15 +21,17 @@ import mitsuba as mi
 
 from ..device.arrays import arrays_of
 from ..propagation.layer_table import LayerTable
-from ..propagation.two_point import LEVEL
+from ..propagation.two_point import LEVEL, MAX_TUBE_GAIN
 from ..tracing.hits import Hits
 from .tangents import tangent
 from .walked_rays import walked
 
 __all__ = ["RayShift", "ray_shift"]
 
-# of a_4: times err by 0.03 a_4^1.25 of themselves, derivatives by more. The walk knows range and time, not spreading
+# of a_4: times err by 0.03 a_4^1.25 of themselves, derivatives by more; spreading counts for less
 SERIES_LIMIT, WIDENS = 1e-4, 3e-3
+LEAST_SINE = 1e-3                  # of rays at launch and hit, below which their spreading stands still
+CAUSTIC = 2 / MAX_TUBE_GAIN        # of the squared distance: spreading areas below it stand still, too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,22 +98,38 @@ def ray_shift(layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase, dire
     exact = series & (there.fourth < SERIES_LIMIT)
     walk = hits.valid & ~exact
     lib: Any = arrays_of(mi.Float)
-    across, time = walked(layers, lib, speeds, depth0, sine0, dr.detach(-hits.point.z), distance, walk)
+    across, time, spread = walked(layers, lib, speeds, depth0, sine0, dr.detach(-hits.point.z), distance, walk)
+    log_area = _log_area(across, spread, parameter, there.speed, speed0, sine0)
+    wide = hits.valid & ~series & dr.isfinite(dr.detach(log_area)) & (
+        dr.detach(dr.exp(log_area)) > CAUSTIC * (dr.square(distance) + dr.square(dr.detach(reach.z))))
 
     def increment(value: Any, where: mi.Bool) -> Any:
         return dr.select(where, tangent(value), 0)
 
     moved = mi.Float(increment(there.range, exact) + increment(across, walk))
     later = increment(there.time, exact) + increment(time, walk)
-    arc = mi.Float(increment(there.arc, series) + increment(time, hits.valid & ~series) * dr.detach(speed0))
+    # of walked rays as of an end that moves where they are flattest, which is where they move most
+    flattest = dr.detach(parameter * dr.maximum(there.speed, speed0))
+    longer = increment(across, walk) * flattest - dr.detach(sine0) * tangent(depth0)
+    arc = mi.Float(increment(there.arc, series) + dr.select(walk & ~series, longer, 0))
     shift = [mi.Float(tangent(axis)) for axis in (origin.x, origin.y)]
     turned = [dr.select(hits.valid, mi.Float(distance) * tangent(part), 0) for part in (heading.x, heading.y)]
     along = [dr.detach(part) * moved for part in (heading.x, heading.y)]
     return RayShift(
         across=mi.Vector3f(shift[0] + turned[0] + along[0], shift[1] + turned[1] + along[1], 0), travel_time=later,
-        arc_length=arc, spreading=mi.Float(increment(there.log_area, series)),
+        arc_length=arc, spreading=mi.Float(increment(there.log_area, series) + increment(log_area, wide)),
         ray_parameter=increment(parameter, hits.valid), sound_speed=increment(there.speed, hits.valid),
-        heading=mi.Vector2f(tangent(heading.x), tangent(heading.y)), widens=series)
+        heading=mi.Vector2f(tangent(heading.x), tangent(heading.y)), widens=series | wide)
+
+
+def _log_area(distance: mi.Float64, spread: mi.Float64, parameter: mi.Float64, speed: mi.Float64, speed0: mi.Float64,
+              sine0: mi.Float64) -> mi.Float64:
+    """ln A of walked rays; NaN where it has no derivative."""
+    square, square0 = 1 - dr.square(parameter * speed), sine0 * sine0
+    there = (dr.detach(square) > LEAST_SINE ** 2) & (dr.detach(square0) > LEAST_SINE ** 2) & (
+        dr.detach(spread) != 0) & (dr.detach(distance) > 0)
+    area = dr.square(distance * spread / (parameter * speed0 * speed0)) * square * square0
+    return dr.select(there, 0.5 * dr.log(dr.select(there, area, 1)), dr.nan)
 
 
 @dataclass(frozen=True, kw_only=True)

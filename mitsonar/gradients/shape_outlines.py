@@ -119,12 +119,12 @@ class OutlineSampler:
         ends = [self._points(place, ping, line, share + step) for step in (0.0, 1 / PIECES)]
         middle, along = (ends[0] + ends[1]) / 2, ends[1] - ends[0]
         seen = np.isfinite(middle).all(1)
-        vectors = [_vectors(np.where(seen[:, None], one, 0)) for one in (middle, along)]
-        weight = self._sight.weight(place, upload(mi.UInt32, ping.astype(np.uint32)), *vectors).numpy()
+        middle, along = (_vectors(np.where(seen[:, None], one, 0)) for one in (middle, along))
+        weight = self._sight.weight(place, upload(mi.UInt32, ping.astype(np.uint32)), middle, along).numpy()
         weight = np.where(seen, weight.astype(float), 0.0)
         chosen, worth = [], []
         for one in pings:
-            own = np.flatnonzero(ping == one)
+            own = np.nonzero(np.isin(ping, one))[0]
             if not weight[own].sum() > 0:
                 continue
             piece, within, value = drawn_pieces(weight[own], count, int(place.ping[one]), self._seed, Salt.OUTLINES)

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..device.arrays import arrays_of, upload
-from ..device.chance import Salt, hashed, row_keys, seeded, uniform
+from ..device.chance import hashed, row_keys, seeded, uniform
 from ..survey.places import Place
 from ..survey.rows import Rows
 from ..tracing.connection import Connector
@@ -66,7 +66,7 @@ class Sight:
 
 
 def drawn_pieces(weights: np.ndarray, count: int, number: int, seed: int,
-                 salt: Salt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                 salt: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Draw so many points, stratified through the sums of weights (n,) that are not all 0, from a ping of this number.
 
     Returns

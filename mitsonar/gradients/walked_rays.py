@@ -1,9 +1,10 @@
-"""Range and time of rays that are walked arc by arc, as functions of the profile, the source's depth and the launch.
+"""Range, time and spread of rays that are walked arc by arc, as functions of profile, source depth and launch.
 
 Of the launched ray, at a fixed depth z of its hit, however often it turned before:
 
     dX = Σ_k ∂X/∂c_k dc_k + D dp - (p c0/s0) dz0,      D = dX/dp at fixed depths, both sums over its arcs
     dT = p dX - Σ_k φ_k dc_k - (s0/c0) dz0,            φ_k = ∫ hat_k / (c² s) dz   (Fermat)
+    dD = dD/dp dp + Σ_k ∂D/∂c_k dc_k - (c0 / s0³) dz0
     dp = -(s0 ds0 / cos θ0 + p (Σ_k hat_k(z0) dc_k + g0 dz0)) / c0
 
 hat_k -> the share of node k in the speed at a depth; s0 -> the sine of the launch angle, positive down. Arcs as in
@@ -21,7 +22,7 @@ import numpy as np
 from ..device.arrays import looped, upload
 from ..device.record import Record
 from ..device.types import ArrayTypes, Bool, Float64, Int32, UInt32
-from ..propagation.arc_derivatives import ArcDerivatives, arc_derivatives
+from ..propagation.arc_derivatives import ArcDerivatives, SpreadDerivatives, arc_derivatives, spread_derivatives
 from ..propagation.layer_table import LayerTable
 from ..propagation.ray_fans import arc_step, first_layer
 from ..propagation.two_point import arc_time, walk
@@ -31,7 +32,8 @@ __all__ = ["walked"]
 
 LEVEL_LAUNCH = 1e-7        # sine of a launch that is told from a level one: 0.1 mm in a kilometre
 ELSEWHERE, NEAR = 0.05, 1.0    # of the range, and [m]: a ray that comes to the depth so far from the range misses it
-Visit = Callable[[UInt32, Float64, ArcDerivatives, Bool], tuple[Float64, Float64]]
+Walked = tuple[Float64, Float64, Float64]
+Visit = Callable[[UInt32, Float64, ArcDerivatives, SpreadDerivatives, Bool], Walked]
 
 
 class _Nodes(Record):
@@ -62,9 +64,19 @@ class _Start(Record):
     parameter: Float64
 
 
+class _Sums(Record):
+    """Over the arcs of rays, Float64 (R,): dX/dp, d²X/dp², and what visits give."""
+
+    spread: Float64
+    by_parameter: Float64
+    first: Float64
+    second: Float64
+    third: Float64
+
+
 def walked(table: LayerTable, lib: ArrayTypes, speeds: Float64, z0: Float64, s0: Float64, z: Float64, x: Float64,
-           active: Bool) -> tuple[Float64, Float64]:
-    """Give range and travel time of launched rays to a depth, with their gradients.
+           active: Bool) -> Walked:
+    """Give range, travel time and spread of launched rays to a depth, with their gradients.
 
     Parameters
     ----------
@@ -85,8 +97,9 @@ def walked(table: LayerTable, lib: ArrayTypes, speeds: Float64, z0: Float64, s0:
 
     Returns
     -------
-    range, travel_time : Float64 (R,) [m], [s]
-        ``x`` and 0, with no gradient, where a ray is not active or does not come to the depth near that range.
+    range, travel_time, spread : Float64 (R,) [m], [s], [m²/s]
+        X, T and D; ``x``, 0 and 1, with no gradient, where a ray is not active or does not come to the depth near that
+        range.
 
     Notes
     -----
@@ -101,7 +114,7 @@ class _Walked(dr.CustomOp):
     """The walk and its derivatives; see `walked`."""
 
     def eval(self, table: LayerTable, nodes: _Nodes, speeds: Float64, z0: Float64, s0: Float64, z: Float64,
-             x: Float64, active: Bool) -> tuple[Float64, Float64]:
+             x: Float64, active: Bool) -> Walked:
         lib = table.lib
         start = _start(table, z0, s0)
         depth, time, _, _, s, c, g = walk(table, lib, z0, start.speed, s0, start.parameter, x, active)
@@ -115,7 +128,8 @@ class _Walked(dr.CustomOp):
         # a ray that turned on its way, or comes by elsewhere, has no gradient here
         self.arrives = active & dr.isfinite(time) & (abs(ahead) <= ELSEWHERE * x + NEAR)
         self.inputs = table, nodes, dr.width(speeds), z0, s0, z, x
-        return dr.select(self.arrives, reach, x), dr.select(self.arrives, time, 0)
+        spread = _followed(table, start, z, x, self.arrives, _nothing).spread
+        return dr.select(self.arrives, reach, x), dr.select(self.arrives, time, 0), dr.select(self.arrives, spread, 1)
 
     def forward(self) -> None:
         table, nodes, count, z0, s0, z, x = self.inputs
@@ -123,27 +137,30 @@ class _Walked(dr.CustomOp):
         tangents = cast(Float64, self.grad_in("speeds"))
         tangents = tangents if dr.width(tangents) == count else dr.zeros(lib.Float64, count)
 
-        def visit(layer: UInt32, place: Float64, arc: ArcDerivatives, on: Bool) -> tuple[Float64, Float64]:
+        def visit(layer: UInt32, place: Float64, arc: ArcDerivatives, wide: SpreadDerivatives, on: Bool) -> Walked:
             upper, lower, depth, per_metre = nodes.of(layer, on)
             above, below = (dr.gather(lib.Float64, tangents, node, on) for node in (upper, lower))
             slope = (below - above) * per_metre
             there = above + slope * (place - depth)
-            return dr.fma(there, arc.range, slope * arc.range_slope), dr.fma(there, arc.time, slope * arc.time_slope)
+            return (dr.fma(there, arc.range, slope * arc.range_slope),
+                    dr.fma(there, arc.time, slope * arc.time_slope), dr.fma(there, wide.speed, slope * wide.slope))
 
-        spread, by_range, by_time = _followed(table, start, z, x, self.arrives, visit)
+        way = _followed(table, start, z, x, self.arrives, visit)
         upper, lower, depth, per_metre = nodes.of(start.layer, self.arrives)
         above, below = (dr.gather(lib.Float64, tangents, node, self.arrives) for node in (upper, lower))
         dz0, ds0 = cast(Float64, self.grad_in("z0")), cast(Float64, self.grad_in("s0"))
         dc0 = above + (below - above) * per_metre * (z0 - depth) + start.gradient * dz0
         dp = -(start.sine * ds0 / start.cosine + start.parameter * dc0) / start.speed
-        dx = by_range + spread * dp - start.parameter * start.speed / start.sine * dz0
-        dt = start.parameter * dx - by_time - start.sine / start.speed * dz0
-        self.set_grad_out((dr.select(self.arrives, dx, 0), dr.select(self.arrives, dt, 0)))
+        dx = way.first + way.spread * dp - start.parameter * start.speed / start.sine * dz0
+        dt = start.parameter * dx - way.second - start.sine / start.speed * dz0
+        wider = way.third + way.by_parameter * dp - start.speed / start.sine ** 3 * dz0
+        self.set_grad_out((dr.select(self.arrives, dx, 0), dr.select(self.arrives, dt, 0),
+                           dr.select(self.arrives, wider, 0)))
 
     def backward(self) -> None:
         table, nodes, count, z0, s0, z, x = self.inputs
         lib, start, on = table.lib, _start(table, z0, s0), self.arrives
-        by_x, by_t = (dr.select(on, weight, 0) for weight in cast(tuple[Float64, Float64], self.grad_out()))
+        by_x, by_t, by_d = (dr.select(on, weight, 0) for weight in cast(Walked, self.grad_out()))
         by_x = by_x + start.parameter * by_t
         gradient = dr.zeros(lib.Float64, count)
 
@@ -154,17 +171,17 @@ class _Walked(dr.CustomOp):
             dr.scatter_add(gradient, below, lower, wanted)
             dr.scatter_add(gradient, whole - below, upper, wanted)
 
-        def visit(layer: UInt32, place: Float64, arc: ArcDerivatives, wanted: Bool) -> tuple[Float64, Float64]:
-            add(layer, place, by_x * arc.range - by_t * arc.time, by_x * arc.range_slope - by_t * arc.time_slope,
-                wanted)
-            return lib.Float64(0), lib.Float64(0)
+        def visit(layer: UInt32, place: Float64, arc: ArcDerivatives, wide: SpreadDerivatives, wanted: Bool) -> Walked:
+            add(layer, place, by_x * arc.range - by_t * arc.time + by_d * wide.speed,
+                by_x * arc.range_slope - by_t * arc.time_slope + by_d * wide.slope, wanted)
+            return lib.Float64(0), lib.Float64(0), lib.Float64(0)
 
-        spread, _, _ = _followed(table, start, z, x, on, visit)
-        by_p = by_x * spread / start.speed
+        way = _followed(table, start, z, x, on, visit)
+        by_p = (by_x * way.spread + by_d * way.by_parameter) / start.speed
         by_c0 = dr.select(on, -start.parameter * by_p, 0)
         add(start.layer, z0, by_c0, lib.Float64(0), on)
         by_z0 = (by_c0 * start.gradient - by_x * start.parameter * start.speed / start.sine
-                 - by_t * start.sine / start.speed)
+                 - by_t * start.sine / start.speed - by_d * start.speed / start.sine ** 3)
         by_s0 = -by_p * start.sine / start.cosine
         self.set_grad_in("speeds", gradient)
         self.set_grad_in("z0", _fitted(dr.select(on, by_z0, 0), z0))
@@ -172,8 +189,8 @@ class _Walked(dr.CustomOp):
 
 
 def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: Bool,
-              visit: Visit) -> tuple[Float64, Float64, Float64]:
-    """Follow rays to a depth, and give the sums over their arcs of dX/dp and of what each visit gives."""
+              visit: Visit) -> _Sums:
+    """Follow rays to a depth, and give the sums over their arcs."""
     lib = table.lib
     F, last, p = lib.Float64, lib.Int32(table.last), start.parameter
     k = lib.Int32(start.layer)
@@ -182,7 +199,7 @@ def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: 
         return on
 
     def body(on: Bool, k: Int32, z1: Float64, s1: Float64, r: Float64, spread: Float64, by_range: Float64,
-             by_time: Float64) -> tuple:
+             by_time: Float64, by_spread: Float64, by_parameter: Float64) -> tuple:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z1, s1, p, F(1e30), on)
         ends = ~(r + advance < x)
         # the last arc ends at the depth, on the branch that it is on at the range
@@ -192,15 +209,23 @@ def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: 
         descent, c2, s2 = (dr.select(ends, mine, other) for mine, other in
                            ((z - z1, descent), (c_z, c2), (s_z, s2)))
         arc = arc_derivatives(p, g, descent, c1, s1, c2, s2)
-        mine, yours = visit(lib.UInt32(k), z1, arc, on)
+        wide = spread_derivatives(p, g, descent, c1, s1, c2, s2)
+        first, second, third = visit(lib.UInt32(k), z1, arc, wide, on)
         on = on & ~ends & (k2 >= 0) & (k2 <= last)
-        return on, k2, z2, s2, r + advance, spread + arc.spread, by_range + mine, by_time + yours
+        return (on, k2, z2, s2, r + advance, spread + arc.spread, by_range + first, by_time + second,
+                by_spread + third, by_parameter + wide.parameter)
 
     width = dr.width(start.depth + x + z)
     zero = dr.zeros(F, width)
     begun = lib.Bool(active) & (x > 0) & (k >= 0) & (k <= last)
-    state = looped((begun, k, F(start.depth), F(start.sine), zero, F(zero), F(zero), F(zero)), going, body)
-    return state[5], state[6], state[7]
+    state = looped((begun, k, F(start.depth), F(start.sine), zero, F(zero), F(zero), F(zero), F(zero), F(zero)),
+                   going, body)
+    return _Sums(spread=state[5], first=state[6], second=state[7], third=state[8], by_parameter=state[9])
+
+
+def _nothing(layer: UInt32, place: Float64, arc: ArcDerivatives, wide: SpreadDerivatives, on: Bool) -> Walked:
+    """A visit that asks for nothing."""
+    return place * 0, place * 0, place * 0
 
 
 def _start(table: LayerTable, z0: Float64, s0: Float64) -> _Start:

@@ -8,7 +8,8 @@ positive down, so that dz / s is positive on the way up, too. With u = z - z1 an
 
     F0 = A / g,    F1 = (L - c1 A) / g²         A = s1/c1 - s2/c2,    L = atanh s1 - atanh s2
     G0 = p B / g,  G1 = p (C - c1 B) / g²       B = c2/s2 - c1/s1,    C = (1/s2 - 1/s1) / p²
-    dX/dp = ∫ c / s³ dz = C / g
+    dX/dp = ∫ c / s³ dz = C / g = D
+    dD/dp = ∫ 3 p c³ / s⁵ dz,    dD = a H0 + b H1,    H_m = ∫ u^m (1 + 2 p² c²) / s⁵ dz
 
 Through a turning point the sine changes sign and the formulas go on to hold: what is infinite there in the integrals
 of 1/s³ belongs to the turning point's own motion and leaves their finite part. Where a layer bends a ray little the
@@ -23,7 +24,7 @@ import numpy as np
 
 from ..device.types import Numbers
 
-__all__ = ["ArcDerivatives", "arc_derivatives"]
+__all__ = ["ArcDerivatives", "SpreadDerivatives", "arc_derivatives", "spread_derivatives"]
 
 GENTLE = 0.15              # relative change of s² up to which seven points are exact to 1e-16
 LEVEL_SINE = 1e-9          # a ray that is level at the edge of a layer: the infinite terms of both sides cancel
@@ -48,6 +49,48 @@ class ArcDerivatives(NamedTuple):
     range: Numbers
     range_slope: Numbers
     spread: Numbers
+
+
+class SpreadDerivatives(NamedTuple):
+    """Of dX/dp of one arc; see the equations.
+
+    Attributes
+    ----------
+    parameter : number [m³/s²]
+        dD/dp.
+    speed, slope : number [m], [m²]
+        H0, H1.
+    """
+
+    parameter: Numbers
+    speed: Numbers
+    slope: Numbers
+
+
+def spread_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1: Numbers, s1: Numbers, c2: Numbers,
+                       s2: Numbers) -> SpreadDerivatives:
+    """Tell how dX/dp over an arc moves with the ray parameter and the speed in its layer; as of `arc_derivatives`."""
+    xp: Any = dr if dr.is_jit_v(parameter * c1) else np
+    select: Any = dr.select if xp is dr else np.where
+    s1, s2 = _not_level(xp, select, s1), _not_level(xp, select, s2)
+    square1, square2, squared = s1 * s1, s2 * s2, parameter * parameter
+    least = xp.minimum(square1, square2)
+    gentle = (s1 * s2 > 0) & (abs(square1 - square2) <= GENTLE * least)
+    by_p, h0, h1 = (0.0,) * 3
+    sign = select(s1 > 0, 1.0, -1.0)
+    for place, weight in zip(_PLACES.tolist(), _WEIGHTS.tolist()):
+        u = place * descent
+        c = c1 + gradient * u
+        square = xp.maximum(square1 - squared * (c - c1) * (c + c1), 0.5 * least)
+        part = sign * weight * descent / (xp.sqrt(square) * square * square)
+        wide = (1 + 2 * squared * c * c) * part
+        by_p, h0, h1 = by_p + 3 * parameter * c * c * c * part, h0 + wide, h1 + u * wide
+    slope = select(gentle, 1.0, gradient)
+    cube1, cube2, apart = 1 / (square1 * s1), 1 / (square2 * s2), (1 / s2 - 1 / s1) / squared
+    return SpreadDerivatives(
+        select(gentle, by_p, ((c2 * c2 * cube2 - c1 * c1 * cube1) / parameter - 2 * apart / parameter) / slope),
+        select(gentle, h0, (c2 * cube2 - c1 * cube1) / slope),
+        select(gentle, h1, (c2 * descent * cube2 - apart / slope) / slope))
 
 
 def arc_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1: Numbers, s1: Numbers, c2: Numbers,

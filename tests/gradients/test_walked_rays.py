@@ -1,4 +1,4 @@
-"""Range and time of walked rays at a fixed depth, attached to profile, source and launch.
+"""Range, time and spread of walked rays at a fixed depth, attached to profile, source and launch.
 
 Reference: sixth-order differences of the walk itself, and, in `tests/propagation/test_profile_derivatives.py`, of rays
 that know nothing of it. Steps of 1 mm/s, 1 mm and 1e-6 leave 1e-10 of rounding and less of truncation.
@@ -39,7 +39,7 @@ def difference(f, step):
 
 
 def jacobian():
-    """By differences: (2, R, K + 2)."""
+    """By differences: (3, R, K + 2)."""
     columns = [difference(lambda h: numbers(speed=SPEED + h * row), 1e-3) for row in np.eye(len(SPEED))]
     columns += [difference(lambda h: numbers(source=SOURCE + h), 1e-3),
                 difference(lambda h: numbers(launch=LAUNCH + h), 1e-6)]
@@ -48,9 +48,9 @@ def jacobian():
 
 @pytest.fixture(scope="module")
 def backward():
-    """Rows of the Jacobian by backward mode, (2, R, K + 2)."""
-    rows = np.zeros((2, len(SOURCE), len(SPEED) + 2))
-    for which in range(2):
+    """Rows of the Jacobian by backward mode, (3, R, K + 2)."""
+    rows = np.zeros((3, len(SOURCE), len(SPEED) + 2))
+    for which in range(3):
         for ray in range(len(SOURCE)):
             found, given = places(attach=("speeds", "z0", "s0"))
             dr.backward(dr.sum(found[which] * Float64((np.arange(len(SOURCE)) == ray).astype(float))))
@@ -74,7 +74,7 @@ def test_forward_and_backward_agree(backward):
         dr.set_grad(given[name], Float64(direction))
     dr.forward_to(*found)
     each = np.concatenate([np.tile(moved["speeds"], (5, 1)), moved["z0"][:, None], moved["s0"][:, None]], 1)
-    for which in range(2):
+    for which in range(3):
         expected = (backward[which] * each).sum(1)
         np.testing.assert_allclose(dr.grad(found[which]).numpy(), expected, rtol=1e-11)
 
@@ -90,8 +90,8 @@ def test_a_ray_that_comes_by_elsewhere_has_no_gradient():
     table = layer_table(SoundSpeedProfile(DEPTH, SPEED), Float64)
     speeds = Float64(SPEED)
     dr.enable_grad(speeds)
-    reach, time = walked(table, lib, speeds, Float64(5.0), Float64(-0.03), Float64(60.0), Float64(300.0, 0.0),
+    reach, time, spread = walked(table, lib, speeds, Float64(5.0), Float64(-0.03), Float64(60.0), Float64(300.0, 0.0),
                          Bool(True, False))
-    dr.backward(dr.sum(reach + time))
+    dr.backward(dr.sum(reach + time + spread))
     assert reach.numpy().tolist() == [300, 0] and time.numpy().tolist() == [0, 0]
     assert not dr.grad(speeds).numpy().any()
