@@ -65,8 +65,8 @@ def parts(start: np.ndarray, count: int, random: np.random.Generator) -> list[Pa
     Returns
     -------
     list of Part
-        One of a scalar; one for each of up to four numbers; one for each component of rows of vectors; two of a
-        matrix (4, 4), which is moved and turned as a rigid body; else one.
+        One of a scalar; one for each of up to four numbers; one for each component of rows of vectors; seven
+        of a matrix (4, 4), which is moved and turned as a rigid body, and grows; else one.
     """
     shape = start.shape
     if shape == (4, 4):
@@ -149,7 +149,7 @@ def _bumps(places, random):
 
 
 def _rigid(matrix):
-    """A body moved along its own axes, and turned about them."""
+    """A body moved along the scene's axes, turned about its own, and grown from its origin."""
     moved, turned = np.zeros((3, 4, 4)), np.zeros((3, 4, 4))
     for axis in range(3):
         moved[axis, axis, 3] = 1.0
@@ -157,9 +157,10 @@ def _rigid(matrix):
         turn = np.zeros((4, 4))
         turn[last, after], turn[after, last] = 1.0, -1.0
         turned[axis] = matrix @ turn
-    names = [f"moved {axis}" for axis in AXES[:3]] + [f"turned {axis}" for axis in AXES[:3]]
+    grown = matrix @ np.diag([1.0, 1.0, 1.0, 0.0])
+    names = [f"moved {axis}" for axis in AXES[:3]] + [f"turned {axis}" for axis in AXES[:3]] + ["grown"]
     return [Part(name=name, directions=direction[None])
-            for name, direction in zip(names, [*moved, *turned], strict=True)]
+            for name, direction in zip(names, [*moved, *turned, grown], strict=True)]
 
 
 def _envelope(size):
