@@ -112,9 +112,7 @@ class Fit:
         """Say what was done, and what was observable."""
         look = self.observability
         total = look.deviation.size
-        said = [f"{self.iterations} step{'s' * (self.iterations != 1)}: {self.stopped}",
-                f"the record tells {'' if look.complete else 'at least '}{look.effective:.1f} of {total} numbers"
-                f"{'' if look.complete else f', in the {look.singular_values.size} directions that were looked at'}"]
+        said = [f"{self.iterations} step{'s' * (self.iterations != 1)}: {self.stopped}", self.told()]
         said += [self._of_parameter(name, one) for name, one in self.parameters.items()]
         if self.unseen:
             said.append(f"{'at least ' if self.unseen == look.unseen_resolved.size < total else ''}{self.unseen} "
@@ -130,6 +128,13 @@ class Fit:
             return (f"{name} is {one.value.item():.6g} ± {middle}, of which the record told "
                     f"{100 * one.resolved.item():.0f} %")
         return told_of(name, one.resolved, one.uncertainty, one.unit)
+
+    def told(self) -> str:
+        """Say how many numbers the record tells."""
+        look = self.observability
+        return (f"the record tells {'' if look.complete else 'at least '}{look.effective:.1f} of "
+                f"{look.deviation.size} numbers"
+                f"{'' if look.complete else f', in the {look.singular_values.size} directions that were looked at'}")
 
     def to_dataset(self) -> xr.Dataset:
         """Give all of it as a dataset; `mitsonar.write` makes a netCDF file of it."""

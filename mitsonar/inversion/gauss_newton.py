@@ -79,7 +79,7 @@ class GaussNewton:
 
         gradient = about.gradient()
         operator = LinearOperator((count + size, size), matvec=forward, rmatvec=backward, dtype=np.float64)
-        rest = np.concatenate([about.rest, -about.z / root])
+        rest = np.concatenate([about.rest, -about.moves * about.z / root])
         direction = lsmr(operator, rest, atol=self.tolerance, btol=self.tolerance, conlim=0, maxiter=self.inner)[0]
         slope = float(direction @ gradient)
         return (direction, slope) if slope < 0 else (-gradient / (1 + damping), -float(gradient @ gradient))

@@ -17,8 +17,9 @@ import xarray as xr
 
 from ..gradients.model import Values
 from ..gradients.scene_model import SceneModel
-from .answer import named, told_of
-from .image_fit import COARSE_TO_FINE, ImageFit, Stage, fit_image, posterior
+from ..io.files import FilePath
+from .answer import Fit, named, told_of
+from .image_fit import COARSE_TO_FINE, Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord
 from .smooth_field import SmoothField, grid_of
 
@@ -122,8 +123,8 @@ class HeightUnknowns:
 
 def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str | None = None, looks: float = 1.0,
                 prior: HeightPrior = HeightPrior(), stages: Sequence[Stage] = COARSE_TO_FINE,
-                farthest: float | None = None, modes: int = 60,
-                told: Callable[[int, int], None] | None = None) -> xr.Dataset:
+                farthest: float | None = None, modes: int = 60, state_file: FilePath | None = None,
+                told: Callable[[float, float], object] | None = None) -> xr.Dataset:
     """Fit the heights of a bed to one image of a sidescan.
 
     Parameters
@@ -144,6 +145,8 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
         Slant range up to which the image counts; it should end before the bed does.
     modes : int
         Directions of which uncertainty is told.
+    state_file : str or path
+        As of `fit`.
     told : callable
         Of steps done, and of all.
 
@@ -169,10 +172,10 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
     depth = float(np.median(record.first_return - image["z"].values.astype(float)))
     unknowns = HeightUnknowns(model, key, strength, depth, prior)
-    fit = fit_image(model, record, unknowns, stages, told=told)
-    answer = _answer(fit, unknowns, modes)
-    value = fit.about.value
-    poor = fit.comparison.deviance(value) / fit.comparison.expected(value)
+    fit = fit_image(model, record, unknowns, stages, modes=modes, state_file=state_file, about=f"heights {key}",
+                    told=told)
+    answer = _answer(fit, unknowns)
+    poor = record.at(stages[-1].bins).over_speckle(fit.predicted)
     answer.attrs["misfit_of_speckle"] = poor
     if poor > POOR:
         answer.attrs["observable"] += (
@@ -182,9 +185,10 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     return answer
 
 
-def _answer(fit: ImageFit, unknowns: HeightUnknowns, modes: int) -> xr.Dataset:
-    start, height = unknowns.heights(np.zeros(unknowns.size)), unknowns.heights(fit.unknowns)
-    information, vectors = posterior(fit, unknowns, modes)
+def _answer(fit: Fit, unknowns: HeightUnknowns) -> xr.Dataset:
+    found = unknowns_of(fit)
+    start, height = unknowns.heights(np.zeros(unknowns.size)), unknowns.heights(found)
+    information, vectors = spread_of(fit)
     patterns = np.stack([unknowns.heights(vector) - start for vector in vectors])
     prior = unknowns.field.prior_deviation()
     gone = np.tensordot(information / (1 + information), patterns ** 2, 1)
@@ -195,10 +199,10 @@ def _answer(fit: ImageFit, unknowns: HeightUnknowns, modes: int) -> xr.Dataset:
     data = xr.Dataset(
         {**named("height", ("x", "y"), "m", value=height, start=start, deviation=deviation, prior_deviation=prior,
                  resolved=resolved),
-         "misfit": ("step", fit.misfit, {"units": "1"}), "information": ("mode", information, {"units": "1"})},
+         "misfit": ("step", fit.deviance, {"units": "1"}), "information": ("mode", information, {"units": "1"})},
         {"x": ("x", unknowns.x, {"units": "m"}), "y": ("y", unknowns.y, {"units": "m"})})
-    told = (f"{told_of('height', resolved, deviation, 'm')}; {np.sum(information > 1)} directions or more are told "
-            "better by the image than beforehand; deviations are of speckle alone: errors of the model come on top")
+    told = (f"{fit.told()}; {told_of('height', resolved, deviation, 'm')}; "
+            "deviations are of speckle alone: errors of the model come on top")
     return data.assign_attrs(
         kind="fit", parameters=["height"], stopped=fit.stopped, observable=told,
-        gain_db=unknowns.gain_db(fit.unknowns), slope_x=slopes[0], slope_y=slopes[1])
+        gain_db=unknowns.gain_db(found), slope_x=slopes[0], slope_y=slopes[1])

@@ -1,16 +1,9 @@
-"""Unknowns from a speckled image: Gauss-Newton, coarse to fine, each step by LSMR.
+"""Unknowns from a speckled image by the generic fit: a model by them, of sums of bins, coarse to fine.
 
-    ẑ = argmin D(z) + |z|²           D -> the gamma deviance of sums of bins (`image_record`), z of deviation 1
-    C = I - V diag(λ / (1 + λ)) Vᵀ    λ, V -> the largest eigenvalues of the weighted Jacobian's square, and vectors
+    F_k(z) = S_k F(x(z))           z -> `ImageUnknowns`, of deviation 1; S_k -> sums of k bins (`image_record`)
 
-Early stages sum many bins: brightness then is nearly linear in what is unknown. The first stage moves only the
+Sums of many bins come first: brightness is then nearly linear in what is unknown. The first stage moves only the
 unknowns that come first, a plane or a pose: far waves of a tilted bed else stand in for its tilt.
-Each step is tried whole and halved until the sum falls; a stage ends when it no longer does, by 1 %.
-
-References
-----------
-Fong and Saunders (2011), SIAM J. Sci. Comput. 33, 2950 (LSMR); Halko, Martinsson and
-Tropp (2011), SIAM Rev. 53, 217 (its largest eigenvalues); Goodman (1976), J. Opt. Soc. Am. 66, 1145 (speckle).
 """
 from __future__ import annotations
 
@@ -21,16 +14,23 @@ from typing import Protocol
 import numpy as np
 
 from ..gradients.model import ForwardModel, Linearised, Values
+from ..io.files import FilePath
+from .answer import Fit
+from .fitting import fit
+from .gauss_newton import GaussNewton
 from .image_record import Comparison, ImageRecord
+from .iteration import FitStage, Stopping
+from .priors import Prior
 
-__all__ = ["COARSE_TO_FINE", "ImageFit", "Stage", "Unknowns", "fit_image", "posterior"]
+__all__ = ["COARSE_TO_FINE", "ImageUnknowns", "Stage", "SummedModel", "fit_image", "spread_of",
+           "unknowns_of"]
 
-LEAST_FALL = 0.01                  # of the sum, below which a stage ends
-SHORTEST = 0.1                     # of a step
-EXTRA = 10                         # directions drawn beyond those asked for
+UNKNOWNS = "unknowns"              # their name in the generic fit
+LEAST_FALL = 0.01                  # of the misfit, below which a stage ends
+TOLERANCE = 1e-5                   # of a step's least squares
 
 
-class Unknowns(Protocol):
+class ImageUnknowns(Protocol):
     """What is unknown, as numbers of deviation 1 about 0.
 
     Attributes
@@ -82,138 +82,98 @@ COARSE_TO_FINE = (Stage(bins=8, steps=8, products=8, first_only=True), Stage(bin
                   Stage(bins=4, steps=3, products=25))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImageFit:
-    """What a fit has found.
+class SummedModel:
+    """A model by unknowns, whose record is sums of bins: a `ForwardModel`.
 
-    Attributes
+    Parameters
     ----------
-    unknowns : (size,)
-    about : Linearised
-        The model there.
-    comparison : Comparison
-        Of the last stage.
-    misfit : (steps + 1,)
-        Deviance per sum after each step, of that step's stage.
-    stopped : str
-        Why it ended.
+    model : ForwardModel
+    unknowns : ImageUnknowns
+    sums : Comparison
     """
 
-    unknowns: np.ndarray
-    about: Linearised
-    comparison: Comparison
-    misfit: np.ndarray
-    stopped: str
+    def __init__(self, model: ForwardModel, unknowns: ImageUnknowns, sums: Comparison):
+        self._model, self._unknowns, self._sums = model, unknowns, sums
+        self.start = {UNKNOWNS: np.zeros(unknowns.size)}
+        self.units = {UNKNOWNS: "1"}
+
+    def value(self, values: Values) -> np.ndarray:
+        """Give sums; see `ForwardModel.value`."""
+        return self._sums.summed(self._model.value(self._unknowns.values(values[UNKNOWNS])))
+
+    def linearised(self, values: Values) -> SummedLine:
+        """Give sums about values; see `ForwardModel.linearised`."""
+        at = np.asarray(values[UNKNOWNS], float)
+        return SummedLine(self._model.linearised(self._unknowns.values(at)), self._unknowns, self._sums, at)
 
 
-def fit_image(model: ForwardModel, record: ImageRecord, unknowns: Unknowns, stages: Sequence[Stage] = COARSE_TO_FINE,
-              *, start: np.ndarray | None = None, told: Callable[[int, int], None] | None = None) -> ImageFit:
+class SummedLine:
+    """A `SummedModel` about some unknowns: see `model.Linearised`."""
+
+    def __init__(self, line: Linearised, unknowns: ImageUnknowns, sums: Comparison, at: np.ndarray):
+        self._line, self._unknowns, self._sums, self._at = line, unknowns, sums, at
+        self.value = sums.summed(line.value)
+
+    def forward(self, tangents: Values) -> np.ndarray:
+        """Give J v; see `Linearised.forward`."""
+        return self._sums.summed(self._line.forward(self._unknowns.pushed(self._at, tangents[UNKNOWNS])))
+
+    def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
+        """Give Jᵀ w; see `Linearised.backward`."""
+        gradients = self._line.backward(self._sums.transposed(cotangent))
+        return {UNKNOWNS: self._unknowns.pulled(self._at, gradients)}
+
+
+def fit_image(model: ForwardModel, record: ImageRecord, unknowns: ImageUnknowns,
+              stages: Sequence[Stage] = COARSE_TO_FINE, *, modes: int = 40,
+              begin: Callable[[], np.ndarray] | None = None, state_file: FilePath | None = None, about: str = "",
+              told: Callable[[float, float], object] | None = None) -> Fit:
     """Fit unknowns to an image.
 
     Parameters
     ----------
     model : ForwardModel
     record : ImageRecord
-    unknowns : Unknowns
+    unknowns : ImageUnknowns
     stages : sequence of Stage
-    start : (size,)
-        Unknowns to begin with; without them, 0.
-    told : callable
-        Of steps done, and of all.
-    """
-    if not stages:
-        raise ValueError("no stage was given; give one or more, or leave them out")
-    z = np.zeros(unknowns.size) if start is None else np.array(start, float)
-    about = model.linearised(unknowns.values(z))
-    misfit, done, total = [], 0, sum(stage.steps for stage in stages)
-    comparison, stopped = record.at(stages[0].bins), ""
-    for stage in stages:
-        comparison = record.at(stage.bins)
-        if not misfit:
-            misfit.append(comparison.deviance(about.value) / comparison.seen.size)
-        moves = np.ones(unknowns.size)
-        moves[unknowns.first:] = 0 if stage.first_only else 1
-        before, stopped = _cost(comparison, about, z), "the steps that were asked for are done"
-        for step in range(stage.steps):
-            z, about, after = _stepped(model, comparison, unknowns, (z, about, before), moves, stage.products)
-            misfit.append(comparison.deviance(about.value) / comparison.seen.size)
-            if told is not None:
-                told(done + step + 1, total)
-            fallen, before = before - after, after
-            if fallen < LEAST_FALL * before:
-                stopped = "the last step made it less than 1 % better"
-                break
-        done += stage.steps
-    return ImageFit(unknowns=z, about=about, comparison=comparison, misfit=np.array(misfit), stopped=stopped)
-
-
-def _cost(comparison: Comparison, about: Linearised, z: np.ndarray) -> float:
-    return comparison.deviance(about.value) + float(z @ z)
-
-
-def _stepped(model: ForwardModel, comparison: Comparison, unknowns: Unknowns,
-             now: tuple[np.ndarray, Linearised, float], moves: np.ndarray, products: int
-             ) -> tuple[np.ndarray, Linearised, float]:
-    """One step of Gauss-Newton; where none makes it better, the same again."""
-    from scipy.sparse.linalg import LinearOperator, lsmr
-
-    z, about, cost = now
-    residual, forward, backward = _weighted(comparison, unknowns, z, about)
-    count = residual.size
-    operator = LinearOperator((count + z.size, z.size), dtype=float,
-                              matvec=lambda v: np.concatenate([forward(moves * v.ravel()), v.ravel()]),
-                              rmatvec=lambda w: moves * backward(w.ravel()[:count]) + w.ravel()[count:])
-    found = lsmr(operator, np.concatenate([residual, -z]), atol=1e-5, btol=1e-5, maxiter=products)[0] * moves
-    share = 1.0
-    while share >= SHORTEST:
-        there = z + share * found
-        tried = model.linearised(unknowns.values(there))
-        new = _cost(comparison, tried, there)
-        if new < cost:
-            return there, tried, new
-        share /= 2
-    return z, model.linearised(unknowns.values(z)), cost
-
-
-def _weighted(comparison: Comparison, unknowns: Unknowns, z: np.ndarray, about: Linearised
-              ) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
-    """Residuals of unit deviation, and products with their Jacobian and its transpose."""
-    residual, weight = comparison.residuals(about.value)
-
-    def forward(direction: np.ndarray) -> np.ndarray:
-        return weight * comparison.summed(about.forward(unknowns.pushed(z, direction)))
-
-    def backward(cotangent: np.ndarray) -> np.ndarray:
-        return unknowns.pulled(z, about.backward(comparison.transposed(weight * cotangent)))
-
-    return residual, forward, backward
-
-
-def posterior(fit: ImageFit, unknowns: Unknowns, modes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give what the image tells best: information λ (modes,), falling, and unit vectors (modes, size).
-
-    Along a vector the deviation falls from 1 to (1 + λ)^-1/2; across all of them it stays, so that what lies between
-    the last λ and 0 is told as more uncertain than it is.
+    modes : int
+        Directions in which to look at what the image tells.
+    begin : callable
+        That gives the unknowns (size,) to begin with; without it, 0.
+    state_file, about, told
+        As ``state_file``, ``about`` and ``progress`` of `fit`.
 
     Raises
     ------
     ValueError
-        If none is asked for.
+        If there is no stage or no mode, or as `fit`.
     """
-    if modes < 1:
-        raise ValueError(f"{modes} directions were asked for; give 1 or more")
-    _, forward, backward = _weighted(fit.comparison, unknowns, fit.unknowns, fit.about)
+    if not stages:
+        raise ValueError("no stage was given; give one or more, or leave them out")
+    made = [_stage(model, record, unknowns, one) for one in stages]
+    start = sorted((name, np.asarray(value).tobytes()) for name, value in unknowns.values(
+        np.linspace(-1, 1, unknowns.size)).items())
+    return fit(made[-1].model, made[-1].likelihood, {UNKNOWNS: Prior(deviation=1.0)}, earlier=made[:-1],
+               method=made[-1].method, stopping=made[-1].stopping, moves=made[-1].moves, directions=modes,
+               state_file=state_file, about=f"{about}\n{stages!r}\n{start!r}", begin=begin, progress=told)
 
-    def squared(rows: np.ndarray) -> np.ndarray:
-        return np.stack([backward(forward(row)) for row in rows])
 
-    size = unknowns.size
-    if modes + EXTRA >= size:
-        basis = np.eye(size)
-    else:
-        drawn = np.random.default_rng(0).standard_normal((modes + EXTRA, size))
-        basis = np.linalg.qr(squared(drawn).T)[0].T
-    small = basis @ squared(basis).T
-    values, vectors = np.linalg.eigh(0.5 * (small + small.T))
-    order = np.argsort(values)[::-1][:modes]
-    return np.maximum(values[order], 0), vectors.T[order] @ basis
+def _stage(model: ForwardModel, record: ImageRecord, unknowns: ImageUnknowns, one: Stage) -> FitStage:
+    sums = record.at(one.bins)
+    moves = np.arange(unknowns.size) < (unknowns.first if one.first_only else unknowns.size)
+    return FitStage(model=SummedModel(model, unknowns, sums), likelihood=sums.likelihood(), moves=moves,
+                 method=GaussNewton(inner=one.products, tolerance=TOLERANCE),
+                 stopping=Stopping(iterations=one.steps, noise=None, fall=LEAST_FALL))
+
+
+def unknowns_of(found: Fit) -> np.ndarray:
+    """Give the unknowns (size,) that an image's fit found."""
+    return found.values[UNKNOWNS]
+
+
+def spread_of(found: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Give what an image told best of its unknowns: information λ (modes,), falling, and unit vectors (modes, size).
+
+    Along a vector the deviation falls from 1 to (1 + λ)^-1/2; across all of them it is told as it was before.
+    """
+    return found.observability.singular_values ** 2, found.observability.seen

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from ..units import power_from_db
+from .likelihood import Gamma
 
 __all__ = ["Comparison", "ImageRecord", "first_return_range", "intensities", "saturated"]
 
@@ -122,34 +123,24 @@ class Comparison:
         rows[:, first:first + self._count * self._bins] = np.repeat(weights.reshape(len(rows), -1), self._bins, 1)
         return rows.ravel()
 
-    def modelled(self, values: np.ndarray) -> np.ndarray:
-        """Means of the sums, of a model's record (N,)."""
-        shape = self._record.intensity.shape
-        return self.summed((values.reshape(shape) + self._record.floor).ravel())
+    def likelihood(self) -> Gamma:
+        """Give that of the sums."""
+        return self._likelihood(self.seen)
 
-    def deviance(self, values: np.ndarray) -> float:
-        """Robust deviance of a model's record (N,); of one that is right, a little less than the number of sums."""
-        return float(self._deviances(self.modelled(values)).sum())
+    def over_speckle(self, predicted: np.ndarray) -> float:
+        """Give the deviance of a model's sums (M,) over that of a draw of speckle about them."""
+        looks = self._record.looks * self._bins
+        drawn = np.random.default_rng(0).gamma(looks, np.maximum(predicted, 0) / looks) + self._floor
+        seen, expected = (one.terms(predicted).misfit for one in (self.likelihood(), self._likelihood(drawn)))
+        return seen / expected
 
-    def expected(self, values: np.ndarray) -> float:
-        """Give the deviance that a draw of speckle about a model's record (N,) has: that of a model that is right."""
-        looks, shape = self._record.looks, self._record.intensity.shape
-        drawn = np.random.default_rng(0).gamma(looks, np.maximum(values, 0) / looks).reshape(shape)
-        seen = np.maximum(self.summed((drawn + self._record.floor).ravel()), 1e-300)
-        return float(self._deviances(self.modelled(values), seen).sum())
+    def _likelihood(self, seen: np.ndarray) -> Gamma:
+        return Gamma(seen, self.looks, background=self._floor, robust=HUBER)
 
-    def _deviances(self, mean: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
-        ratio = np.maximum(self.seen if seen is None else seen, 1e-300) / mean
-        plain = np.maximum(2 * self.looks * (ratio - 1 - np.log(ratio)), 0)
-        return np.where(plain < HUBER ** 2, plain, 2 * HUBER * np.sqrt(plain) - HUBER ** 2)
-
-    def residuals(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give residuals (M,) of unit deviation about a model's record (N,), and the weights of its changes."""
-        mean = self.modelled(values)
-        root = np.sqrt(self.looks)
-        off = root * (self.seen / mean - 1)
-        trust = np.sqrt(np.minimum(1, HUBER / np.maximum(np.abs(off), 1e-12)))
-        return trust * off, trust * root / mean
+    @property
+    def _floor(self) -> np.ndarray:
+        record = self._record
+        return self.summed(np.broadcast_to(record.floor, record.intensity.shape).ravel())
 
 
 def intensities(image: xr.Dataset, shape: tuple[int, ...]) -> np.ndarray:

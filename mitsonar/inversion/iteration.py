@@ -6,9 +6,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..gradients.model import ForwardModel
+from .likelihood import Likelihood
 from .misfit import Cost, Misfit
 
-__all__ = ["Method", "State", "Stopping"]
+__all__ = ["FitStage", "Method", "State", "Stopping"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,6 +28,8 @@ class State:
         What a first-order method keeps.
     stuck : bool
         No step lowered Φ.
+    begins : (stages,) array of int
+        Iterations at which stages began, the present one last.
     """
 
     z: np.ndarray
@@ -35,6 +39,7 @@ class State:
     damping: float = 0.0
     memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     stuck: bool = False
+    begins: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
 
     @classmethod
     def at(cls, z: np.ndarray, cost: Cost) -> State:
@@ -45,6 +50,22 @@ class State:
     def iteration(self) -> int:
         """Steps that were made."""
         return self.cost.size - 1
+
+    @property
+    def stage(self) -> int:
+        """The number of the present stage."""
+        return self.begins.size - 1
+
+    @property
+    def within(self) -> int:
+        """Steps that were made in the present stage."""
+        return self.iteration - int(self.begins[-1])
+
+    def onward(self, cost: Cost) -> State:
+        """Go on to the next stage, whose misfit of the same z is another."""
+        return replace(self, deviance=np.append(self.deviance[:-1], cost.deviance),
+                       cost=np.append(self.cost[:-1], cost.total), damping=0.0, memory=np.zeros((0, 0)), stuck=False,
+                       begins=np.append(self.begins, self.iteration))
 
     def moved(self, z: np.ndarray, cost: Cost, **changes: Any) -> State:
         """Go on to another z."""
@@ -90,14 +111,14 @@ class Stopping:
         reduced = state.deviance[-1] / misfit.likelihood.expected
         settled = misfit.settled(state.iteration)
         # a fall is of one Φ: the last two costs are both of the classes' pull at the end
-        comparable = state.iteration > 0 and misfit.settled(max(state.iteration - 2, 0))
+        comparable = state.within > 0 and misfit.settled(max(state.iteration - 2, 0))
         if settled and self.noise is not None and reduced <= self.noise:
             return f"the record is fitted to its noise: {reduced:.3g} of the deviance expected of it"
         if state.stuck:
             return f"no step lowers the misfit, at {reduced:.3g} of the deviance that noise would have"
         if comparable and state.cost[-2] - state.cost[-1] <= self.fall * abs(state.cost[-1]):
             return f"the misfit stands still, at {reduced:.3g} of the deviance that noise would have"
-        if state.iteration >= self.iterations:
+        if state.within >= self.iterations:
             return f"no more were asked for, at {reduced:.3g} of the deviance that noise would have"
         return ""
 
@@ -108,3 +129,26 @@ class Method(Protocol):
     def step(self, misfit: Misfit, state: State) -> State:
         """Give the state after a step; where no step lowers Φ, the same one, stuck."""
         ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FitStage:
+    """A fit that another goes on from, of the same unknowns.
+
+    Parameters
+    ----------
+    model : ForwardModel
+        With the same parameters; such as of sums of a record.
+    likelihood : Likelihood
+        With its record.
+    method : Method
+    stopping : Stopping
+    moves : (n,) array of bool, optional
+        Which of the unknowns z move; default: all.
+    """
+
+    model: ForwardModel
+    likelihood: Likelihood
+    method: Method
+    stopping: Stopping
+    moves: np.ndarray | None = None

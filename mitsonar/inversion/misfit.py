@@ -45,10 +45,14 @@ class Misfit:
     model : ForwardModel
     likelihood : Likelihood
     unknowns : Unknowns
+    moves : (n,) array of bool, optional
+        Which of z move; default: all.
     """
 
-    def __init__(self, model: ForwardModel, likelihood: Likelihood, unknowns: Unknowns):
+    def __init__(self, model: ForwardModel, likelihood: Likelihood, unknowns: Unknowns,
+                 moves: np.ndarray | None = None):
         self.model, self.likelihood, self.unknowns = model, likelihood, unknowns
+        self.moves = np.ones(unknowns.size) if moves is None else np.asarray(moves, float)
         self._classed = [name for name in unknowns.names if unknowns.bound[name].classes is not None]
 
     def settled(self, iteration: int) -> bool:
@@ -109,11 +113,13 @@ class About:
         b.
     predicted : (N,) array
         The model's record.
+    moves : (n,) array
+        1 of what moves, else 0.
     """
 
     def __init__(self, misfit: Misfit, z: np.ndarray, line: Linearised, terms: Terms, classes: list[Terms], cost: Cost):
         self._unknowns, self._line, self._classed = misfit.unknowns, line, misfit.classed()
-        self.z, self.cost, self.predicted = z, cost, line.value
+        self.z, self.cost, self.predicted, self.moves = z, cost, line.value, misfit.moves
         self._slope = misfit.unknowns.slope(z)
         self._root = np.sqrt(terms.weight)
         self._class_root = [np.sqrt(one.weight) for one in classes]
@@ -123,7 +129,7 @@ class About:
 
     def forward(self, dz: np.ndarray) -> np.ndarray:
         """Give A dz."""
-        dx = self._unknowns.pushed(self._slope, dz)
+        dx = self._unknowns.pushed(self._slope, self.moves * dz)
         moved = self._line.forward(self._unknowns.shaped(dx))
         return np.concatenate([_times(self._root, moved),
                                *(root * dx[part] for root, part in zip(self._class_root, self._classed))])
@@ -135,11 +141,11 @@ class About:
         for root, part in zip(self._class_root, self._classed):
             dx[part] += root * weights[count:count + root.size]
             count += root.size
-        return self._unknowns.pulled(self._slope, dx)
+        return self.moves * self._unknowns.pulled(self._slope, dx)
 
     def gradient(self) -> np.ndarray:
         """Give dΦ/dz."""
-        return self.z - self.backward(self.rest)
+        return self.moves * self.z - self.backward(self.rest)
 
     def spread(self, dz: np.ndarray) -> np.ndarray:
         """Give dq (n,) of dz; q is x without bounds."""

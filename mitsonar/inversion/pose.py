@@ -20,8 +20,9 @@ import xarray as xr
 from ..gradients.model import Values
 from ..gradients.rigid import Rigid
 from ..gradients.scene_model import SceneModel
-from .answer import named
-from .image_fit import ImageFit, Stage, fit_image, posterior
+from ..io.files import FilePath
+from .answer import Fit, named
+from .image_fit import Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord, saturated
 
 __all__ = ["NAMES", "PosePrior", "fit_pose"]
@@ -177,12 +178,12 @@ def searched(cost: Callable[[np.ndarray], float], size: int, moved: Sequence[int
 def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1.0, prior: PosePrior = PosePrior(),
              stages: Sequence[Stage] = STAGES, farthest: float | None = None,
              strengths: Sequence[str] = (), track: str | None = None,
-             told: Callable[[int, int], None] | None = None) -> xr.Dataset:
+             state_file: FilePath | None = None, told: Callable[[float, float], object] | None = None) -> xr.Dataset:
     """Fit the pose of a target to one image of a sidescan.
 
     Parameters
     ----------
-    model, image, looks, stages, farthest, told
+    model, image, looks, stages, farthest, state_file, told
         As of `heights.fit_heights`; the scene's bed is known.
     key : str
         Of the target's vertices, such as ``box.vertex_positions``, or of the transform of a shape without facets, such
@@ -219,13 +220,19 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     unknowns = PoseUnknowns(model.start[key], key, prior, {name: model.start[name] for name in strengths},
                             (track, model.shape[0]) if track else None)
     record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
-    fit = fit_image(model, record, unknowns, stages, told=told, start=_start(model, record, unknowns, stages[0]))
+
+    def begin() -> np.ndarray:
+        return _start(model, record, unknowns, stages[0])
+
+    fit = fit_image(model, record, unknowns, stages, modes=unknowns.size, begin=begin, state_file=state_file,
+                    about=f"pose {key}", told=told)
     return _answer(fit, unknowns, saturated(record.intensity))
 
 
 def _start(model: SceneModel, record: ImageRecord, unknowns: PoseUnknowns, stage: Stage) -> np.ndarray:
     """Where Gauss-Newton begins: the track stands still until then."""
-    comparison, free = record.at(stage.bins), np.flatnonzero(unknowns.deviation)
+    sums, free = record.at(stage.bins), np.flatnonzero(unknowns.deviation)
+    likelihood = sums.likelihood()
     some = np.concatenate([free, np.arange(6, unknowns.steady)])
 
     def all_of(z: np.ndarray) -> np.ndarray:
@@ -234,17 +241,18 @@ def _start(model: SceneModel, record: ImageRecord, unknowns: PoseUnknowns, stage
         return found
 
     def cost(z: np.ndarray) -> float:
-        return comparison.deviance(model.value(unknowns.values(all_of(z)))) + float(z @ z)
+        seen = sums.summed(model.value(unknowns.values(all_of(z))))
+        return 2 * likelihood.terms(seen).misfit + float(z @ z)
 
     return all_of(searched(cost, some.size, [int(np.searchsorted(free, one)) for one in MOVED if one in free]))
 
 
-def _answer(fit: ImageFit, unknowns: PoseUnknowns, clipped: int) -> xr.Dataset:
-    information, vectors = posterior(fit, unknowns, unknowns.size)
+def _answer(fit: Fit, unknowns: PoseUnknowns, clipped: int) -> xr.Dataset:
+    information, vectors = spread_of(fit)
     spread = (vectors[:, :6] ** 2 / (1 + information)[:, None]).sum(0)
     believed = unknowns.deviation
     resolved = np.where(believed > 0, 1 - spread, 0)
-    found, deviation = believed * fit.unknowns[:6], believed * np.sqrt(spread)
+    found, deviation = believed * unknowns_of(fit)[:6], believed * np.sqrt(spread)
     said = [f"{name} is off by {found[number]:.3g} ± {deviation[number]:.2g} {'m' if number < 3 else 'rad'}, of which "
             f"the image told {100 * resolved[number]:.0f} %"
             for number, name in enumerate(NAMES) if believed[number] > 0]
@@ -254,5 +262,5 @@ def _answer(fit: ImageFit, unknowns: PoseUnknowns, clipped: int) -> xr.Dataset:
     return xr.Dataset({**named("pose", ("number",), "m, rad", value=found, start=np.zeros(6), deviation=deviation,
                                prior_deviation=believed, resolved=resolved),
                        "information": ("mode", information), "direction": (("mode", "number"), vectors[:, :6]),
-                       "misfit": ("step", fit.misfit)}, {"number": list(NAMES)},
+                       "misfit": ("step", fit.deviance)}, {"number": list(NAMES)},
                       {"kind": "fit", "parameters": ["pose"], "stopped": fit.stopped, "observable": "; ".join(said)})

@@ -141,12 +141,10 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     model = scene_model(load_file(path, **options.get("parameters", {})), keys, sensor=options.get("sensor", 0),
                         seed=options.get("seed", 0), rays=_rays(image))
 
-    def told(done: int, total: int) -> None:
-        progress(done, total)
-
     prior = HeightPrior(**{name: options[name] for name in ("deviation", "length") if name in options})
     found = fit_heights(model, image, key, strength=strength, prior=prior, looks=options.get("looks", 1.0),
-                        farthest=options.get("farthest"), modes=options.get("directions", 60), told=told)
+                        farthest=options.get("farthest"), modes=options.get("directions", 60),
+                        state_file=options.get("state"), told=progress)
     return _solved(found)
 
 
@@ -168,12 +166,10 @@ def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     model = scene_model(load_file(path, **options.get("parameters", {})), [key], sensor=options.get("sensor", 0),
                         seed=options.get("seed", 0), rays=_rays(image))
 
-    def told(done: int, total: int) -> None:
-        progress(done, total)
-
     prior = StrengthPrior() if "deviation" not in options else StrengthPrior(deviation_db=options["deviation"])
     found = fit_sediment_map(model, image, key, classes=classes, prior=prior, looks=options.get("looks", 1.0),
-                             farthest=options.get("farthest"), modes=options.get("directions", 20), told=told)
+                             farthest=options.get("farthest"), modes=options.get("directions", 20),
+                             state_file=options.get("state"), told=progress)
     return _solved(found)
 
 
@@ -222,7 +218,8 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     prior = PosePrior(place=(numbers[0], numbers[1], numbers[2]), angles=(numbers[3], numbers[4], numbers[5]),
                       level_db=deviation["level_db"], track=deviation["track"] or plain.track)
     return _solved(fit_pose(model, image, key, prior=prior, looks=options.get("looks", 1.0), strengths=strengths,
-                            track=track, farthest=options.get("farthest"), told=progress))
+                            track=track, farthest=options.get("farthest"), state_file=options.get("state"),
+                            told=progress))
 
 
 def _solved(found: xr.Dataset) -> Solved:
@@ -236,13 +233,14 @@ SCENE = Problem(asks="SCENE RECORD KEY=DEVIATION[:LOWER:UPPER] ...", summary="pa
 PROBLEMS = {
     "heights": Problem(asks="SCENE RECORD ID", summary="the heights of a bed of unknown tilt, from a sidescan's image",
                        takes=("looks", "length", "deviation", "farthest", "strength", "sensor", "seed", "directions",
-                              "parameters"), solve=_heights),
+                              "state", "parameters"), solve=_heights),
     "map": Problem(asks="SCENE RECORD KEY", summary="a texture of the bed's strength, from a sidescan's image",
-                   takes=("looks", "class", "deviation", "farthest", "sensor", "seed", "directions", "parameters"),
+                   takes=("looks", "class", "deviation", "farthest", "sensor", "seed", "directions", "state",
+                          "parameters"),
                    solve=_map),
     "pose": Problem(asks="SCENE RECORD ID [NAME=DEVIATION ...]", summary="where an object lies and how it is turned, "
-                    "from an image of it", takes=("looks", "farthest", "strength", "sensor", "seed", "parameters"),
-                    solve=_pose),
+                    "from an image of it", takes=("looks", "farthest", "strength", "sensor", "seed", "state",
+                                                         "parameters"), solve=_pose),
     "array": Problem(asks="SCENE SIGNALS [NAME=DEVIATION ...]", summary="an array's elements and navigation, from "
                      "echoes of the scene's point targets", takes=("sensor", "parameters"), solve=array),
     "sway": Problem(asks="ECHOES", summary="sway of a synthetic aperture, from the sharpness of its image", takes=(),

@@ -17,7 +17,7 @@ from .unknowns import Unknowns
 
 __all__ = ["fingerprint", "load_state", "save_state"]
 
-ARRAYS = "z", "deviance", "cost", "step", "damping", "memory", "stuck"
+ARRAYS = "z", "deviance", "cost", "step", "damping", "memory", "stuck", "begins"
 MOST_STEPS = 100_000
 ROOM = 4096                        # bytes of an array's header
 
@@ -48,7 +48,7 @@ def save_state(path: FilePath, state: State, mark: str) -> None:
         np.savez(file, allow_pickle=False, mark=np.array(mark), **arrays)
 
 
-def load_state(path: FilePath, mark: str, size: int) -> State:
+def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
     """Read a state of the same fit.
 
     Parameters
@@ -58,6 +58,8 @@ def load_state(path: FilePath, mark: str, size: int) -> State:
         The fit's `fingerprint`.
     size : int
         Its unknowns.
+    stages : int
+        Its stages.
 
     Raises
     ------
@@ -84,7 +86,15 @@ def load_state(path: FilePath, mark: str, size: int) -> State:
     steps = arrays["cost"].shape
     if arrays["z"].shape != (size,) or len(steps) != 1 or not steps[0] or arrays["deviance"].shape != steps \
             or arrays["step"].shape != steps or arrays["memory"].shape not in ((0, 0), (2, size)) \
-            or not all(arrays[name].dtype.kind in "fb" and np.isfinite(arrays[name]).all() for name in ARRAYS):
+            or not _begins(arrays["begins"], steps[0], stages) \
+            or not all(arrays[name].dtype.kind in "fbi" and np.isfinite(arrays[name]).all() for name in ARRAYS):
         raise ValueError(wrong)
     return State(z=arrays["z"], deviance=arrays["deviance"], cost=arrays["cost"], step=arrays["step"],
-                 damping=float(arrays["damping"]), memory=arrays["memory"], stuck=bool(arrays["stuck"]))
+                 damping=float(arrays["damping"]), memory=arrays["memory"], stuck=bool(arrays["stuck"]),
+                 begins=arrays["begins"])
+
+
+def _begins(begins: np.ndarray, steps: int, stages: int) -> bool:
+    """Whether stages can have begun at these iterations."""
+    return (begins.ndim == 1 and 0 < begins.size <= stages and begins.dtype.kind == "i" and begins[0] == 0
+            and bool(np.all(np.diff(begins) >= 0)) and begins[-1] < steps)

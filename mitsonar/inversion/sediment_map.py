@@ -15,8 +15,9 @@ import xarray as xr
 
 from ..gradients.model import Values
 from ..gradients.scene_model import SceneModel
-from .answer import named, told_of
-from .image_fit import ImageFit, Stage, fit_image, posterior
+from ..io.files import FilePath
+from .answer import Fit, named, told_of
+from .image_fit import Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord
 from .smooth_field import SmoothField
 
@@ -84,12 +85,13 @@ class StrengthUnknowns:
 def fit_sediment_map(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1.0,
                      classes: dict[str, float] | None = None, prior: StrengthPrior = StrengthPrior(),
                      stages: Sequence[Stage] = STAGES, farthest: float | None = None, modes: int = 20,
-                     told: Callable[[int, int], None] | None = None) -> xr.Dataset:
+                     state_file: FilePath | None = None,
+                     told: Callable[[float, float], object] | None = None) -> xr.Dataset:
     """Fit a texture of the bed's strength to one image of a sidescan.
 
     Parameters
     ----------
-    model, image, looks, stages, farthest, modes, told
+    model, image, looks, stages, farthest, modes, state_file, told
         As of `heights.fit_heights`.
     key : str
         Of the texture, such as ``bed.bsdf.mu_db.data``; in decibels.
@@ -118,24 +120,23 @@ def fit_sediment_map(model: SceneModel, image: xr.Dataset, key: str, *, looks: f
         raise ValueError(f"{len(classes)} class was given; give two or more, or none")
     record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
     unknowns = StrengthUnknowns(start, key, prior)
-    fit = fit_image(model, record, unknowns, stages, told=told)
-    return _answer(fit, unknowns, prior, classes, modes)
+    fit = fit_image(model, record, unknowns, stages, modes=modes, state_file=state_file, about=f"map {key}", told=told)
+    return _answer(fit, unknowns, prior, classes)
 
 
-def _answer(fit: ImageFit, unknowns: StrengthUnknowns, prior: StrengthPrior, classes: dict[str, float] | None,
-            modes: int) -> xr.Dataset:
-    before, strength = unknowns.strength_db(np.zeros(unknowns.size)), unknowns.strength_db(fit.unknowns)
-    information, vectors = posterior(fit, unknowns, modes)
+def _answer(fit: Fit, unknowns: StrengthUnknowns, prior: StrengthPrior, classes: dict[str, float] | None) -> xr.Dataset:
+    before, strength = unknowns.strength_db(np.zeros(unknowns.size)), unknowns.strength_db(unknowns_of(fit))
+    information, vectors = spread_of(fit)
     patterns = np.stack([unknowns.field.of(vector) for vector in vectors])
     believed = unknowns.field.prior_deviation()
     gone = np.tensordot(information / (1 + information), patterns ** 2, 1)
     deviation = np.sqrt(np.maximum(believed ** 2 - gone, 0))
     at = ("row", "column")
     resolved = np.clip(gone / believed ** 2, 0, 1)
-    told = told_of("strength_db", resolved, deviation, "dB")
+    told = fit.told() + "; " + told_of("strength_db", resolved, deviation, "dB")
     data = xr.Dataset({**named("strength_db", at, "dB", value=strength, start=before, deviation=deviation,
                                prior_deviation=believed, resolved=resolved),
-                       "misfit": ("step", fit.misfit, {"units": "1"}),
+                       "misfit": ("step", fit.deviance, {"units": "1"}),
                        "information": ("mode", information, {"units": "1"})},
                       attrs={"kind": "fit", "parameters": ["strength_db"], "stopped": fit.stopped, "observable": told})
     if classes is None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.image_fit import Stage, fit_image, posterior
+from mitsonar.inversion.image_fit import Stage, fit_image, spread_of, unknowns_of
 from mitsonar.inversion.image_record import ImageRecord
 from mitsonar.inversion.smooth_field import SmoothField, grid_of
 
@@ -59,13 +59,13 @@ def record(seen, looks=MANY, error=0.0):
 def test_answer_and_information_are_those_of_least_squares_with_the_prior():
     line, looks = Line(), 1e5
     seen = line.value({"a": np.array([0.3, -0.2, 0.5])}) * (1 + 1e-3 * np.random.default_rng(1).standard_normal(480))
-    fit = fit_image(line, record(seen, looks), line, [Stage(bins=1, steps=6)])
+    fit = fit_image(line, record(seen, looks), line, [Stage(bins=1, steps=6)], modes=3)
     counts = (np.arange(480) % 40 >= 4)
     weight = np.sqrt(looks) / line.middle * counts
     scaled = weight[:, None] * line.matrix
     expected = np.linalg.solve(scaled.T @ scaled + np.eye(3), scaled.T @ (weight * (seen - line.middle)))
-    assert fit.unknowns == pytest.approx(expected, abs=5e-3)
-    information, vectors = posterior(fit, line, 3)
+    assert unknowns_of(fit) == pytest.approx(expected, abs=5e-3)
+    information, vectors = spread_of(fit)
     assert information == pytest.approx(np.linalg.eigvalsh(scaled.T @ scaled)[::-1], rel=5e-3)
     assert vectors @ vectors.T == pytest.approx(np.eye(3), abs=1e-9)
 
@@ -73,7 +73,27 @@ def test_answer_and_information_are_those_of_least_squares_with_the_prior():
 def test_the_first_stage_moves_the_first_unknowns_alone():
     line = Line()
     fit = fit_image(line, record(line.value({"a": np.ones(3)})), line, [Stage(bins=2, steps=3, first_only=True)])
-    assert fit.unknowns[0] != 0 and not fit.unknowns[1:].any()
+    z = unknowns_of(fit)
+    assert z[0] != 0 and not z[1:].any()
+
+
+def test_a_fit_of_stages_that_is_stopped_goes_on_to_the_same_answer(tmp_path):
+    line, stages = Line(), [Stage(bins=4, steps=2, products=1, first_only=True), Stage(bins=2, steps=3, products=1)]
+    seen = record(line.value({"a": np.array([0.3, -0.2, 0.5])}), 1e6)
+    whole, steps = fit_image(line, seen, line, stages), []
+
+    def stopped(done, total):
+        steps.append((done, total))
+        if len(steps) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_image(line, seen, line, stages, state_file=tmp_path / "state.npz", told=stopped)
+    again = fit_image(line, seen, line, stages, state_file=tmp_path / "state.npz", told=stopped)
+    assert np.array_equal(unknowns_of(again), unknowns_of(whole)) and np.array_equal(again.cost, whole.cost)
+    assert steps[2][0] == 3 and steps[2][1] == 5 and again.iterations == whole.iterations
+    with pytest.raises(ValueError, match="the state of another fit"):
+        fit_image(line, seen, line, stages[1:], state_file=tmp_path / "state.npz")
 
 
 def test_speckle_does_not_bias_a_level():
@@ -87,8 +107,8 @@ def test_speckle_does_not_bias_a_level():
             self.middle = np.ones(480)
 
     level = Level()
-    means = [fit_image(level, record(np.random.default_rng(seed).exponential(1.5, 480), 1.0), level,
-                       [Stage(bins=4, steps=5)]).unknowns[0] for seed in range(8)]
+    means = [unknowns_of(fit_image(level, record(np.random.default_rng(seed).exponential(1.5, 480), 1.0), level,
+                                   [Stage(bins=4, steps=5)]))[0] for seed in range(8)]
     assert np.mean(means) == pytest.approx(0.5, abs=4 * 1.5 * 0.048 / np.sqrt(8))
 
 
