@@ -64,8 +64,8 @@ def test_the_deviance_of_a_right_model_is_foretold(tmp_path):
     drawn = mean * np.random.default_rng(3).gamma(4, 1 / 4, mean.size)
     image = image.assign(level=(image["level"].dims, 10 * np.log10(drawn).reshape(image["level"].shape)))
     comparison = ImageRecord.of(image, started.shape, looks=4, farthest=21).at(4)
-    assert comparison.deviance(mean) == pytest.approx(comparison.expected(mean), rel=0.1)
-    assert comparison.deviance(2 * mean) > 3 * comparison.expected(2 * mean)
+    assert comparison.over_speckle(comparison.summed(mean)) == pytest.approx(1, rel=0.1)
+    assert comparison.over_speckle(comparison.summed(2 * mean)) > 3
 
 
 def test_a_model_takes_fewer_rays_where_it_is_asked_to(tmp_path):
