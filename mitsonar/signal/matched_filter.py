@@ -15,7 +15,7 @@ from scipy import fft
 from ..sonar.pulse import Pulse, Window
 from .reception import band_filter, check_record, padded_length
 
-__all__ = ["compression", "matched_filter", "rms_bandwidth"]
+__all__ = ["compression", "matched_filter", "matched_filter_transposed", "rms_bandwidth"]
 
 
 def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
@@ -44,15 +44,31 @@ def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, windo
         If the sampling rate is below the pulse's band, the pulse outlasts the record, or the window is unknown.
     """
     signals = np.asarray(signals)
-    samples = signals.shape[-1]
+    replica = _replica(signals.shape[-1], pulse, sampling_rate, window, doppler)
+    return _filtered(signals, replica)
+
+
+def matched_filter_transposed(weights: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
+                              doppler: float = 1.0) -> np.ndarray:
+    """Give the transpose of `matched_filter`, conjugate: of weights (..., S) of what it gives; arguments as of that."""
+    weights = np.asarray(weights)
+    replica = _replica(weights.shape[-1], pulse, sampling_rate, window, doppler)
+    return _filtered(weights, np.conj(replica))
+
+
+def _replica(samples: int, pulse: Pulse, sampling_rate: float, window: Window | None, doppler: float) -> np.ndarray:
+    """What multiplies the spectrum of padded records."""
     check_record(pulse, sampling_rate, samples, doppler)
     length = padded_length(samples, pulse.duration / doppler, sampling_rate)
     sent = pulse.spectrum(sampling_rate, length, doppler)
     replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length, doppler))
     keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
-    gain = np.mean(sent * replica * keep).real        # of an echo that came through the receiver's filter
-    spectrum = fft.fft(signals, length)
-    return fft.ifft(spectrum * (replica / gain).astype(spectrum.dtype), overwrite_x=True)[..., :samples]
+    return replica / np.mean(sent * replica * keep).real   # gain of an echo that came through the receiver's filter
+
+
+def _filtered(signals: np.ndarray, replica: np.ndarray) -> np.ndarray:
+    spectrum = fft.fft(signals, len(replica))
+    return fft.ifft(spectrum * replica.astype(spectrum.dtype), overwrite_x=True)[..., :signals.shape[-1]]
 
 
 def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:

@@ -92,18 +92,23 @@ class ElementSignals:
         focus : Focus
         """
         lib = self.lib
-        further = self.detour(focus.point, focus.distance, place)
-        turn = dr.fma(self.cycles_per_metre, further, focus.phase)
-        sin, cos = dr.sincos(2 * np.pi * (turn - dr.round(turn)))
-        later = dr.fma(self.samples_per_metre, further, focus.fraction)
-        whole = dr.floor(later)
-        index = dr.clip(focus.sample + lib.Int32(whole) + MARGIN, self.earliest, self.latest) + self.kernel.first
-        first = row * self.row + lib.UInt32(index)
+        first, taps, (sin, cos) = self._reading(row, place, focus)
         re, im = lib.Float(0), lib.Float(0)
-        for k, tap in enumerate(self.kernel.taps(later - whole)):
+        for k, tap in enumerate(taps):
             value = dr.gather(lib.Array2f, self.values, first + k)
             re, im = dr.fma(tap, value.x, re), dr.fma(tap, value.y, im)
         return dr.fma(re, cos, -im * sin), dr.fma(re, sin, im * cos)
+
+    def _reading(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[UInt32, list[Float], tuple[Float, Float]]:
+        """Give the first stored sample that is read, the taps, and sine and cosine of the turn; see `read`."""
+        lib = self.lib
+        further = self.detour(focus.point, focus.distance, place)
+        turn = dr.fma(self.cycles_per_metre, further, focus.phase)
+        turned = dr.sincos(2 * np.pi * (turn - dr.round(turn)))
+        later = dr.fma(self.samples_per_metre, further, focus.fraction)
+        whole = dr.floor(later)
+        index = dr.clip(focus.sample + lib.Int32(whole) + MARGIN, self.earliest, self.latest) + self.kernel.first
+        return row * self.row + lib.UInt32(index), self.kernel.taps(later - whole), turned
 
     def element(self, number: UInt32) -> Array4f:
         """Give the place (x, y, z, |R|²) of elements."""
@@ -137,6 +142,43 @@ class ElementSignals:
             _, *total = looped((lib.UInt32(0), *total), lambda n, *_: n < self.elements, body)
             dr.eval(total)
         return np.concatenate([to_complex(*total[k:k + 2]) for k in range(0, len(total), 2)])
+
+
+    def spread(self, foci: Focus, weights: np.ndarray, transmitter: int, into: Float) -> None:
+        """Add the transpose of what `summed` does, conjugate, of weights of foci, to stored samples.
+
+        An element is a thread's alone and takes focus after focus: sums come out the same however many threads there
+        are.
+
+        Parameters
+        ----------
+        foci : Focus
+        weights : complex64 (size of the foci,)
+        transmitter : int
+        into : Float (2 x tx x rx x stored samples,)
+            Real and imaginary parts.
+        """
+        lib, elements = self.lib, self.recording.values.shape[2]
+        place = self.element(dr.arange(lib.UInt32, elements))
+        row = dr.arange(lib.UInt32, elements) + dr.opaque(lib.UInt32, transmitter * elements)
+        weight = upload(lib.Float, np.ascontiguousarray(weights, np.complex64).view(np.float32))
+        count = dr.opaque(lib.UInt32, len(weights))
+
+        def taken(number: UInt32) -> Focus:
+            point = [dr.gather(lib.Float, axis, number) for axis in foci.point]
+            return Focus(point, *(dr.gather(type(part), part, number) for part in foci[1:]))
+
+        def body(number: UInt32) -> tuple[UInt32]:
+            first, taps, (sin, cos) = self._reading(row, place, taken(number))
+            value = dr.gather(lib.Array2f, weight, number)
+            re, im = dr.fma(value.x, cos, value.y * sin), dr.fma(value.y, cos, -value.x * sin)
+            for k, tap in enumerate(taps):
+                dr.scatter_add(into, tap * re, 2 * (first + k), mode=dr.ReduceMode.Direct)
+                dr.scatter_add(into, tap * im, 2 * (first + k) + 1, mode=dr.ReduceMode.Direct)
+            return (number + self.one,)
+
+        looped((dr.opaque(lib.UInt32, 0, elements),), lambda number: number < count, body)
+        dr.eval(into)
 
 
 def to_complex(re: Float, im: Float) -> np.ndarray:

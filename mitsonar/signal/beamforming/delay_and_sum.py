@@ -24,7 +24,7 @@ from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
 from .interpolation import RATE
 from .recording import Recording, Shading, beam_signals, look_directions, point_signals, read_recording, weights_of
 
-__all__ = ["aligned", "backproject", "delay_and_sum", "focus"]
+__all__ = ["aligned", "backproject", "beam_foci", "delay_and_sum", "focus"]
 
 BLOCK = 1 << 22                    # values computed at once
 FAR = 2.0 ** 30                    # samples; what lies further off is outside of any record
@@ -70,7 +70,7 @@ def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shadi
         array.load(ping, np.zeros(3))
         for begin in range(0, len(vectors), together):
             block = vectors[begin:begin + together]
-            foci = ([_beam_foci(array, block[group], transmitter) for group in dealt(len(block))]
+            foci = ([beam_foci(array, block[group], transmitter) for group in dealt(len(block))]
                     for transmitter in recording.transmitters[ping])
             beams[ping, begin:begin + together] = array.summed(foci).reshape(-1, samples)[:len(block)]
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
@@ -92,7 +92,7 @@ def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) 
         Times the weights of the elements.
     """
     _, _, elements, samples = array.recording.values.shape
-    foci = _beam_foci(array, np.tile(vector, (elements, 1)), transmitter)
+    foci = beam_foci(array, np.tile(vector, (elements, 1)), transmitter)
     number = dr.arange(array.lib.UInt32, elements * samples) // dr.opaque(array.lib.UInt32, samples)
     return to_complex(*array.read(number, array.element(number), foci)).reshape(elements, samples)
 
@@ -203,7 +203,7 @@ def _point_foci(array: ElementSignals, points: np.ndarray, centre: np.ndarray, t
     return foci
 
 
-def _beam_foci(array: ElementSignals, vectors: np.ndarray, transmitter: np.ndarray) -> Focus:
+def beam_foci(array: ElementSignals, vectors: np.ndarray, transmitter: np.ndarray) -> Focus:
     """Make the foci of beams (B, 3) at their samples, beam by beam; phases count from an echo by way of the origin."""
     lib, recording = array.lib, array.recording
     samples = recording.values.shape[-1]

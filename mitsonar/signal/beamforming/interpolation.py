@@ -21,7 +21,8 @@ from scipy.special import i0
 
 from ...device.types import Numbers
 
-__all__ = ["INTERPOLATIONS", "MARGIN", "RATE", "KaiserBessel", "Linear", "corrected", "interpolation_named"]
+__all__ = ["INTERPOLATIONS", "MARGIN", "RATE", "KaiserBessel", "Linear", "corrected", "corrected_transposed",
+           "interpolation_named"]
 
 RATE = 2                           # stored samples per sample
 TAIL = 16                          # samples kept of what the filter rings into before and after the record
@@ -110,9 +111,7 @@ def corrected(kernel: Interpolation, values: np.ndarray) -> np.ndarray:
     size = fft.next_fast_len(count + 2 * TAIL)
     place = np.zeros((*values.shape[:-1], size), np.complex64)
     place[..., TAIL:TAIL + count] = values
-    images = kernel.spectrum(fft.fftfreq(size)[:, None] / RATE + np.arange(-IMAGES, IMAGES + 1))
-    gain = RATE * images[:, IMAGES] / (images ** 2).sum(axis=1)
-    spectrum = fft.fft(place, axis=-1) * gain.astype(np.float32)
+    spectrum = fft.fft(place, axis=-1) * _gain(kernel, size)
     low = (size + 1) // 2                                    # how many frequencies are not negative
     finer = np.zeros((*values.shape[:-1], RATE * size), np.complex64)
     finer[..., :low] = spectrum[..., :low]
@@ -120,3 +119,19 @@ def corrected(kernel: Interpolation, values: np.ndarray) -> np.ndarray:
     whole = np.zeros((*values.shape[:-1], RATE * count + 2 * MARGIN), np.complex64)
     whole[..., 4:-4] = fft.ifft(finer, axis=-1)[..., :RATE * (count + 2 * TAIL)]
     return whole
+
+
+def corrected_transposed(kernel: Interpolation, weights: np.ndarray) -> np.ndarray:
+    """Give the transpose of `corrected`, conjugate: of weights complex64 (..., RATE N + 2 MARGIN), (..., N)."""
+    count = (weights.shape[-1] - 2 * MARGIN) // RATE
+    size = fft.next_fast_len(count + 2 * TAIL)
+    finer = fft.fft(weights[..., 4:-4], RATE * size, axis=-1)
+    low = (size + 1) // 2
+    spectrum = np.concatenate([finer[..., :low], finer[..., low - size:]], -1) * _gain(kernel, size)
+    return fft.ifft(spectrum, axis=-1)[..., TAIL:TAIL + count] / RATE
+
+
+def _gain(kernel: Interpolation, size: int) -> np.ndarray:
+    """d at the frequencies of a transform, times what stuffing with zeros takes: float32 (size,)."""
+    images = kernel.spectrum(fft.fftfreq(size)[:, None] / RATE + np.arange(-IMAGES, IMAGES + 1))
+    return (RATE * images[:, IMAGES] / (images ** 2).sum(axis=1)).astype(np.float32)

@@ -1,0 +1,61 @@
+"""The transpose of `delay_and_sum`: what weights of beams are as weights of the elements' signals.
+
+    y = A z,    z' = A^H w,    Re <w, A z> = Re <A^H w, z>
+
+z -> element signals, y -> beams, w -> weights of beams.
+"""
+from __future__ import annotations
+
+import drjit as dr
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from ...device.types import DrJitArray
+from .alignment import ElementSignals, device_arrays
+from .delay_and_sum import BLOCK, beam_foci
+from .interpolation import MARGIN, RATE, corrected_transposed
+from .recording import Shading, look_directions, read_recording, weights_of
+
+__all__ = ["delay_and_sum_transposed"]
+
+
+def delay_and_sum_transposed(signals: xr.DataArray, directions: ArrayLike, weights: np.ndarray, *,
+                             window: Shading = None, interpolation: str = "band_limited",
+                             like: DrJitArray | type | None = None) -> np.ndarray:
+    """Give the transpose of `delay_and_sum`, conjugate, of weights of its beams.
+
+    Parameters
+    ----------
+    signals, directions, window, interpolation, like
+        As of `delay_and_sum`; the signals' values do not count.
+    weights : complex (ping, beam, sample)
+
+    Returns
+    -------
+    complex64 (ping, tx, rx, sample)
+
+    Raises
+    ------
+    ValueError
+        As `delay_and_sum`, or if the weights do not fit.
+    """
+    recording, vectors = read_recording(signals), look_directions(directions)
+    array = ElementSignals(device_arrays(like), recording, interpolation, weights_of(window, recording))
+    lib, (pings, transmitters, elements, samples) = array.lib, recording.values.shape
+    weights = np.asarray(weights)
+    if weights.shape != (pings, len(vectors), samples):
+        raise ValueError(f"weights have the shape {weights.shape}; give {(pings, len(vectors), samples)}, one for "
+                         "every sample of the beams")
+    found, together = np.empty(recording.values.shape, np.complex64), max(1, BLOCK // samples)
+    stored = transmitters, elements, RATE * samples + 2 * MARGIN
+    for ping in range(pings):
+        array.load(ping, np.zeros(3))
+        into = dr.zeros(lib.Float, 2 * int(np.prod(stored)))
+        for begin in range(0, len(vectors), together):
+            block = slice(begin, begin + together)
+            for number, place in enumerate(recording.transmitters[ping]):
+                array.spread(beam_foci(array, vectors[block], place), weights[ping, block].ravel(), number, into)
+        spread = np.ascontiguousarray(into.numpy()).view(np.complex64).reshape(stored)
+        found[ping] = corrected_transposed(array.kernel, spread) * (array.weights[:, None] / transmitters)
+    return found
