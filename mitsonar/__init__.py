@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from mitsonar import (dataset, doctor, hydrography, imaging, inversion, io, labelling, plots, plugins, propagation,
                           scattering, seabed, signal, sonar, sweep, synthetic_aperture, units, water)
     from mitsonar.device.llvm import BackendError
-    from mitsonar.gradient_verbs import (differentiable_signals, directional_derivative, gradient, gradient_check,
-                                         scene_model)
+    from mitsonar.gradient_verbs import (coherent_model, differentiable_signals, directional_derivative, gradient,
+                                         gradient_check, scene_model)
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
     from mitsonar.strip_verbs import focus, raw_echoes
@@ -38,11 +38,11 @@ if TYPE_CHECKING:                                        # for annotations alone
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-__all__ = ["BackendError", "dataset", "differentiable_signals", "directional_derivative", "doctor", "element_signals",
-           "focus", "frames", "gradient", "gradient_check", "hydrography", "imaging", "impulse_response", "inversion",
-           "io", "labelling", "load_file", "plots", "plugins", "propagation", "raw_echoes", "read", "render",
-           "scattering", "scene_model", "seabed", "signal", "sonar", "soundings", "sweep", "synthetic_aperture",
-           "units", "water", "write"]
+__all__ = ["BackendError", "coherent_model", "dataset", "differentiable_signals", "directional_derivative", "doctor",
+           "element_signals", "focus", "frames", "gradient", "gradient_check", "hydrography", "imaging",
+           "impulse_response", "inversion", "io", "labelling", "load_file", "plots", "plugins", "propagation",
+           "raw_echoes", "read", "render", "scattering", "scene_model", "seabed", "signal", "sonar", "soundings",
+           "sweep", "synthetic_aperture", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -57,6 +57,7 @@ _PUBLIC = {
     "raw_echoes": "mitsonar.strip_verbs:raw_echoes",
     "focus": "mitsonar.strip_verbs:focus",
     "gradient": "mitsonar.gradient_verbs:gradient",
+    "coherent_model": "mitsonar.gradient_verbs:coherent_model",
     "differentiable_signals": "mitsonar.gradient_verbs:differentiable_signals",
     "directional_derivative": "mitsonar.gradient_verbs:directional_derivative",
     "gradient_check": "mitsonar.gradient_verbs:gradient_check",

@@ -14,6 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .gradients.coherent_picture import CoherentPicture
 from .gradients.element_operation import attached_signals
 from .gradients.elements import ElementModel
 from .gradients.pictures import picture_of
@@ -26,8 +27,8 @@ from .scene.errors import as_exception
 from .spelling import meant
 from .verbs import checked_seed, opened
 
-__all__ = ["QUANTITIES", "differentiable_signals", "directional_derivative", "gradient", "gradient_check",
-           "scene_model"]
+__all__ = ["QUANTITIES", "coherent_model", "differentiable_signals", "directional_derivative", "gradient",
+           "gradient_check", "scene_model"]
 
 QUANTITIES = "level", "intensity"
 DECIBELS = 10 / np.log(10)
@@ -137,6 +138,38 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
         picture = picture_of(scene, chosen, integrator, rays)
         names = [keys] if isinstance(keys, str) else keys
         return SceneModel(scene, names, picture, seed=chosen.own_seed(seed), edges=edges)
+    except RuntimeError as error:
+        raise as_exception(error) from error
+
+
+def coherent_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, of: str = "intensity",
+                   pings: Sequence[int] | None = None, sensor: int | str = 0, seed: int = 0) -> CoherentPicture:
+    """Give the picture of an array's beams, speckle and all, as a function of its elements and of point targets.
+
+    Beams are formed with the arrays as the scene has them: changes are errors that they do not know of.
+
+    Parameters
+    ----------
+    scene, sensor, seed
+        As of `mitsonar.render`.
+    keys : sequence of str
+        Parameters, as `gradients.element_parameters` names them.
+    of : str
+        ``intensity`` [µPa²], or ``amplitude`` [µPa]: real and imaginary parts.
+    pings : sequence of int, optional
+        Default: all.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, TypeError
+        As `mitsonar.render`, if a name is unknown, or the sonar is neither an array nor a forward-looking one.
+    """
+    seed = checked_seed(seed)
+    scene, chosen, _ = opened(scene, sensor)
+    number = [one.id() for one in scene.sensors()].index(chosen.id())
+    try:
+        return CoherentPicture(scene, [keys] if isinstance(keys, str) else keys, pings=pings, sensor=number, seed=seed,
+                               of=of)
     except RuntimeError as error:
         raise as_exception(error) from error
 

@@ -76,6 +76,11 @@ class ElementModel:
 
     left_out = LEFT_OUT
 
+    @property
+    def survey(self) -> ArraySurvey:
+        """The run at the start."""
+        return self._survey
+
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] = (0,), sensor: int = 0,
                  seed: int = 0):
         sonar: Any = scene.sensors()[sensor]

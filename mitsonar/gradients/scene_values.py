@@ -56,11 +56,11 @@ def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
     for key in parameters.keys():
         owner, _, name = key.rpartition(".")
         if hasattr(shapes.get(key.partition(".")[0]), "target_strength_db"):
-            found[key] = ("a point target's echo stands still in levels' gradients; mitsonar.differentiable_signals "
-                          "moves it")
+            found[key] = ("a point target's echo stands still in mean levels; mitsonar.differentiable_signals and "
+                          "coherent_model move it")
         elif name in OF_ELEMENTS:
-            found[key] = ("elements stand still in levels' gradients, which are of mean intensities; "
-                          "mitsonar.differentiable_signals has theirs")
+            found[key] = ("elements stand still in mean levels; mitsonar.differentiable_signals and coherent_model "
+                          "move them")
         elif name == "vertex_positions" and getattr(shapes.get(owner), "sea_surface", False):
             found[key] = "the sea surface stands still in gradients"
         elif name == "vertex_positions" and "." in owner and owner not in shapes:

@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.echoes.ensonification import METHODS
+from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
 from mitsonar.gradients.level_products import LevelProducts, wants_gradients
 from mitsonar.scene.geometry import Geometry
 from mitsonar.survey.array_survey import ArraySurvey
@@ -116,17 +117,23 @@ class SonarPath(mi.SamplingIntegrator):
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
 
         (pings, 2 bins) for a sidescan, port mirrored, then starboard; (pings x beams, samples) for an array. Where
-        anything in the scene carries a gradient, seabeds are met by normals between their nodes.
+        anything in the scene carries a gradient, seabeds are met by normals between their nodes; where elements or
+        point targets do, beams are formed of the elements' signals.
         """
         sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-        survey = self.survey(scene, sonar)
-        if wants_gradients(scene):
-            survey = replace(survey, geometry=Geometry(scene, smooth_beds=True))
-        image = self.picture(survey, sonar, int(np.ravel(seed)[0]))
-        rows = kind_of(sonar).rows(image["level"].values)
+        rows = self._levels(scene, sonar, int(np.ravel(seed)[0]))
         film = mi.TensorXf(np.ascontiguousarray(rows[..., None]))
         sonar.film().put(film)
         return film
+
+    def _levels(self, scene: mi.Scene, sonar: Any, seed: int) -> np.ndarray:
+        """Levels (rows, columns)."""
+        if wants_gradients(scene) and is_coherent(scene, sonar):
+            return CoherentLevels(scene, sonar, seed).levels
+        survey = self.survey(scene, sonar)
+        if wants_gradients(scene):
+            survey = replace(survey, geometry=Geometry(scene, smooth_beds=True))
+        return kind_of(sonar).rows(self.picture(survey, sonar, seed)["level"].values)
 
     def render_forward(self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int = 0,
                        spp: int = 0) -> mi.TensorXf:
@@ -139,8 +146,10 @@ class SonarPath(mi.SamplingIntegrator):
         weights = np.array(dr.detach(grad_in), float)
         self._products(scene, sensor, seed).backward(weights[..., 0])
 
-    def _products(self, scene: mi.Scene, sensor: mi.Sensor | int, seed: int) -> LevelProducts:
+    def _products(self, scene: mi.Scene, sensor: mi.Sensor | int, seed: int) -> LevelProducts | CoherentLevels:
         sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        if is_coherent(scene, sonar):
+            return CoherentLevels(scene, sonar, int(np.ravel(seed)[0]))
         return LevelProducts(scene, sonar, self, int(np.ravel(seed)[0]))
 
     def to_string(self) -> str:

@@ -4,7 +4,9 @@
     tx_delay, rx_delay         [s]   one an element: by which it sends, or its signal comes, later
     tx_weight, rx_weight       [-]   one an element; 0 is one that has failed
 
-Renders follow them. Gradients of levels do not: those of element signals are `mitsonar.differentiable_signals`.
+Renders follow them. Of arrays and forward-looking sonars, gradients of what transmits go through the coherent picture,
+`mitsonar.gradients.coherent_levels`; `mitsonar.coherent_model` has those of receivers that beams do not know of.
+Of the elements' own signals `mitsonar.differentiable_signals` has all but ``rx_weight``, which shades beams alone.
 """
 from __future__ import annotations
 

@@ -80,9 +80,9 @@ def test_nothing_is_zero_in_silence(made):
     with pytest.raises(ValueError, match="no parameter carries a gradient"):
         mitsonar.differentiable_signals(made, mi.traverse(made))
     params = attached(made, "sensor.rx_delay")
-    with pytest.raises(ValueError, match="'sensor.rx_delay' carries a gradient, and has none: elements stand still"):
+    with pytest.raises(ValueError, match="sensor.rx_delay has no gradient in a picture whose beams are formed with it"):
         dr.backward(dr.mean(mi.render(made, params)))
-    with pytest.raises(ValueError, match="elements stand still in levels' gradients"):
+    with pytest.raises(ValueError, match="elements stand still in mean levels"):
         mitsonar.gradient(made, ["sensor.rx_delay"], np.ones_like)
     params = attached(made, "sensor.medium.sound_speed")
     with pytest.raises(ValueError, match="is no parameter of element signals"):

@@ -1,0 +1,111 @@
+"""Gradients of the coherent levels that `mi.render` gives, by elements of arrays and point targets.
+
+    L = 10 log |p|²,    dL = 10 / ln 10  d|p|² / |p|²
+
+Which way a gradient goes is decided by what carries one. Elements and point targets have phases: theirs are of the
+picture as it is, speckle and all (`coherent_picture`). All else moves mean levels (`level_products`). Both at once is
+refused; the sonar's offsets go with either.
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..imaging import fan
+from ..survey.kinds import kind_of
+from .coherent_picture import CoherentJacobian, CoherentPicture
+
+__all__ = ["CoherentLevels", "is_coherent"]
+
+OF_ELEMENTS = "tx_position", "tx_weight", "tx_delay"
+OF_BEAMS = "rx_position", "rx_weight", "rx_delay"
+OF_TARGETS = "position", "target_strength_db"
+OF_TRACKS = "position_offset", "attitude_offset"
+PER_INTENSITY = 10 / np.log(10)    # dB
+
+
+def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
+    """Whether gradients of a sonar's picture are those of the coherent one.
+
+    Raises
+    ------
+    ValueError
+        If some of what carries gradients needs one way and some the other, or it is what beams are formed with.
+    """
+    targets = {shape.id() for shape in scene.shapes() if hasattr(shape, "target_strength_db")}
+    elements = {f"{sensor.id()}.{name}" for name in OF_ELEMENTS} | {f"{one}.{name}" for one in targets
+                                                                   for name in OF_TARGETS}
+    attached = _attached(scene)
+    beams = [key for key in attached if key.rpartition(".")[2] in OF_BEAMS]
+    if beams:
+        raise ValueError(f"{beams[0]} has no gradient in a picture whose beams are formed with it; take a "
+                         "mitsonar.coherent_model, whose beams do not know of changes")
+    chosen = [key for key in attached if key in elements]
+    others = [key for key in attached if key not in elements
+              and key not in {f"{sensor.id()}.{name}" for name in OF_TRACKS}]
+    if chosen and others:
+        raise ValueError(f"{chosen[0]} moves the coherent picture and {others[0]} mean levels; let one of them carry "
+                         "gradients at a time")
+    return bool(chosen)
+
+
+class CoherentLevels:
+    """The levels of a scene's picture, speckle and all, and how they move with what carries gradients in it.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    sensor : mitsuba.Sensor
+    seed : int
+
+    Attributes
+    ----------
+    levels : float32 (rows, columns) [dB re 1 µPa]
+        Of beams formed of the elements' signals.
+
+    Raises
+    ------
+    ValueError
+        If there are none of this kind of sonar.
+    """
+
+    def __init__(self, scene: mi.Scene, sensor: Any, seed: int):
+        self._parameters: Any = mi.traverse(scene)
+        self._keys = _attached(scene)
+        number = [one.id() for one in scene.sensors()].index(sensor.id())
+        with dr.suspend_grad():
+            model = CoherentPicture(scene, self._keys, sensor=number, seed=seed)
+            self._about: CoherentJacobian = model.linearised({})
+        self._start, intensity = model.start, self._about.value
+        there = intensity > 0
+        self._slope = np.divide(PER_INTENSITY, intensity, out=np.zeros_like(intensity), where=there)
+        order = kind_of(sensor).rows(np.arange(intensity.size).reshape(model.shape))
+        self._shape, self._order = order.shape, order.ravel()
+        level = fan.levels(self._about.beams).ravel()
+        self.levels = level[self._order].reshape(self._shape).astype(np.float32)
+
+    def forward(self) -> np.ndarray:
+        """Give dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
+        with dr.resume_grad():
+            tangents = {key: np.array(dr.grad(self._parameters[key]), float).reshape(self._start[key].shape)
+                        for key in self._keys}
+        return (self._about.forward(tangents) * self._slope)[self._order].reshape(self._shape)
+
+    def backward(self, weights: np.ndarray) -> None:
+        """Send the gradient of Σ w L of weights (rows, columns) to the leaves."""
+        spread = np.zeros(self._slope.size)
+        spread[self._order] = np.ravel(weights)
+        for key, gradient in self._about.backward(np.where(self._slope > 0, spread, 0) * self._slope).items():
+            leaf = self._parameters[key]
+            with dr.resume_grad():
+                dr.accum_grad(leaf, type(leaf)(gradient.ravel()))
+
+
+def _attached(scene: mi.Scene) -> list[str]:
+    """Names of what carries gradients in a scene, be they suspended or not."""
+    parameters: Any = mi.traverse(scene)
+    with dr.resume_grad():
+        return [key for key, value in parameters.items() if dr.is_diff_v(value) and dr.grad_enabled(value)]

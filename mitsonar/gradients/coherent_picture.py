@@ -1,0 +1,143 @@
+"""Coherent pictures as a function of arrays, platform and point targets, speckle and all, and their Jacobian.
+
+    p = A s(x),    I = |p|²
+    dp = A J v,    dI = 2 Re(p* dp)
+    Jᵀ Aᴴ w,       w = 2 p I'                         w -> weights of p, real and imaginary parts
+
+s, J -> signals of elements and their Jacobian (`elements`), A -> the linear way to the beams (`coherent_fan`). Beams
+are formed with the arrays as they are at the start.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from ..survey import array, forward_looking
+from .coherent_fan import CoherentFan
+from .elements import ElementModel
+from .model import Linearised, Values
+
+__all__ = ["KINDS", "PARTS", "CoherentJacobian", "CoherentPicture"]
+
+KINDS: dict[str, Callable[[Any, Any], tuple[np.ndarray, np.ndarray]]] = {
+    "array": array.directions, "forward_looking": forward_looking.directions}
+PARTS = "intensity", "amplitude"
+
+
+class CoherentPicture:
+    """The picture of a sonar's beams as a `ForwardModel`, with its speckle, noise and targets.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    keys : sequence of str
+        Parameters, as `element_parameters` names them.
+    pings : sequence of int, optional
+        Default: all.
+    sensor : int
+        Number of the sensor.
+    seed : int
+    of : {"intensity", "amplitude"}
+        y: |p|² [µPa²], or real and imaginary part of p [µPa] one after the other.
+
+    Attributes
+    ----------
+    start, units : dict
+        Of the parameters.
+    shape : tuple of int
+        Of y: pings, beams, samples, and 2 for amplitudes.
+    left_out : tuple of str
+        What the Jacobian does not hold.
+
+    Raises
+    ------
+    ValueError
+        If the sonar is of another kind, or as `ElementModel`.
+    """
+
+    def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] | None = None, sensor: int = 0,
+                 seed: int = 0, of: str = "intensity"):
+        sonar: Any = scene.sensors()[sensor]
+        kind = getattr(sonar, "kind", type(sonar).__name__)
+        if kind not in KINDS:
+            raise ValueError(f"gradients of coherent pictures are of {' and '.join(KINDS)}, and this sensor is a "
+                             f"{kind}; give the scene one of them, or take the signals of its elements")
+        if of not in PARTS:
+            raise ValueError(f"of is {of!r}; give one of {', '.join(PARTS)}")
+        self._of, pings = of, _all_pings(scene, sonar) if pings is None else pings
+        self._elements = ElementModel(scene, keys, pings=pings, sensor=sensor, seed=seed)
+        survey = self._elements.survey
+        self._fan = CoherentFan(survey, KINDS[kind](survey, sonar)[1], survey.sound_speed(int(pings[0])))
+        self.start, self.units, self.left_out = self._elements.start, self._elements.units, self._elements.left_out
+        self.shape = (len(pings), *self._fan.shape, *((2,) if of == "amplitude" else ()))
+
+    def value(self, values: Values) -> np.ndarray:
+        """Give the picture of values; see `ForwardModel.value`."""
+        return _shown(_beams(self._fan, self._elements.value(values), self._elements.shape), self._of)
+
+    def linearised(self, values: Values) -> CoherentJacobian:
+        """Give the picture about values, with its Jacobian; see `ForwardModel.linearised`."""
+        return CoherentJacobian(self._elements.linearised(values), self._elements.shape, self._fan, self._of)
+
+
+class CoherentJacobian:
+    """A coherent picture about some values, as a `Linearised`.
+
+    Parameters
+    ----------
+    elements : Linearised
+        Of the signals.
+    shape : (int, int, int, int)
+        Of their record.
+    fan : CoherentFan
+    of : str
+        As of `CoherentPicture`.
+
+    Attributes
+    ----------
+    value : (N,) float64
+    beams : complex (P, B, S) [µPa]
+    """
+
+    def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fan: CoherentFan, of: str):
+        self._elements, self._shape, self._fan, self._of = elements, shape, fan, of
+        self.beams = _beams(fan, elements.value, shape)
+        self.value = _shown(self.beams, of)
+
+    def forward(self, tangents: Values) -> np.ndarray:
+        """Give J v; see `Linearised.forward`."""
+        moved = _beams(self._fan, self._elements.forward(tangents), self._shape)
+        return _shown(moved, self._of) if self._of == "amplitude" else 2 * np.real(self.beams.conj() * moved).ravel()
+
+    def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
+        """Give Jᵀ w; see `Linearised.backward`."""
+        cotangent = np.asarray(cotangent, float)
+        if cotangent.shape != self.value.shape:
+            raise ValueError(f"weights have the shape {cotangent.shape}; give one for each of the "
+                             f"{self.value.shape[0]} numbers of the picture")
+        weights = cotangent.view(complex) if self._of == "amplitude" else 2 * self.beams.ravel() * cotangent
+        scale = np.abs(weights).max(initial=0)                         # float32 inside: far from its ends
+        if scale == 0:
+            return self._elements.backward(np.zeros(int(np.prod(self._shape))))
+        weights = (weights / scale).reshape(self.beams.shape)
+        signals = np.stack([self._fan.transposed(one) for one in weights]).astype(complex)
+        found = self._elements.backward(np.ascontiguousarray(signals).view(float).ravel())
+        return {name: scale * gradient for name, gradient in found.items()}
+
+
+def _all_pings(scene: mi.Scene, sonar: Any) -> range:
+    integrator: Any = scene.integrator()
+    return range(integrator.survey(scene, sonar).track.pings)
+
+
+def _beams(fan: CoherentFan, signals: np.ndarray, shape: tuple[int, int, int, int]) -> np.ndarray:
+    """Beams (P, B, S), complex128, of a record of signals."""
+    pings = np.ascontiguousarray(signals).view(complex).reshape(shape[:3])
+    return np.stack([fan.beams(one) for one in pings]).astype(complex)
+
+
+def _shown(beams: np.ndarray, of: str) -> np.ndarray:
+    return beams.view(float).ravel() if of == "amplitude" else (np.abs(beams) ** 2).ravel()
