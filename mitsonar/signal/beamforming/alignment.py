@@ -166,7 +166,8 @@ class ElementSignals:
 
         def taken(number: UInt32) -> Focus:
             point = [dr.gather(lib.Float, axis, number) for axis in foci.point]
-            return Focus(point, *(dr.gather(type(part), part, number) for part in foci[1:]))
+            return Focus(point, dr.gather(lib.Float, foci.distance, number), dr.gather(lib.Int32, foci.sample, number),
+                         dr.gather(lib.Float, foci.fraction, number), dr.gather(lib.Float, foci.phase, number))
 
         def body(number: UInt32) -> tuple[UInt32]:
             first, taps, (sin, cos) = self._reading(row, place, taken(number))
