@@ -214,7 +214,7 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     key = f"{owner}.{'to_world' if f'{owner}.to_world' in differentiable(scene) else 'vertex_positions'}"
     strengths = [options["strength"]] if "strength" in options else []
     model = scene_model(scene, [key, *strengths, *([track] if track else [])], sensor=options.get("sensor", 0),
-                        seed=options.get("seed", 0))
+                        seed=options.get("seed", 0), rays=_rays(image))
     prior = PosePrior(place=(numbers[0], numbers[1], numbers[2]), angles=(numbers[3], numbers[4], numbers[5]),
                       level_db=deviation["level_db"], track=deviation["track"] or plain.track)
     return _solved(fit_pose(model, image, key, prior=prior, looks=options.get("looks", 1.0), strengths=strengths,
