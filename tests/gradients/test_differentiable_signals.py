@@ -81,7 +81,7 @@ def test_nothing_is_zero_in_silence(made):
         mitsonar.differentiable_signals(made, mi.traverse(made))
     params = attached(made, "sensor.rx_delay")
     with pytest.raises(ValueError, match="sensor.rx_delay has no gradient in a picture whose beams are formed with it"):
-        dr.backward(dr.mean(mi.render(made, params)))
+        made.integrator().render(made)
     with pytest.raises(ValueError, match="elements stand still in mean levels"):
         mitsonar.gradient(made, ["sensor.rx_delay"], np.ones_like)
     params = attached(made, "sensor.medium.sound_speed")
