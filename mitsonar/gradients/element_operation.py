@@ -8,7 +8,7 @@ beams and pictures that Dr.Jit makes of them, go back to elements, point targets
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -49,8 +49,8 @@ class _Signals(dr.CustomOp):
         return self._tensor(jacobian.value)
 
     def forward(self) -> None:
-        tangents = {}
-        for (key, start), tangent in zip(self._model.start.items(), self.grad_in("values")):
+        tangents, moved = {}, cast(list, self.grad_in("values"))
+        for (key, start), tangent in zip(self._model.start.items(), moved):
             numbers = np.array(tangent, float).reshape(-1, *start.shape[1:])
             tangents[key] = (numbers[self._pings] if _of_pings(key) else numbers).reshape(start.shape)
         self.set_grad_out(self._tensor(self._jacobian.forward(tangents)))
