@@ -118,7 +118,7 @@ class OutlineSampler:
         share = np.tile(np.arange(PIECES) / PIECES, len(which))
         ends = [self._points(place, ping, line, share + step) for step in (0.0, 1 / PIECES)]
         middle, along = (ends[0] + ends[1]) / 2, ends[1] - ends[0]
-        seen: np.ndarray = np.isfinite(middle).all(axis=1)
+        seen = np.asarray(np.isfinite(middle).all(axis=1))
         middle, along = (_vectors(np.where(seen[:, None], one, 0)) for one in (middle, along))
         weight = self._sight.weight(place, upload(mi.UInt32, ping.astype(np.uint32)), middle, along).numpy()
         weight = np.where(seen, weight.astype(float), 0.0)
