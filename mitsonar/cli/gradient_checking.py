@@ -30,6 +30,9 @@ def add(commands: Commands) -> None:
                        help="smooth random directions of each part of a parameter; default: 3")
     check.add_argument("--tolerance", type=number, default=0.01, metavar="SHARE",
                        help="error up to which a gradient is right; default: 0.01")
+    check.add_argument("--allow-undecided", action="store_true",
+                       help="end with 0 where differences could not decide; without it that ends with 1, as what is "
+                            "off does")
     complete_with(check.add_argument("-o", "--output", metavar="OUT.csv|nc", help="write the table there, too"), FILES)
     check.set_defaults(run=_check, behind_options="keys")
 
@@ -56,6 +59,10 @@ def _check(arguments):
         announce(arguments.output)
     for row in found.wrong:
         warn(f"the gradient of {row.key}{f' {row.part}' if row.part else ''} is {row.verdict}: do not fit by it")
+    if found.undecided and not arguments.allow_undecided:
+        names = ", ".join(f"{row.key} {row.part}".rstrip() for row in found.undecided)
+        warn(f"differences could not decide on {names}; take more rays, such as -D rays=100000, or --allow-undecided")
+        return 1
     return 1 if found.wrong else 0
 
 

@@ -34,6 +34,7 @@ ZERO = 1e-6                        # a derivative is zero that is this share of 
 STILL = 1e-7                       # change of a weighted record, as a share, that is rounding
 NOISE = 1e-5                       # the same, where differences do not agree either, or forward and backward do not
 SCATTERED = 3.0                    # errors up to so many times the scatter of derivatives within a step are chance
+WANDERED, WIDER = 0.5, 4           # of an error that larger steps, so many, differ by, from which edges may be why
 SWINGS = 0.2                       # share of a record's size that is below zero
 
 
@@ -220,9 +221,26 @@ class _Checker:
             if numbers["error"] < SCATTERED * scatter:
                 verdict, notes = UNDECIDED, (*notes, "derivatives scatter within a step: more rays or smaller bins of "
                                                      "the record, or smoother shapes, tell more")
+        if verdict == OFF and numbers["error"] > self._tolerance:
+            spread = max((_rms(np.stack([one.best for one in wider]) - best) / size for wider in self._wider(
+                key, part, products.weights, step)), default=0.0)
+            if spread > WANDERED * numbers["error"]:
+                verdict, notes = UNDECIDED, (*notes, "differences are others at larger steps: too few rays cross "
+                                                     "shadows or edges at this one; more rays tell more")
         if verdict == UNSEEN:                                          # nothing but rounding to compare
             numbers = {"step": step, "moved": moved}
         return PartCheck(**self._named(key, part), **numbers, verdict=verdict, notes=(*self._notes, *notes))
+
+    def _wider(self, key, part, weights, step):
+        """Differences of all directions at the larger steps that are tried."""
+        start = np.asarray(self._model.start[key], float)
+        largest = first_step(start, self._model.units.get(key, ""))
+        lines = [self._line(key, start, direction, weights) for direction in part.directions]
+        for wider in [step * 4.0 ** power for power in range(1, WIDER + 1) if step * 4.0 ** power <= largest]:
+            try:
+                yield [difference_at(line, wider) for line in lines]
+            except ValueError:                                         # moved to where no record can be made
+                return
 
     def _scatter(self, key, part, products, step):
         """Rms over directions and weights of how far derivatives within a step lie from a parabola."""

@@ -87,6 +87,11 @@ class GradientCheck:
         """The parts that are off or disconnected."""
         return tuple(row for row in self.rows if row.verdict in WRONG)
 
+    @property
+    def undecided(self) -> tuple[PartCheck, ...]:
+        """The parts on which differences could not decide."""
+        return tuple(row for row in self.rows if row.verdict == UNDECIDED)
+
     def text(self) -> str:
         """Give a table in words; what is said of many parts is said once."""
         head = ("parameter", "verdict", "error", "slope", "forward/backward", "two steps", "step")

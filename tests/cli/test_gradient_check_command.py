@@ -8,6 +8,7 @@ from fake_models import Fake, of_key
 
 from mitsonar import gradient_verbs
 from mitsonar.cli import main as cli
+from mitsonar.gradients.check_table import GradientCheck, PartCheck
 
 SMALL = ("gradient-check", "scene.xml", "-D", "speckle=false")
 
@@ -42,6 +43,16 @@ def test_a_wrong_gradient_is_exit_code_1_and_a_sentence(folder, fake, capfd, spo
     out, err = capfd.readouterr()
     assert out.splitlines()[2].split()[:2] == ["bed", verdict]
     assert err == f"mitsonar: the gradient of bed is {verdict}: do not fit by it\n"
+
+
+@pytest.mark.parametrize("options, code", [([], 1), (["--allow-undecided"], 0)])
+def test_what_is_undecided_is_exit_code_1_unless_that_is_allowed(folder, fake, monkeypatch, capfd, options, code):
+    row = PartCheck(key="bed", unit="m", size=3, verdict="undecided", error=0.2)
+    monkeypatch.setattr(gradient_verbs, "gradient_check",
+                        lambda scene, keys, **_: GradientCheck(rows=(row,), directions=3, tolerance=0.01))
+    assert cli.main(["gradient-check", "scene.xml", *options]) == code
+    err = capfd.readouterr().err
+    assert err.startswith("mitsonar: differences could not decide on bed; take more rays") if code else err == ""
 
 
 def test_the_tolerance_is_what_is_asked_for(folder, fake):
