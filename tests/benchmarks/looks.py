@@ -9,7 +9,8 @@ def jittered(places, heading_deg, ping_rate, path, seed):
     from scipy.ndimage import gaussian_filter1d
 
     count = len(places)
-    off = gaussian_filter1d(np.random.default_rng(seed).standard_normal((max(4 * count, 20), 3)), 4, axis=0, mode="wrap")
+    chance = np.random.default_rng(seed).standard_normal((max(4 * count, 20), 3))       # of few it would hardly vary
+    off = gaussian_filter1d(chance, 4, axis=0, mode="wrap")
     off = (NAVIGATION * off / off.std(0))[:count]
     angles = np.column_stack([np.zeros((count, 2)), np.full(count, heading_deg)])
     way = np.column_stack((np.arange(count) / ping_rate, places + off, angles))
