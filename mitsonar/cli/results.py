@@ -20,7 +20,7 @@ def add(commands: Commands) -> None:
                            "shadow, layover, depth or rays; of soundings overview (default), column, curtain, swath, "
                            "error, error_detection, error_refraction, error_motion, backscatter, smile, rays, quality "
                            "or motion; of a focused image image (default), phase, coherence, height, labels, shadow or "
-                           "depth")
+                           "depth; of a fit's answer fit alone")
     plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the file with the view's name")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="which ping the view `ping` shows (the middle one by default), a fan (the first), "
@@ -61,11 +61,31 @@ def _plot(arguments):
     from .. import plots
 
     with _opened(arguments.image) as dataset:
+        if "parameters" in dataset.attrs and "predicted" in dataset:     # as Fit.to_dataset makes them
+            return _plot_fit(arguments, dataset)
         what = arguments.what or plots.usual_plot(dataset)
         output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{what}.png"
         tvg = None if arguments.tvg == "none" else arguments.tvg
         plots.plot(dataset, what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours,
                    bank=arguments.bank)
+    announce(output)
+
+
+def _plot_fit(arguments, answer):
+    """Draw a fit's answer, which has one picture and none of an image's options."""
+    from ..plots.canvas import save
+    from ..plots.fit_sheet import fit_figure
+
+    asked = {"--ping": arguments.ping is not None, "--bank": arguments.bank is not None,
+             "--tvg": arguments.tvg != "recorder", "--colours": arguments.colours != "copper"}
+    if arguments.what not in (None, "fit"):
+        raise ValueError(f"{arguments.image} holds the answer of a fit, which has the plot fit alone, and the one "
+                         f"asked for is {arguments.what!r}; leave --what out.")
+    if any(asked.values()):
+        needless = ", ".join(option for option, given in asked.items() if given)
+        raise ValueError(f"the picture of a fit has no {needless}; leave that out.")
+    output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_fit.png"
+    save(fit_figure(answer), output)
     announce(output)
 
 

@@ -36,6 +36,14 @@ def test_the_answer_is_written_and_told(folder, answered, capfd):
     assert answered == {"inputs": ["scene.xml", "a.exr", "x=1"], "looks": 4.0}
 
 
+def test_a_written_answer_is_drawn_and_nothing_else_of_it(folder, answered, refusal):
+    assert cli.main(["fit", "scene.xml", "a.exr", "x=1", "-o", "a.nc"]) == 0
+    assert cli.main(["plot", "a.nc"]) == 0
+    assert (folder / "a_fit.png").read_bytes().startswith(b"\x89PNG")
+    assert "has the plot fit alone" in refusal("plot", "a.nc", "--what", "waterfall")
+    assert "the picture of a fit has no --ping, --tvg" in refusal("plot", "a.nc", "--ping", "1", "--tvg", "none")
+
+
 def test_inputs_may_stand_behind_options(folder, answered):
     assert cli.main(["fit", "scene.xml", "-o", "a.nc", "--iterations", "3", "a.exr", "x=1"]) == 0
     assert answered["inputs"] == ["scene.xml", "a.exr", "x=1"] and answered["iterations"] == 3
