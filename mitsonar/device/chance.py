@@ -71,7 +71,7 @@ class Salt:
     BEAM_AMBIENT, BEAM_NOISE, ROW_NOISE = 0x1F83D9AB, 0x5BE0CD19, 0x3C2B5A17
     RECEIVER_FLAWS = 0x464C4157    # of a multibeam's receivers: what each is off
     EDGES = 0x6A3C91D7             # of points on edges, at which gradients see a record jump
-    OUTLINES = 0x2545F491          # the same on outlines of shapes without facets
+    OUTLINES = 0x71C8E2B5          # the same on outlines of shapes without facets
     SONAR = 0x510E527F             # of a sonar that shares the track of another
     PROBES = 0x63D83595            # directions that a fit looks at its Jacobian along
     NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Fit", "FittedParameter", "named", "told_of"]
 
+QUIET = 0.7                        # of the expected deviance, below which noise was said to be more than it is
 TOLD = 0.5                         # share of a number's prior variance that must be gone to call it told
 HIDDEN = 0.1                       # the same of a pattern that is called unseen
 
@@ -114,6 +115,9 @@ class Fit:
         total = look.deviation.size
         said = [f"{self.iterations} step{'s' * (self.iterations != 1)}: {self.stopped}", self.told()]
         said += [self._of_parameter(name, one) for name, one in self.parameters.items()]
+        if self.deviance[-1] < QUIET:
+            said.append(f"the record is matched to {self.deviance[-1]:.2g} of its noise: it has less than was said, "
+                        "such as more looks a bin, and deviations are too large")
         if self.unseen:
             said.append(f"{'at least ' if self.unseen == look.unseen_resolved.size < total else ''}{self.unseen} "
                         f"pattern{'s' if self.unseen > 1 else ''} of the parameters cannot be told from the record: "

@@ -84,8 +84,9 @@ class Stopping:
         Steps at most.
     noise : float, optional
         Stop once the record's deviance is this share of what it is at the truth (discrepancy principle; Morozov, 1966):
-        what is fitted beyond is noise. None: go on to the most probable values. Deviations are those about the values
-        that are reached.
+        what is fitted beyond is noise. Where it is from the start, stop once a step lowers it by no more than its own
+        deviation, √(2 N). None: go on to the most probable values. Deviations are those about the values that are
+        reached.
     fall : float
         Stop when Φ falls by less than this share of it.
 
@@ -112,7 +113,8 @@ class Stopping:
         settled = misfit.settled(state.iteration)
         # a fall is of one Φ: the last two costs are both of the classes' pull at the end
         comparable = state.within > 0 and misfit.settled(max(state.iteration - 2, 0))
-        if settled and self.noise is not None and reduced <= self.noise:
+        if settled and self.noise is not None and reduced <= self.noise and (
+                state.stuck or state.within > 0 and self._reached(state, misfit.likelihood.expected)):
             return f"the record is fitted to its noise: {reduced:.3g} of the deviance expected of it"
         if state.stuck:
             return f"no step lowers the misfit, at {reduced:.3g} of the deviance that noise would have"
@@ -121,6 +123,15 @@ class Stopping:
         if state.within >= self.iterations:
             return f"no more were asked for, at {reduced:.3g} of the deviance that noise would have"
         return ""
+
+
+    def _reached(self, state: State, expected: float) -> bool:
+        """Whether the last step reached the noise, or did no more than chance does.
+
+        A record of more looks than was said lies below its noise from the start, where a step that helps tells it.
+        """
+        before, now = state.deviance[-2:]
+        return before > (self.noise or 0) * expected or before - now <= np.sqrt(2 * expected)
 
 
 class Method(Protocol):

@@ -41,7 +41,7 @@ RUNS = {
     "poses": (["poses.py", "--quick", "--scenes", "box", "--looks", "1", "--pings", "5", "--rays", "500", "--exact"],
               "box"),
     "strips": (["strips.py", "--cell", "0.3", "--rounds", "1", "-Dreceivers=6", "-Doverlap=2"], "this checkout"),
-    "sweep": (["sweep.py", "--renders", "8", "--kills", "1"], "outputs the same"),
+    "sweep": (["sweep.py", "--renders", "4", "--kills", "1"], "outputs the same"),
     "real_sidescan": (["real_sidescan.py", "--real", "none.xtf", "--pings", "70", "-Drays=10000", "-Dbed_spacing=0.3",
                        "-Dripple_height=0", "-Dripple_wavelength=2", "-Dbins=512"], "coefficient of variation"),
     "real_heights": (["real_heights.py", "--line", "none.kmall"], "is not here"),

@@ -204,3 +204,13 @@ def test_priors_that_cannot_be_are_told(make, words):
 def test_a_record_of_another_sonar_is_told():
     with pytest.raises(ValueError, match="a record of the same sonar"):
         fit(Matrix(np.eye(3)), Gaussian(np.ones(4), 1.0), {"x": Prior(deviation=1.0)})
+
+
+def test_a_record_with_less_noise_than_was_said_is_fitted_all_the_same():
+    """Its deviance is below what was expected from the start: that is no answer while steps still help."""
+    truth, wide = np.array([1.0, -2.0, 0.5]), 2.5
+    found = fit(Matrix(np.repeat(np.eye(3), 200, 0)), Gaussian(np.repeat(truth, 200), wide),
+                {"x": Prior(deviation=3.0)})
+    assert found.deviance[0] < 1 and found.iterations >= 1
+    assert found.values["x"] == pytest.approx(truth, abs=0.01)
+    assert any("of its noise: it has less than was said" in sentence for sentence in found.sentences())

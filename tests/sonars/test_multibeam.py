@@ -303,7 +303,7 @@ def test_what_no_ping_could_be_detected_in_is_refused_before_the_first(sensor, f
 def test_a_pulse_longer_than_the_record_finds_no_bed_and_warns_of_nothing():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        line = sounded(sensor={**WIDE, "beams": 8, "pings": 1, "pulse_ms": "400", "ping_rate_hz": 0.1},
+        line = sounded(sensor={**WIDE, "beams": 8, "pings": 1, "pulse_ms": "60", "ping_rate_hz": 0.1},
                        film={"range": 40.0})
     assert not line["valid"].values.any()
 
