@@ -140,6 +140,6 @@ def _cells(row):
     def share(value):
         return "-" if np.isnan(value) else f"{value:.1e}"
 
-    step = "-" if np.isnan(row.step) else f"{row.step:.2g} {row.unit}".rstrip()
+    step = "-" if np.isnan(row.step) else f"{row.step:.2g}{'' if row.unit in ('', '1') else f' {row.unit}'}"
     slope = "-" if np.isnan(row.slope) else f"{row.slope:.4f}"
     return _name(row), row.verdict, share(row.error), slope, share(row.asymmetry), share(row.disagreement), step

@@ -95,8 +95,9 @@ def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> N
         told = told if told.any() else np.ones(told.shape, bool)
         dataset[f"{name}_truth"] = dataset[name].dims, value, dict(dataset[name].attrs)
         off = [float(np.sqrt(np.mean((dataset[one].values - value)[told] ** 2))) for one in (f"{name}_start", name)]
-        sentences.append(f"{name} was off by {off[0]:.3g} {dataset[name].attrs['units']} before and is by {off[1]:.3g} "
-                         f"now, root mean square over {int(told.sum())} of {told.size}")
+        unit = dataset[name].attrs["units"]
+        said = f"{off[0]:.3g}{'' if unit == '1' else f' {unit}'} before and is by {off[1]:.3g} now"
+        sentences.append(f"{name} was off by {said}, root mean square over {int(told.sum())} of {told.size}")
 
 
 def _key_prior(text: str) -> KeyPrior:

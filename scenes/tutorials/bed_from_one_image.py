@@ -106,9 +106,10 @@ for axis, title, values in zip(axes, ("truth", "start", "answer", "one deviation
 plt.show()
 
 # %% [markdown]
-# Crests stand where they should, and heights are nearer than they were, but not as near as is said: deviations are
-# those of speckle, about a model that is right. Slopes along the track are hardly seen. Where the shape is known, the
-# same image tells what the bed is made of, node by node of a texture, and which of some sediments that would be.
+# Crests stand where they should, and heights are nearer than they were, about as near as is said. Deviations are those
+# of speckle, about a model that is right: navigation and levels that are off come on top. Slopes along the track are
+# hardly seen. Where the shape is known, the same image tells what the bed is made of, node by node of a texture, and
+# which of some sediments that would be.
 
 # %%
 across, along = np.meshgrid(np.linspace(-1, 1, 24), np.linspace(-1, 1, 24))
