@@ -137,7 +137,7 @@ def _name(row):
 
 
 def _cells(row):
-    def share(value):
+    def share(value: float) -> str:
         return "-" if np.isnan(value) else f"{value:.1e}"
 
     step = "-" if np.isnan(row.step) else f"{row.step:.2g}{'' if row.unit in ('', '1') else f' {row.unit}'}"

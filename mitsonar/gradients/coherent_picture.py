@@ -70,17 +70,18 @@ class CoherentPicture:
         self._of, pings = of, _all_pings(scene, sonar) if pings is None else pings
         self._elements = ElementModel(scene, keys, pings=pings, sensor=sensor, seed=seed)
         survey = self._elements.survey
-        self._fan = CoherentFan(survey, KINDS[kind](survey, sonar)[1], survey.sound_speed(int(pings[0])))
+        directions = KINDS[kind](survey, sonar)[1]
+        self._fans = [CoherentFan(survey, directions, survey.sound_speed(int(ping))) for ping in pings]
         self.start, self.units, self.left_out = self._elements.start, self._elements.units, self._elements.left_out
-        self.shape = (len(pings), *self._fan.shape, *((2,) if of == "amplitude" else ()))
+        self.shape = (len(pings), *self._fans[0].shape, *((2,) if of == "amplitude" else ()))
 
     def value(self, values: Values) -> np.ndarray:
         """Give the picture of values; see `ForwardModel.value`."""
-        return _shown(_beams(self._fan, self._elements.value(values), self._elements.shape), self._of)
+        return _shown(_beams(self._fans, self._elements.value(values), self._elements.shape), self._of)
 
     def linearised(self, values: Values) -> CoherentJacobian:
         """Give the picture about values, with its Jacobian; see `ForwardModel.linearised`."""
-        return CoherentJacobian(self._elements.linearised(values), self._elements.shape, self._fan, self._of)
+        return CoherentJacobian(self._elements.linearised(values), self._elements.shape, self._fans, self._of)
 
 
 class CoherentJacobian:
@@ -92,7 +93,8 @@ class CoherentJacobian:
         Of the signals.
     shape : (int, int, int, int)
         Of their record.
-    fan : CoherentFan
+    fans : sequence of CoherentFan
+        One a ping.
     of : str
         As of `CoherentPicture`.
 
@@ -102,14 +104,15 @@ class CoherentJacobian:
     beams : complex (P, B, S) [µPa]
     """
 
-    def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fan: CoherentFan, of: str):
-        self._elements, self._shape, self._fan, self._of = elements, shape, fan, of
-        self.beams = _beams(fan, elements.value, shape)
+    def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fans: Sequence[CoherentFan],
+                 of: str):
+        self._elements, self._shape, self._fans, self._of = elements, shape, fans, of
+        self.beams = _beams(fans, elements.value, shape)
         self.value = _shown(self.beams, of)
 
     def forward(self, tangents: Values) -> np.ndarray:
         """Give J v; see `Linearised.forward`."""
-        moved = _beams(self._fan, self._elements.forward(tangents), self._shape)
+        moved = _beams(self._fans, self._elements.forward(tangents), self._shape)
         return _shown(moved, self._of) if self._of == "amplitude" else 2 * np.real(self.beams.conj() * moved).ravel()
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
@@ -123,7 +126,7 @@ class CoherentJacobian:
         if scale == 0:
             return self._elements.backward(np.zeros(int(np.prod(self._shape))))
         weights = (weights / scale).reshape(self.beams.shape)
-        signals = np.stack([self._fan.transposed(one) for one in weights]).astype(complex)
+        signals = np.stack([fan.transposed(one) for fan, one in zip(self._fans, weights, strict=True)]).astype(complex)
         found = self._elements.backward(np.ascontiguousarray(signals).view(float).ravel())
         return {name: scale * gradient for name, gradient in found.items()}
 
@@ -133,10 +136,10 @@ def _all_pings(scene: mi.Scene, sonar: Any) -> range:
     return range(integrator.survey(scene, sonar).track.pings)
 
 
-def _beams(fan: CoherentFan, signals: np.ndarray, shape: tuple[int, int, int, int]) -> np.ndarray:
+def _beams(fans: Sequence[CoherentFan], signals: np.ndarray, shape: tuple[int, int, int, int]) -> np.ndarray:
     """Beams (P, B, S), complex128, of a record of signals."""
     pings = np.ascontiguousarray(signals).view(complex).reshape(shape[:3])
-    return np.stack([fan.beams(one) for one in pings]).astype(complex)
+    return np.stack([fan.beams(one) for fan, one in zip(fans, pings, strict=True)]).astype(complex)
 
 
 def _shown(beams: np.ndarray, of: str) -> np.ndarray:

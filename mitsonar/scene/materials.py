@@ -108,7 +108,7 @@ def _children(thing):
             super().__init__()
             self.found = []
 
-        def put(self, _name, value, *_):
+        def put(self, _name: str, value: Any, *_: Any) -> None:
             if isinstance(value, mi.Object):
                 self.found.append(value)
 
@@ -171,7 +171,8 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
     """
     si = _interaction(hits, active)
 
-    def backwards(material, si, frequency, sound_speed, active):
+    def backwards(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
+                  active: mi.Bool) -> mi.Float:
         return _strength(material, si, si.wi, frequency, sound_speed, active)
 
     strength = dr.dispatch(hits.shape.bsdf(), backwards, si, dr.opaque(mi.Float, frequency),
@@ -203,7 +204,8 @@ def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Flo
     """
     si = _interaction(hits, active)
 
-    def law(material, si, frequency, sound_speed, active):
+    def law(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
+            active: mi.Bool) -> Any:
         if not getattr(material, "smooth", False):
             return dr.zeros(mi.Float, dr.width(si.wi)), dr.zeros(mi.Float, dr.width(si.wi))
         return material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
@@ -240,7 +242,8 @@ def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, f
     """
     si = _interaction(hits, active)
 
-    def law(material, si, sin_grazing, frequency, sound_speed, lowest, active):
+    def law(material: Any, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+            sound_speed: mi.Float, lowest: mi.Float, active: mi.Bool) -> Any:
         if not getattr(material, "reflects", False) or getattr(material, "smooth", False) and not smooth_too:
             return dr.zeros(mi.Float, dr.width(si.wi)), dr.zeros(mi.Float, dr.width(si.wi))
         return material.coherent_reflection(si, sin_grazing, frequency, sound_speed, lowest, active)
@@ -276,7 +279,7 @@ def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, prim
     si.t, si.p, si.n, si.sh_frame = mi.Float(1), mi.Point3f(point), normal, mi.Frame3f(normal)
     si.uv, si.shape, si.prim_index, si.wi = uv, shape, primitive, mi.Vector3f(0, 0, 1)
 
-    def law(material, si):
+    def law(material: Any, si: mi.SurfaceInteraction3f) -> mi.Float:
         if not hasattr(material, "coherence_at"):
             return dr.ones(mi.Float, dr.width(si.p))
         return material.coherence_at(si)
@@ -308,7 +311,8 @@ def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi
     """
     si = _interaction(hits, active)
 
-    def on(material, si, frequency, sound_speed, sample1, sample2, active):
+    def on(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float, sample1: mi.Float,
+           sample2: mi.Point2f, active: mi.Bool) -> Any:
         if not hasattr(material, "drawn_direction"):
             sample, weight = material.sample(mi.BSDFContext(), si, sample1, sample2, active)
             return sample.wo, weight[0], mi.Bool(False)

@@ -113,8 +113,12 @@ class FanPictures:
 
     def _of_elements(self, pings: Sequence[int], progress: Progress | None, say: Say | None) -> np.ndarray:
         """Levels (ping, beam, sample) of beams formed of the elements' signals."""
-        signals = received_signals(PressureRecord(self._survey, seed=self._seed), pings, progress=progress, say=say)
-        return fan.levels(fan.formed(signals, self._survey.pulse, self._directions[1]))
+        survey = self._survey
+        signals = received_signals(PressureRecord(survey, seed=self._seed), pings, progress=progress, say=say)
+        # each ping's beams are steered at the sound speed where it is
+        own = (signals.isel(ping=[number]).assign_attrs(sound_speed=survey.sound_speed(ping))
+               for number, ping in enumerate(pings))
+        return np.concatenate([fan.levels(fan.formed(one, survey.pulse, self._directions[1])) for one in own])
 
     @cached_property
     def _known(self) -> dict[str, Any]:

@@ -208,3 +208,15 @@ def test_rows_share_the_height_and_elements_fail(variant):
 def test_what_makes_no_such_sonar_is_refused(variant, written, sentence):
     with pytest.raises((ValueError, RuntimeError), match=sentence.replace("(", r"\(")):
         forward_looking(SILENT, sensor=written)
+
+
+def test_frames_are_the_picture_where_the_sonar_sinks_through_warm_water(variant, tmp_path):
+    """Elements' beams are steered at the sound speed where each ping is: 1516 m/s and 1489 here, 4 dB of a point."""
+    track = tmp_path / "sinking.csv"
+    track.write_text("time,x,y,z,roll,pitch,heading\n0,0,0,-2,0,0,0\n1,1,0,-10,0,0,0\n")
+    scene = forward_looking({"bed": bed(20.0), "buoy": point_target([0.5, 9, -12], 10.0)},
+                            water={"profile": "0:1520, 5:1510, 12:1480, 25:1478"}, integrator={"cell": 2.0},
+                            sensor={"picture": "elements", "receive_elements": 16, "beams": 16, "noise": False,
+                                    "track": str(track), "pings": 2, "ping_rate_hz": 1.0}, film={"range": 14.0})
+    together = mitsonar.render(scene, 3)["level"].values
+    assert np.array_equal(np.concatenate([frame["level"].values for frame in mitsonar.frames(scene, 3)]), together)

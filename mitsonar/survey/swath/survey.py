@@ -1,6 +1,7 @@
 """What a run that makes soundings is; of a multibeam: a run of arrays for every sector, and where its beams look."""
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -37,7 +38,7 @@ class Transmission:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SoundedSurvey(Survey):
+class SoundedSurvey(Survey, ABC):
     """A run that makes soundings; abstract.
 
     Attributes
@@ -55,9 +56,9 @@ class SoundedSurvey(Survey):
     preset: str
 
     @property
+    @abstractmethod
     def transmissions(self) -> Sequence[Transmission]:
         """Of a ping, in the order of their beams."""
-        raise NotImplementedError(f"{type(self).__name__} lacks transmissions")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
