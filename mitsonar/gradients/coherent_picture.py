@@ -75,6 +75,10 @@ class CoherentPicture:
         self.start, self.units, self.left_out = self._elements.start, self._elements.units, self._elements.left_out
         self.shape = (len(pings), *self._fans[0].shape, *((2,) if of == "amplitude" else ()))
 
+    def __repr__(self) -> str:
+        keys = ", ".join(f"{key} {value.shape}" for key, value in self.start.items())
+        return f"CoherentPicture of {self.shape[0]} pings, {self.shape[1]} beams, {self.shape[2]} samples by {keys}"
+
     def value(self, values: Values) -> np.ndarray:
         """Give the picture of values; see `ForwardModel.value`."""
         return _shown(_beams(self._fans, self._elements.value(values), self._elements.shape), self._of)

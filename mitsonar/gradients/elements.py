@@ -107,6 +107,10 @@ class ElementModel:
         self._ensonification = ensonification_of(self._survey)
         self.shape = len(pings), self._survey.receive.elements, self._survey.samples - self._survey.lead, 2
 
+    def __repr__(self) -> str:
+        keys = ", ".join(f"{key} {value.shape}" for key, value in self.start.items())
+        return f"ElementModel of {self.shape[0]} pings, {self.shape[1]} receivers, {self.shape[2]} samples by {keys}"
+
     def value(self, values: Values) -> np.ndarray:
         """Give the signals of values; see `ForwardModel.value`."""
         run = self._run(values)

@@ -153,7 +153,7 @@ class Fit:
             variables |= dict(_variables(name, one))
         attrs = {"kind": "fit", "parameters": list(self.parameters), "stopped": self.stopped,
                  "effective_parameters": self.observability.effective,
-                 "complete": self.observability.complete, "observable": "; ".join(self.sentences())}
+                 "complete": int(self.observability.complete), "observable": "; ".join(self.sentences())}
         return xr.Dataset(variables, attrs=attrs)
 
     def __repr__(self) -> str:

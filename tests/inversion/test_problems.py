@@ -1,5 +1,7 @@
 """Problems of `mitsonar fit` by name: files in, an answer that is drawn and said in sentences, and what is refused."""
 import mitsonar  # noqa: F401  isort: skip
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -40,6 +42,8 @@ ARRAY = """<scene version="3.0.0"> <default name="elements" value=""/>
 def solved(what, *inputs, **options):
     answer = problems.solve(what, [str(one) for one in inputs], options, lambda done, total: None)
     fit_figure(answer.dataset)
+    answer.dataset.to_netcdf(tmp := Path(str(inputs[0])).with_name("answer.nc"))
+    assert tmp.stat().st_size > 0
     assert answer.sentences and answer.dataset.attrs["kind"] == "fit"
     return answer
 

@@ -72,13 +72,14 @@ def test_every_option_of_a_problem_is_one_of_the_command():
     assert taken == {*OPTIONS, "parameters"}
 
 
-def test_an_answer_can_be_drawn(scenes):
+def test_an_answer_can_be_drawn_and_written(scenes, tmp_path):
     from mitsonar.inversion import Gaussian, Prior, fit
     from mitsonar.plots.fit_sheet import fit_figure
 
     found = fit(Matrix(np.random.default_rng(0).standard_normal((40, 20)), (4, 5)), Gaussian(np.ones(40), 1.0),
                 {"x": Prior(deviation=1.0)})
     figure = fit_figure(found.to_dataset())
+    found.to_dataset().to_netcdf(tmp_path / "answer.nc")
     assert {axes.get_title() for axes in figure.axes} >= {"x: start", "answer", "one deviation", "share told"}
     with pytest.raises(ValueError, match="no answer of a fit"):
         fit_figure(xr.Dataset())
