@@ -11,23 +11,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsonar
 from mitsonar.gradient_verbs import scene_model
 from mitsonar.gradients.mesh_edges import NO_FACE, mesh_edges
 from mitsonar.gradients.mesh_meetings import triangles_meet
 
 TOGETHER = 8                       # bins
 THERMOCLINE = "0:1492, 18:1490, 24:1478, 30:1474, 50:1474"
-
-
-@pytest.fixture
-def load(tmp_path):
-    def loaded(text: str) -> mi.Scene:
-        path = tmp_path / "scene.xml"
-        path.write_text(text)
-        return mitsonar.load_file(path)
-
-    return loaded
 
 
 def scene(body, *, bed="", profile="0:1500, 50:1500", rays=200_000, pings=4, bins=200):

@@ -15,16 +15,6 @@ from inputs.gradient_scenes import WATERS, forward_looking, sidescan
 POSITIONS, STRENGTH = "bed.vertex_positions", "bed.bsdf.strength"
 
 
-@pytest.fixture
-def load(tmp_path):
-    def loaded(text: str) -> mi.Scene:
-        path = tmp_path / "scene.xml"
-        path.write_text(text)
-        return mitsonar.load_file(path)
-
-    return loaded
-
-
 def smooth_weights(model, value):
     """Weights that vary slowly over pings and bins, so that no bin's edge counts; of mean 1 with the record."""
     pings, rows, bins = model.shape

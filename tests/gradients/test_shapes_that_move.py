@@ -12,7 +12,6 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-import mitsonar
 from mitsonar.gradient_verbs import scene_model
 
 KEY, TOGETHER = "ball.to_world", 8
@@ -26,16 +25,6 @@ SHAPES = {
     "disk": '<scale value="1.3"/>' + TILTED,
     "rectangle": '<scale x="1" y="1.4" z="1"/>' + TILTED,
 }
-
-
-@pytest.fixture
-def load(tmp_path):
-    def loaded(text: str) -> mi.Scene:
-        path = tmp_path / "scene.xml"
-        path.write_text(text)
-        return mitsonar.load_file(path)
-
-    return loaded
 
 
 def shape(kind, place=(16, 0.3, -28), turned=None):
