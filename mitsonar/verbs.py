@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from . import __version__
+from .device import llvm
 from .hydrography.record import joined
 from .io import casts
 from .io.files import FilePath
@@ -44,7 +45,8 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     scene : mitsuba.Scene, or str or path
         As `mitsonar.load_file` or `mi.load_file` give it, or what `mitsonar.load_file` takes.
     seed : int
-        Of everything random: ray directions, speckle, noise. The same scene and seed give the same bytes.
+        Of everything random: ray directions, speckle, noise. The same scene and seed give the same bytes
+        on machines of one instruction set (``attrs["instruction_set"]``).
         From 0 to 4294967295.
     sensor : int or str
         Which of the scene's sensors: its number or its id.
@@ -352,9 +354,10 @@ def provenance(scene: mi.Scene, sensor: Any, survey: Survey) -> dict[str, Any]:
         origin, crs = passage.frame.origin, passage.frame.crs
     known = sensor.provenance or {"file": None, "scene": None, "parameters": {}}
     lengths = {} if passage.planned is None else {"course_sailed": passage.sailed, "course_planned": passage.planned}
+    instruction_set = "CUDA" if str(mi.variant()).startswith("cuda") else llvm.instruction_set()
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
     return {**known, **lengths, "altered": None if sensor.loaded is None else altered(scene, sensor.loaded),
-            "versions": {"mitsonar": __version__, **versions},
+            "versions": {"mitsonar": __version__, **versions}, "instruction_set": instruction_set,
             "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}
 
 

@@ -32,6 +32,7 @@ def report() -> None:
     library = os.environ[llvm.VARIABLE]
     if dr.has_backend(dr.JitBackend.LLVM):
         _line("LLVM", f"{'.'.join(map(str, dr.detail.llvm_version()))}  {library}  (from {llvm.origin(library)})")
+        _line("vectors", llvm.instruction_set())
     else:
         _line("LLVM", "none; the NVIDIA driver makes up for it")
     usable = tuple(name for name, backend in BACKENDS.items() if dr.has_backend(getattr(dr.JitBackend, backend)))

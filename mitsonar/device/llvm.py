@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterator
 OLDEST, TESTED = 17, 19
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 NOTHING = "/no/libLLVM/that/mitsonar/can/use"  # a file Dr.Jit cannot load
+VECTORS = (("+avx512vl", "AVX-512"), ("+avx2", "AVX2"), ("+avx", "AVX"), ("+sve", "SVE"), ("+neon", "NEON"),
+           ("+sse4.2", "SSE4.2"))              # LLVM's names of what Dr.Jit compiles for, the widest first, and ours
 
 
 class BackendError(RuntimeError):
@@ -140,6 +142,21 @@ def origin(path: str) -> str:
     if path.startswith(private_folder() + os.sep):
         return "mitsonar's cache"
     return "system" if path in _installed() else VARIABLE
+
+
+def instruction_set() -> str:
+    """Return the instructions that kernels are compiled for, such as ``x86_64 AVX-512``; call `locate` first.
+
+    The bytes of a result are the same for any number of threads, processes and blocks on one instruction set. Another
+    one sums in vectors of another width and has other approximate reciprocals, so that last bits differ.
+    """
+    try:
+        ask = ctypes.CDLL(os.environ.get(VARIABLE, NOTHING)).LLVMGetHostCPUFeatures
+    except (OSError, AttributeError):
+        return f"{_processor()}, no LLVM"
+    ask.restype = ctypes.c_char_p
+    features = set((ask() or b"").decode(errors="replace").split(","))
+    return f"{_processor()} {next((name for flag, name in VECTORS if flag in features), 'scalar')}"
 
 
 def has_cuda() -> bool:

@@ -120,8 +120,9 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
 
     Notes
     -----
-    The same plan gives the same bytes, whatever the number of processes and threads, and however often it was
-    interrupted. A render that fails is tried once more, then written down as failed, and tried again by the next run.
+    The same plan gives the same bytes on one instruction set, whatever the number of processes and threads, and however
+    often it was interrupted; the manifest names the set of each render. A render that fails is tried once more, then
+    written down as failed, and tried again by the next run.
     """
     start = time.perf_counter()
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
@@ -257,7 +258,8 @@ class _Runner:
         self.manifest.append({
             "index": render.index, "output": render.output, "parameters": render.parameters, "seed": render.seed,
             "inputs": digest, "versions": self.made_by, "status": "failed" if error else "ok", "attempts": attempt,
-            "seconds": answer["seconds"], "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
+            "instruction_set": answer.get("instruction_set"), "seconds": answer["seconds"],
+            "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
             **({"preview": _preview(render)} if self.plan.previews and not error else {}),
             **({"warnings": answer["warnings"]} if answer["warnings"] else {})})
         if error:

@@ -1,7 +1,8 @@
 """What a sweep has done: ``manifest.jsonl`` in its folder, a line of JSON for every render that ended.
 
 Each line holds ``index``, ``output``, ``parameters``, ``seed``, ``inputs`` (SHA-256 of the scene and the files it
-reads), ``versions``, ``status`` ("ok" or "failed"), ``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output,
+reads), ``versions``, ``instruction_set`` (of the machine that rendered it), ``status`` ("ok" or "failed"),
+``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output,
 ``error``, and where there are any ``preview`` and ``warnings``. The last line about an output counts.
 
 Only who holds the folder's lock writes, a line in one piece. A line cut short (the machine went down, the disk was

@@ -96,7 +96,8 @@ def _do(job, threads):
         plots.preview(dataset, os.path.join(job["folder"], job["preview"]))
     with open(path, "rb") as file:
         content = file.read()
-    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest(),
+            "instruction_set": dataset.attrs["instruction_set"]}
 
 
 def _set_up(threads):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import mitsonar
 from mitsonar.cli import main as cli
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,6 +57,8 @@ def test_same_bytes_by_one_process_and_two_and_dask_and_as_rendered_alone(plan, 
     assert complaints(err + capfd.readouterr().err) == ""
     assert left(plan / "plan") == left(plan / "two") == left(plan / "dask")
     assert sorted(left(plan / "plan")[0]) == NAMES
+    sets = {record["instruction_set"] for record in left(plan / "two")[1].values()}
+    assert sets == {mitsonar.llvm.instruction_set()} == {mitsonar.read(plan / "two" / NAMES[0]).instruction_set}
     seed = left(plan / "two")[1]["4_40.exr"]["seed"]
     assert cli.main(["render", "scene.xml", "-o", "alone.exr", "--seed", str(seed), "-D", "pings=2", "-D", "rays=1500",
                      "-D", "range=40"]) == 0

@@ -145,3 +145,26 @@ except mitsonar.BackendError: print(-1)"""
         environment = {**os.environ, "PYTHONPATH": str(ROOT), llvm.VARIABLE: variable}
         version = int(subprocess.check_output([sys.executable, "-c", code], env=environment))
         assert version >= llvm.OLDEST or version == -1 and variable != os.environ[llvm.VARIABLE]
+
+
+class _Features:
+    """A libLLVM that sees a processor with these features."""
+
+    def __init__(self, features):
+        self.LLVMGetHostCPUFeatures = lambda: features
+
+
+@pytest.mark.parametrize("features, name", [
+    (b"+sse4.2,+avx,+avx2,-avx512vl", "AVX2"), (b"+avx2,+avx512f,+avx512vl", "AVX-512"), (b"+avx2,+avx512f", "AVX2"),
+    (b"+neon", "NEON"), (b"", "scalar")])
+def test_the_instruction_set_is_the_widest_that_llvm_sees(monkeypatch, features, name):
+    """Two processors of one name, one with AVX-512 and one without, are told apart."""
+    monkeypatch.setattr(llvm.ctypes, "CDLL", lambda path: _Features(features))
+    assert llvm.instruction_set() == f"{os.uname().machine} {name}"
+
+
+def test_the_instruction_set_of_this_machine_is_that_of_its_flags():
+    flags = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").is_file() else ""
+    if "avx2" not in flags:
+        pytest.skip("the flags of this machine's processor are not to be read, or are not those of x86")
+    assert llvm.instruction_set().endswith("AVX-512" if "avx512vl" in flags else "AVX2")

@@ -128,8 +128,9 @@ def test_the_shadow_of_a_thin_plate_lengthens_as_geometry_says(load):
         dR/dh = (x_s / R) x Z / (Z - h)²,    R = √(x_s² + Z²)
 
     and what the bed sends back falls by its mean intensity times that, over the length of a bin. The plate is 2 cm
-    thick, and its length ends in side lobes of -60 dB. Points on its edge are 2 mm apart: 1 % covers what of the bed a
-    bin's width and the pulse mix (the intensity falls by a tenth in a metre)."""
+    thick, and its length ends in side lobes of -60 dB. A bin's width and the pulse mix intensities of the bed, which
+    fall by a tenth in a metre: 0.5 %. Single points of the edge drop out where last bits decide what the rays beside
+    them meet. Over ten seeds the sum is low by 0.2 to 0.7 % with AVX-512 and by 0.9 to 1.6 % with AVX2, so 2.5 %."""
     height, x, altitude = 2.0, 14.0, 12.0
     plate = f"""<shape type="cube" id="plate"><transform name="to_world"><scale x="0.01" y="8" z="{height / 2}"/>
         <translate x="{x}" z="{-30 + height / 2}"/></transform>
@@ -148,7 +149,7 @@ def test_the_shadow_of_a_thin_plate_lengthens_as_geometry_says(load):
     lit = bare.value({}).reshape(bare.shape)[0, 1]
     intensity = np.interp(slant, (np.arange(bins) + 0.5) * length, np.convolve(lit, np.ones(5) / 5, "same"))
     expected = -intensity / length * end / slant * x * altitude / (altitude - height) ** 2
-    assert moved[around].sum() == pytest.approx(expected, rel=0.01)
+    assert moved[around].sum() == pytest.approx(expected, rel=0.025)
 
 
 def test_edges_of_a_cube_are_found_by_place():

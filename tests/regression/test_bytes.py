@@ -1,14 +1,13 @@
 """A change that only moves code leaves every shipped scene's EXR as it was, byte for byte.
 
 Scenes are rendered small, with chance and noise as they come, and SHA-256 of the files compared with stored ones. Bytes
-depend on the processor's vectors, the compiler and the versions of what computes them, so hashes are stored under all
-of these; on another machine the test is skipped. Levels that move are judged by `test_scenes`. Run with --regenerate
-after a change that is meant to move numbers, or their order of summation.
+depend on the processor and its instruction set, the compiler and the versions of what computes them, so hashes are
+stored under all of these; on another machine the test is skipped. Levels that move are judged by `test_scenes`. Run
+with --regenerate after a change that is meant to move numbers, or their order of summation.
 """
 import hashlib
 import importlib.metadata
 import json
-import platform
 from pathlib import Path
 
 import pytest
@@ -29,11 +28,14 @@ VERSIONS = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "mitsonar")
 
 
 def machine():
-    """What bytes depend upon beside the code."""
+    """Return what bytes depend upon beside the code.
+
+    A processor's name alone does not do: virtual machines call several generations of one maker the same.
+    """
     processor = next((line.partition(":")[2].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
                       if line.startswith("model name")), "") if Path("/proc/cpuinfo").is_file() else ""
     llvm = Path(mitsonar.llvm.locate() or "").resolve().name
-    return "; ".join([platform.machine(), processor, llvm,
+    return "; ".join([processor, mitsonar.llvm.instruction_set(), llvm,
                       *(f"{name} {importlib.metadata.version(name)}" for name in VERSIONS)])
 
 

@@ -62,7 +62,7 @@ class Pool:
         if job["output"] is not None:
             content = json.dumps([job["parameters"], job["seed"]]).encode()
             Path(job["folder"], job["output"]).write_bytes(content)
-            answer |= {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+            answer |= {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest(), "instruction_set": "AVX"}
         future.set_result(answer)
         return future
 
@@ -103,7 +103,7 @@ def test_the_manifest_says_all_about_every_render(sweep):
         render = plan.render(index)
         assert (record["index"], record["parameters"], record["seed"]) == (index, render.parameters, render.seed)
         assert (record["status"], record["error"], record["bytes"]) == ("ok", None, len(files[name]))
-        assert record["sha256"] == hashlib.sha256(files[name]).hexdigest()
+        assert record["sha256"] == hashlib.sha256(files[name]).hexdigest() and record["instruction_set"] == "AVX"
         assert record.get("warnings", []) == (["too coarse"] if render.seed % 2 else [])
         assert set(record["versions"]) == {"mitsonar", "mitsuba", "drjit", "numpy"} and len(record["inputs"]) == 64
 
