@@ -27,8 +27,14 @@ def add(commands: Commands) -> None:
                         help="of a highlight's mean echo; default: 0")
     labels.add_argument("--smallest", type=whole, default=8, metavar="BINS",
                         help="of a piece of an annotation; smaller ones are dropped; default: 8")
+    labels.add_argument("--min-visible", type=float, default=0.0, metavar="SHARE",
+                        help="of an annotation that the picture shows, of objects also of what faces the sonar; "
+                             "default: 0")
+    labels.add_argument("--whole", action="store_true",
+                        help="annotate objects together with their shadows, too, as \"cylinder with shadow\"")
     labels.add_argument("--classes", metavar="NAMES",
-                        help="of objects, numbered in this order; default: those of the images; \"cylinder, tyre\"")
+                        help="of objects, numbered in this order; default: those of the plan or images; "
+                             "\"cylinder, tyre\"")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
                         help="cut the pictures, as 512x512; of arrays BINSxBEAMS, in metres ROWSxCOLUMNS")
     labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
@@ -57,7 +63,8 @@ def _labels(arguments):
     rules = Labels(
         coco=arguments.coco, yolo=arguments.yolo, masks=arguments.masks, threshold=arguments.threshold,
         classes=None if arguments.classes is None else [name.strip() for name in arguments.classes.split(",")],
-        above_noise_db=arguments.above_noise, smallest=arguments.smallest, tile=arguments.tile,
+        above_noise_db=arguments.above_noise, smallest=arguments.smallest,
+        min_visible=arguments.min_visible, whole=arguments.whole, tile=arguments.tile,
         overlap=arguments.overlap, drop_empty=arguments.drop_empty,
         tvg=None if arguments.tvg == "none" else arguments.tvg,
         form="cartesian" if arguments.cartesian else "polar", cell=arguments.cell,

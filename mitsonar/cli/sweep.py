@@ -43,6 +43,7 @@ def _sweep(arguments):
     took = datetime.timedelta(seconds=round(outcome.seconds))
     parts = [f"{outcome.done} rendered in {took}" if outcome.done or outcome.failed else "nothing to do",
              *([f"{outcome.kept} were there"] if outcome.kept else []),
+             *([f"{outcome.redrawn} drawn again"] if outcome.redrawn else []),
              *([f"{outcome.failed} failed"] if outcome.failed else [])]
     announce(f"{_count(outcome.total, 'render')}: {', '.join(parts)}")
     for output, error in outcome.failures[:SHOWN]:

@@ -10,7 +10,7 @@ from ..io.files import FilePath
 from ..io.records import SonarImage
 from .labels import deal, find_sources, groups_of, read_shares
 from .labels.frames import FORMS, Form, Frame, frames
-from .sources import Source, frames_of
+from .sources import Source, class_order, frames_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +62,8 @@ class Images:
     sources : tuple of mitsonar.dataset.sources.Source
         Path, name, parameters, seed and seabed of each.
     classes, object_classes : tuple of str
-        Of all shapes, and of objects, in any image, sorted: class numbers of PyTorch targets count along them from 1.
+        Of all shapes, and of objects, in any image, sorted; objects' as the sweep's plan orders them, if it does.
+        Class numbers of PyTorch targets count along them from 1.
     form, cell
         As given to `open`.
     """
@@ -77,7 +78,7 @@ class Images:
         self.cell = cell
         self.sources = tuple(sources if form is None else frames_of(sources))
         self.classes = tuple(sorted({name for source in self.sources for name in source.classes}))
-        self.object_classes = tuple(sorted({name for source in self.sources for name in source.object_classes}))
+        self.object_classes = tuple(class_order(self.sources))
 
     def __len__(self):
         return len(self.sources)

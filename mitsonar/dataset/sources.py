@@ -4,7 +4,7 @@ What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines
 """
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ..io.records import SonarImage
 from ..sweep import manifest
 from ..sweep.manifest import MANIFEST
 
-__all__ = ["Source", "find_sources", "frames_of"]
+__all__ = ["Source", "class_order", "find_sources", "frames_of"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +43,8 @@ class Source:
         Of its objects, sorted.
     frame : int or None
         Which of the record's frames, from 0; None: the whole record.
+    planned_classes : tuple of str or None
+        Of objects, in the order in which the sweep's plan numbers them; None where it does not.
     """
 
     path: Path
@@ -53,6 +55,7 @@ class Source:
     classes: tuple[str, ...]
     object_classes: tuple[str, ...]
     frame: int | None = None
+    planned_classes: tuple[str, ...] | None = None
 
     def read(self) -> SonarImage:
         """Read the record.
@@ -100,16 +103,40 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     found = []
     for place in map(Path, places):
         if place.is_dir():
-            found += [(path, _flat(path.relative_to(place)), place.resolve().name) for path in _finished(place)]
+            found += [(path, _flat(path.relative_to(place)), place.resolve().name, classes)
+                      for path, classes in _finished(place)]
         else:
-            found.append((place, place.stem, place.resolve().parent.name))
+            found.append((place, place.stem, place.resolve().parent.name, None))
     if not found:
         raise ValueError("there are no images; give EXR or netCDF files, or folders of sweeps.")
     twice = [path for path, count in Counter(path.resolve() for path, *_ in found).items() if count > 1]
     if twice:
         raise ValueError(f"the image {twice[0]} is given twice; leave one out.")
-    names = _apart([name for _, name, _ in found], [folder for *_, folder in found])
-    return [_source(path, name) for (path, *_), name in zip(found, names, strict=True)]
+    names = _apart([name for _, name, *_ in found], [folder for _, _, folder, _ in found])
+    return [_source(path, name, classes) for (path, *_, classes), name in zip(found, names, strict=True)]
+
+
+def class_order(sources: Sequence[Source]) -> list[str]:
+    """Return the classes of objects in the order of their numbers: that of the plans, else alphabetical.
+
+    Raises
+    ------
+    ValueError
+        If the images come of plans with different orders, or the plan's classes lack one of the images'.
+    """
+    found = sorted({name for source in sources for name in source.object_classes})
+    orders = {source.planned_classes for source in sources}
+    if orders <= {None}:
+        return found
+    if len(orders) > 1:
+        raise ValueError("the images come of sweeps whose plans number classes in different ways; give the classes of "
+                         "all in one order.")
+    order = next(iter(orders)) or ()
+    lacking = [name for name in found if name not in order]
+    if lacking:
+        raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes of their plan "
+                         f"({', '.join(order)}) lack; give the classes of all.")
+    return list(order)
 
 
 def frames_of(sources: Iterable[Source]) -> list[Source]:
@@ -141,12 +168,12 @@ def frames_of(sources: Iterable[Source]) -> list[Source]:
     return found
 
 
-def _source(path, name):
+def _source(path, name, classes):
     attributes = _attributes(path)
     objects = (attributes.get("objects") or {}).values()
     return Source(path=path, name=name, parameters=attributes.get("parameters") or {}, seed=attributes.get("seed"),
                   seabed=attributes.get("seabed"), classes=tuple(sorted((attributes.get("classes") or {}).values())),
-                  object_classes=tuple(sorted({entry["class"] for entry in objects})))
+                  object_classes=tuple(sorted({entry["class"] for entry in objects})), planned_classes=classes)
 
 
 def _attributes(path):
@@ -164,13 +191,14 @@ def _image(record, path):
 
 
 def _finished(folder):
-    """The files that a sweep's manifest calls done."""
+    """Return the files that a sweep's manifest calls done, each with the order of classes of its plan."""
     path = folder / MANIFEST
     if not path.is_file():
         raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give its files "
                          "by name.")
     entries = manifest.read(path)[0]
-    paths = [folder / output for output, entry in sorted(entries.items()) if entry.status == "ok"]
+    done = [(folder / output, entry.classes) for output, entry in sorted(entries.items()) if entry.status == "ok"]
+    paths = [path for path, _ in done]
     outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]
     if outside:
         raise ValueError(f"{path} names the file {outside[0]}, which is outside its folder; give the files by "
@@ -180,7 +208,7 @@ def _finished(folder):
         raise FileNotFoundError(f"{path} names {missing[0]}, which is not there; run the sweep again to make it.")
     if not paths:
         raise ValueError(f"the sweep {folder} has no finished image yet; run it first.")
-    return paths
+    return done
 
 
 def _flat(path):

@@ -293,5 +293,6 @@ def _mean(power, columns):
 
 def _recorder(amplitude):
     low, high = np.quantile(amplitude, (0.001, 0.999))
+    low = max(low, amplitude[amplitude > 0].min(initial=high))         # what a recorder writes as 0 has no level
     return {"dynamic_range_db": float(20 * np.log10(max(high, 1e-30) / max(low, 1e-30))),
             "values": int(np.unique(amplitude).size), "saturated": float(np.mean(amplitude == amplitude.max()))}

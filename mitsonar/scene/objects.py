@@ -6,6 +6,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from .exposure import exposed_shares
 from .geometry import Geometry
 from .labels import class_name, fingerprint
 
@@ -14,7 +15,8 @@ __all__ = ["annotated", "described", "unseen"]
 MOST_NAMES = 5                     # told of what no ping sees
 
 
-def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, int], geometry: Geometry) -> xr.Dataset:
+def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
+              places: np.ndarray) -> xr.Dataset:
     """Write into an image's attributes what it shows of the scene.
 
     Parameters
@@ -26,29 +28,34 @@ def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, in
     class_of : dict
         Number of a shape → that of its class.
     geometry : Geometry
+    places : array (P, 3) [m]
+        Of the sonar at its pings.
     """
-    image = image.assign_attrs(known(classes, class_of, geometry))
+    image = image.assign_attrs(known(classes, class_of, geometry, places))
     return image.assign_attrs(unseen=unseen(image))
 
 
-def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry) -> dict[str, Any]:
-    """Give what every image of a scene says of it; arguments as of `annotated`."""
+def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
+          places: np.ndarray) -> dict[str, Any]:
+    """Return what every image of a scene says of it; arguments as of `annotated`."""
     return {"classes": {str(number): name for number, name in classes.items()},
-            "label_class": {str(label): number for label, number in class_of.items()}, **described(geometry)}
+            "label_class": {str(label): number for label, number in class_of.items()}, **described(geometry, places)}
 
 
-def described(geometry: Geometry) -> dict[str, Any]:
+def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
     """Describe a scene's objects and its seabed.
 
     Parameters
     ----------
-    geometry : Geometry
+    geometry, places
+        As of `annotated`.
 
     Returns
     -------
     dict, plain JSON
-        ``objects``: number (as text) → ``class``, ``lower`` and ``upper`` corner of its box [m], and what a shape that
-        placed it says of it (``placed``); ``seabed``: a hash of the seabed's geometry, empty where there is none.
+        ``objects``: number (as text) → ``class``, ``lower`` and ``upper`` corner of its box [m], ``exposed`` (see
+        `exposure`), and what a shape that placed it says of it (``placed``); ``seabed``: a hash of the seabed's
+        geometry, empty where there is none.
     """
     named = geometry.named
     boxes, placed, beds = {}, {}, []
@@ -71,8 +78,10 @@ def described(geometry: Geometry) -> dict[str, Any]:
         if label in named.seabed:
             beds.append(_whole(shape))
         _widen(boxes, label, shape.bbox())
+    shown = exposed_shares(geometry, [label for label in boxes if label in named.objects], places)
     objects = {str(label): {"class": class_name(named.names[label]),
                             "lower": [round(float(v), 4) for v in low], "upper": [round(float(v), 4) for v in high],
+                            **({"exposed": shown[label]} if label in shown else {}),
                             **placed.get(named.names[label], {})}
                for label, (low, high) in sorted(boxes.items()) if label in named.objects}
     return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}

@@ -14,6 +14,7 @@ from .bed import Bed
 from .bodies import Body, turn_onto
 
 TRIES = 1000                       # places tried for a target before there is said to be no room
+MOST_MISSES = 20                   # targets without room before no more are tried
 SMALLEST, LARGEST = 1e-3, 100.0    # [m] that a target may measure; beyond, its file is not in metres
 _SAMPLES = 9                       # points along either side of a footprint at which the bed's height is taken
 
@@ -98,7 +99,7 @@ def draw_count(low: int, high: int, seed: int | Sequence[int]) -> int:
 
 
 def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: int | Sequence[int],
-          taken: Sequence | np.ndarray = ()) -> list[Placed]:
+          taken: Sequence | np.ndarray = (), crowded: Literal["refuse", "fewer"] = "refuse") -> list[Placed]:
     """Place targets on a bed.
 
     Parameters
@@ -111,15 +112,19 @@ def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: i
         At least 0.
     taken : array (T, 3) [m]
         Circles (x, y, radius) that are occupied already.
+    crowded : {'refuse', 'fewer'}
+        What happens to a target that finds no room: an error, or it is left out.
 
     Returns
     -------
     list of Placed
+        Numbers of targets that are left out are missing.
 
     Raises
     ------
     ValueError
-        If a body is too small or too large for a target, the area has no seabed, or there is no room for all.
+        If a body is too small or too large for a target, the area has no seabed, or there is no room for all and
+        `crowded` is "refuse".
 
     Notes
     -----
@@ -142,10 +147,15 @@ def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: i
                          "metres from the scene's origin; give the area in these")
     circles = np.empty((len(taken) + count, 3))
     circles[:len(taken)] = np.reshape(taken, (-1, 3))
-    done = []
+    done, misses = [], 0
     for number in range(1, count + 1):
-        others = circles[:len(taken) + number - 1]
+        others = circles[:len(taken) + len(done)]
         target = _draw(bodies, bed, rules, area, others, number, seed)
+        if target is None and crowded == "fewer":
+            misses += 1
+            if misses == MOST_MISSES:
+                break
+            continue
         if target is None:
             west, south, east, north = area
             less = f"fewer, a spacing below {rules.spacing:g} m," if rules.spacing else "fewer"

@@ -123,7 +123,8 @@ class FanPictures:
     @cached_property
     def _known(self) -> dict[str, Any]:
         """What every picture says of the scene."""
-        return objects.known(*classes_of(self._survey.labels), self._survey.geometry)
+        return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
+                             self._survey.track.position)
 
     def _image(self, pings: Sequence[int], level: np.ndarray, record: EnergyRecord) -> xr.Dataset:
         """The picture of some pings."""

@@ -61,7 +61,7 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
                "pulse": side.pulse.numbers, "source_level_db": float(side.source_level_db),
                "rows": (survey.rows.place - survey.rows.place[0]).tolist(), "tilt": float(sensor.tilt),
                "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
-    return objects.annotated(image, classes, class_of, survey.geometry)
+    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -127,4 +127,5 @@ class _Pictures:
 
     @cached_property
     def _known(self) -> dict[str, Any]:
-        return objects.known(*classes_of(self._survey.labels), self._survey.geometry)
+        return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
+                             self._survey.track.position)

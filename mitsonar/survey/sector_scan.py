@@ -119,7 +119,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
         attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
                "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
                "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
-    return objects.annotated(image, classes, class_of, survey.geometry)
+    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
 
 
 def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:

@@ -123,7 +123,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
         speckle=side_speckle(survey, seed).of if sensor.speckle else None, seed=seed,
         absorption_db=float(survey.absorption.at(head_depth)), recorder=sensor.recorder)
-    return objects.annotated(image, classes, class_of, survey.geometry)
+    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

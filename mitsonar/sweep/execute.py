@@ -3,6 +3,7 @@ import array
 import contextlib
 import errno
 import hashlib
+import itertools
 import os
 import queue
 import time
@@ -24,6 +25,7 @@ ATTEMPTS = 2                       # of a render before it counts as failed
 LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
 MOST_LISTED = 100                  # failures kept to be shown
 UNPLANNED_SHOWN = 3
+MOST_REDRAWN = 20                  # times that a refused scene is drawn again
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +40,8 @@ class Outcome:
     failures : tuple of (str, str)
         Output and error of the first that failed.
     seconds : float
+    redrawn : int
+        How many of those made now have parameters that were drawn again.
     """
 
     folder: str
@@ -47,6 +51,7 @@ class Outcome:
     failed: int
     failures: tuple[tuple[str, str], ...]
     seconds: float
+    redrawn: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +165,8 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
             finally:
                 remove_leftovers(_folders(plan, folder))
     return Outcome(folder=folder, total=len(plan), kept=len(plan) - len(now.missing), done=runner.done,
-                   failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start)
+                   failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start,
+                   redrawn=runner.redrawn)
 
 
 def standing(plan: Plan, folder: str, entries: Mapping[str, Entry], made_by: Mapping[str, str], *,
@@ -172,6 +178,8 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, Entry], made_by: Map
         render = plan.render(index)
         others.discard(render.output)
         entry = entries.get(render.output)
+        if entry is not None and entry.redrawn and plan.redraw:
+            render = plan.render(index, entry.redrawn)
         if entry is None or entry.status != "ok" or not _is_there(folder, render, entry, plan.previews):
             missing.append(index)
         elif entry.key != key(render.parameters, render.seed, plan.inputs.digest(_texts(render)), made_by):
@@ -206,8 +214,9 @@ def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, st
 def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
     """Refuse a sweep whose first and last scene cannot be loaded: then none can, as far as one can tell."""
     errors = []
-    for index in dict.fromkeys((missing[0], missing[-1])):
-        answer = _answer(pool.submit(job(plan, plan.render(index), None, made_by)))
+    tries = range(1 + MOST_REDRAWN if plan.redraw else 1)
+    for index, again in itertools.product(dict.fromkeys((missing[0], missing[-1])), tries):
+        answer = _answer(pool.submit(job(plan, plan.render(index, again), None, made_by)))
         if not answer.get("error"):
             return
         errors.append(answer["error"])
@@ -220,7 +229,7 @@ class _Runner:
     def __init__(self, plan, folder, manifest, now, made_by, progress):
         self.plan, self.folder, self.manifest, self.missing, self.made_by = plan, folder, manifest, now.missing, made_by
         self.progress = progress or (lambda done, total, failed: None)
-        self.done, self.failed, self.failures = 0, 0, []
+        self.done, self.failed, self.redrawn, self.failures = 0, 0, 0, []
         self._answers, self._running = queue.SimpleQueue(), {}
 
     def run(self, pool):
@@ -238,8 +247,8 @@ class _Runner:
                 continue
             self._end(pool, future)
 
-    def _start(self, pool, index, attempt):
-        render = self.plan.render(index)
+    def _start(self, pool, index, attempt, redrawn=0):
+        render = self.plan.render(index, redrawn)
         digest = self.plan.inputs.digest(_texts(render))       # before it is rendered: a file that changes then is seen
         future = pool.submit(job(self.plan, render, self.folder, self.made_by))
         self._running[id(future)] = future, render, digest, attempt
@@ -250,7 +259,10 @@ class _Runner:
         answer = _answer(future)
         if answer.get("full"):
             raise OSError(f"{answer['error']} The sweep stopped and keeps what is done; run it again then.")
-        if answer.get("error") and attempt < ATTEMPTS:
+        if answer.get("refused") and self.plan.redraw and render.redrawn < MOST_REDRAWN:
+            self._start(pool, render.index, 1, render.redrawn + 1)
+            return
+        if answer.get("error") and attempt < ATTEMPTS and not answer.get("refused"):
             pool.check()
             self._start(pool, render.index, attempt + 1)
             return
@@ -260,6 +272,8 @@ class _Runner:
             "inputs": digest, "versions": self.made_by, "status": "failed" if error else "ok", "attempts": attempt,
             "instruction_set": answer.get("instruction_set"), "seconds": answer["seconds"],
             "bytes": answer.get("bytes"), "sha256": answer.get("sha256"), "error": error,
+            **({"redrawn": render.redrawn} if self.plan.redraw else {}),
+            **({"classes": self.plan.classes} if self.plan.classes else {}),
             **({"preview": _preview(render)} if self.plan.previews and not error else {}),
             **({"warnings": answer["warnings"]} if answer["warnings"] else {})})
         if error:
@@ -267,6 +281,7 @@ class _Runner:
             self.failures += [(render.output, error)] if self.failed <= MOST_LISTED else []
         else:
             self.done += 1
+            self.redrawn += render.redrawn > 0
         self.progress(self.done + self.failed, len(self.missing), self.failed)
 
 

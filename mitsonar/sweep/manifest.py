@@ -2,8 +2,8 @@
 
 Each line holds ``index``, ``output``, ``parameters``, ``seed``, ``inputs`` (SHA-256 of the scene and the files it
 reads), ``versions``, ``instruction_set`` (of the machine that rendered it), ``status`` ("ok" or "failed"),
-``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output,
-``error``, and where there are any ``preview`` and ``warnings``. The last line about an output counts.
+``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and where there are any ``redrawn`` (how
+often its parameters were drawn again), ``classes``, ``preview`` and ``warnings``. The last line about an output counts.
 
 Only who holds the folder's lock writes, a line in one piece. A line cut short (the machine went down, the disk was
 full) is none: readers pass over it, and the next writer cuts it off.
@@ -38,6 +38,8 @@ class Entry(NamedTuple):
     preview: str | None
     seconds: float
     sha256: str | None = None
+    redrawn: int = 0
+    classes: tuple[str, ...] | None = None
 
 
 def key(parameters: Mapping[str, Any], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
@@ -171,9 +173,12 @@ def _entry(record):
     preview, size = record.get("preview"), record["bytes"] if record["status"] == "ok" else 0
     if not (isinstance(size, int) and (preview is None or isinstance(preview, str))):
         raise ValueError
+    classes = record.get("classes")
     return record["output"], Entry(key=key(record["parameters"], record["seed"], record["inputs"], record["versions"]),
                                    status=record["status"], bytes=size, preview=preview,
-                                   seconds=float(record["seconds"]), sha256=record.get("sha256"))
+                                   seconds=float(record["seconds"]), sha256=record.get("sha256"),
+                                   redrawn=int(record.get("redrawn", 0)),
+                                   classes=None if classes is None else tuple(map(str, classes)))
 
 
 def remove_leftovers(folders: Iterable[str]) -> None:

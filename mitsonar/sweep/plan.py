@@ -24,7 +24,8 @@ __all__ = ["Plan", "Render", "load_plan"]
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # what `mitsonar.render` takes
-KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "table", "set", "list", "grid", "draw")
+KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
+        "draw")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +42,15 @@ class Render:
         Values of the scene's parameters.
     seed : int
         Of rays, speckle and noise.
+    redrawn : int
+        How often the plan's `redraw` parameters were drawn again.
     """
 
     index: int
     output: str
     parameters: dict[str, Any]
     seed: int
+    redrawn: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +79,10 @@ class Plan:
     table, lists, grid : dict of str to tuple
         Parameters with many: columns of equal length twice, and what is crossed.
     draws : dict of str to Draw
+    redraw : tuple of str
+        Those that are drawn again where their scene is refused, such as one whose targets find no room.
+    classes : tuple of str or None
+        Of objects, in the order in which labels number them.
     inputs : Inputs
         The scene's files.
     """
@@ -92,13 +100,15 @@ class Plan:
     lists: dict[str, tuple]
     grid: dict[str, tuple]
     draws: dict[str, Draw]
+    redraw: tuple[str, ...]
+    classes: tuple[str, ...] | None
     inputs: Inputs = field(repr=False)
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
 
-    def render(self, index: int) -> Render:
-        """Give the render of a number.
+    def render(self, index: int, redrawn: int = 0) -> Render:
+        """Return the render of a number, its `redraw` parameters drawn again `redrawn` times.
 
         Raises
         ------
@@ -118,11 +128,13 @@ class Plan:
         parameters = {**self.fixed, **{name: column[row] for name, column in self.table.items()},
                       **{name: column[item] for name, column in self.lists.items()},
                       **{name: column[place] for (name, column), place in zip(self.grid.items(), crossed)},
-                      **{name: drawn.at(random_bits(self.seed, name, combination, sample))
+                      **{name: drawn.at(random_bits(self.seed, name, combination, sample,
+                                                    *(["again", redrawn] if redrawn and name in self.redraw else [])))
                          for name, drawn in self.draws.items()}}
         seed = (random_bits(self.seed, "", combination, sample, which) % MOST_SEEDS if isinstance(self.seeds, int)
                 else self.seeds[which])
-        return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed)
+        return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed,
+                      redrawn=redrawn)
 
     def _seeds(self):
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
@@ -205,7 +217,8 @@ def _plan(path, place, home, given):
     plan = Plan(path=path, scene=scene, home=home, seed=seed,
                 pattern=Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths()), seeds=seeds,
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
-                inputs=inputs)
+                redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs)
+    _check_redraw(plan)
     if samples > 1 and not draws:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
                          "take seeds")
@@ -214,6 +227,25 @@ def _plan(path, place, home, given):
     inputs.check_kinds({**{name: (item,) for name, item in plan.render(0).parameters.items() if name in draws},
                         **{name: column for name, column in columns.items() if column}})
     return plan
+
+
+def _names(given, key):
+    """Return the names that a list of the plan holds, () where it has none."""
+    names = given.get(key, [])
+    if not (isinstance(names, list) and all(isinstance(name, str) and name for name in names)
+            and len(set(names)) == len(names)):
+        raise ValueError(f"{key} is {shortened(names)}; give a list of different names")
+    return tuple(names)
+
+
+def _check_redraw(plan):
+    for name in plan.redraw:
+        if name not in plan.draws:
+            raise ValueError(f"redraw names {shortened(name)}{meant(name, plan.draws)}, which is not drawn; give "
+                             f"parameters of [draw]: {', '.join(plan.draws) or 'none are there'}")
+        if name in plan.pattern.parameters:
+            raise ValueError(f"output holds the parameter {name}, which redraw may draw again; name files by "
+                             "{index}")
 
 
 def _check_number(plan):

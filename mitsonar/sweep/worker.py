@@ -20,6 +20,10 @@ IDLE_SECONDS = 600.0
 MOST_WARNINGS = 10
 
 
+class _Refused(ValueError):
+    """A scene that its parameters do not allow: other values might."""
+
+
 def main(threads: int) -> NoReturn:
     """Serve until standard input ends.
 
@@ -59,7 +63,8 @@ def _answer(job, threads):
         try:
             answer = _do(job, threads)
         except (ValueError, OSError, MemoryError) as error:
-            answer = {"error": sentence(error), "full": isinstance(error, OSError) and error.errno in FULL}
+            answer = {"error": sentence(error), "full": isinstance(error, OSError) and error.errno in FULL,
+                      "refused": isinstance(error, _Refused)}
         except Exception as error:                     # whatever it is stops this render, not the sweep
             answer = {"error": f"{type(error).__name__}: {sentence(error)}", "full": False}
     said = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught
@@ -80,7 +85,10 @@ def _do(job, threads):
     from .. import load_file, render
     from ..io import exr
 
-    scene = load_file(job["scene"], **job["parameters"])
+    try:
+        scene = load_file(job["scene"], **job["parameters"])
+    except ValueError as error:
+        raise _Refused(str(error)) from error
     if job["output"] is None:
         from ..verbs import opened
 

@@ -14,6 +14,7 @@ is referred to, such as other `targets`, is kept clear of. Names in the labels a
     </shape>
 """
 import os
+import warnings
 import zlib
 from typing import Any
 
@@ -44,7 +45,9 @@ ATTRIBUTES = (
             text='"west, south, east, north" within which they lie wholly'),
     Numbers("exclude", default=(), unit="m", text="boxes that they do not touch, four numbers each"),
     Number("spacing", default=0.0, minimum=0, unit="m",
-           text="between bounding circles, at least; if there is no room, it says how many fit"),
+           text="between bounding circles, at least"),
+    Choice("crowded", default="refuse", choices=("refuse", "fewer"),
+           text="if targets find no room: an error that says how many fit, or a warning and a field without them"),
     Range("scale", default=(1.0,), minimum=1e-6, maximum=1e6, text="factor of size"),
     Range("burial", default=(0.0,), minimum=0, maximum=1,
           text="share of the height below the mean bed under the footprint"),
@@ -104,9 +107,11 @@ class Targets(mi.Mesh):
             raise attributes.error(f"{count} targets of up to {faces} triangles are more than {MOST_FACES} together; "
                                    "use fewer, or coarser meshes.")
         try:
-            targets = place(bodies, bed, rules, count=count, seed=stream, taken=taken)
+            targets = place(bodies, bed, rules, count=count, seed=stream, taken=taken, crowded=attributes.crowded)
         except ValueError as error:
             raise attributes.error(f"{error}.") from None
+        if len(targets) < count:
+            warnings.warn(f"{identity}: {len(targets)} of {count} targets found room", stacklevel=2)
         self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
         self.placed = {name: _record_of(target) for name, target in zip(self.part_names, targets)}
         if targets:

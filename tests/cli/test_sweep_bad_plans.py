@@ -38,6 +38,10 @@ PLANS = {
     "half a pair": (S + "[draw]\nrange = { integer = [1] }", "draw.range: integer is [1]; give two numbers"),
     "samples of nothing": (S + "samples = 3", "no parameter is drawn, so that all would be alike"),
     "no samples": (S + "samples = 0", "samples is 0; give a whole number from 1 to 1000000"),
+    "redraw of nothing": (S + 'redraw = ["pings"]', "redraw names 'pings', which is not drawn"),
+    "redraw in names": (S + 'output = "{range}.exr"\nredraw = ["range"]\n[draw]\nrange = { uniform = [30, 40] }',
+                        "output holds the parameter range, which redraw may draw again"),
+    "classes twice": (S + 'classes = ["tyre", "tyre"]', "give a list of different names"),
     "same seeds": (S + "seeds = [1, 1]", "give different whole numbers"),
     "seed too large": (S + "seed = 4294967296", "seed is 4294967296; give a whole number from 0 to 4294967295"),
     "too many": (S + "seeds = 1000\n[grid]\nrange = { from = 1, to = 2, count = 10000 }", "makes 10,000,000 renders; "

@@ -327,3 +327,34 @@ def test_a_sidescan_without_mean_levels_is_labelled_by_its_levels():
     bare["seabed_depth"].values[:, :, :80] = np.nan
     low, high = greys(bare, frames(bare), tvg=None).window
     assert low > 50 and high < 120
+
+
+def test_an_object_with_its_shadow_is_one_more_annotation_on_demand(tmp_path):
+    exr.write(labelled(), tmp_path / "a.exr")
+    write(tmp_path / "a.exr", tmp_path / "out", Labels(coco=True, yolo="boxes", masks=True, whole=True))
+    told = json.loads((tmp_path / "out/annotations.json").read_text())
+    kinds = {entry["id"]: (entry["name"], entry["supercategory"]) for entry in told["categories"]}
+    assert kinds[3] == ("box shadow", "shadow") and kinds[5] == ("box with shadow", "whole") and len(kinds) == 6
+    of_box = {entry["category_id"]: entry for entry in told["annotations"] if entry["instance"] == "box.1"}
+    assert set(of_box) == {1, 3, 5}
+    left, top, width, height = of_box[5]["bbox"]
+    assert (width, height) == (of_box[1]["bbox"][2] + of_box[3]["bbox"][2], 10)
+    assert of_box[5]["area"] == of_box[1]["area"] + of_box[3]["area"]
+    assert len((tmp_path / "out/labels/a.txt").read_text().splitlines()) == len(told["annotations"]) == 6
+    assert json.loads((tmp_path / "out/masks/classes.json").read_text()) == {"1": "box", "2": "wreck"}
+
+
+@pytest.mark.parametrize("least, kept", [(0.0, 4), (0.3, 3), (0.5, 3), (0.6, 2)])
+def test_what_is_hidden_or_cut_beyond_a_share_is_left_out(tmp_path, least, kept):
+    """The wreck is exposed to 0.25 and the box to 0.5; shadows are what they are."""
+    record = labelled()
+    for entry, share in zip(record.attrs["objects"].values(), (0.5, 0.25, 1.0), strict=True):
+        entry["exposed"] = share
+    exr.write(record, tmp_path / "a.exr")
+    write(tmp_path / "a.exr", tmp_path / "out", Labels(coco=True, min_visible=least))
+    told = json.loads((tmp_path / "out/annotations.json").read_text())["annotations"]
+    assert len(told) == kept
+    assert all(entry["visible"] == 1 and entry["exposed"] in (0.5, 0.25) for entry in told)
+    write(tmp_path / "a.exr", tmp_path / "tiles", Labels(coco=True, min_visible=0.9, tile=(16, 16)))
+    whole = json.loads((tmp_path / "tiles/annotations.json").read_text())["annotations"]
+    assert all(entry["visible"] >= 0.9 for entry in whole)

@@ -72,6 +72,21 @@ def test_finished_images_of_a_sweep_are_taken(tmp_path):
     assert [source.name for source in find_sources([folder, other])] == ["s_a", "b", "c", "t_a"]
 
 
+def test_a_plan_s_classes_number_those_of_every_batch(tmp_path):
+    """Alone, an image without a wreck would number the box 1; the plan's order holds whatever the images hold."""
+    order = {"classes": ["wreck", "tyre", "box"]}
+    folder = sweep(tmp_path / "s", [{**done("a"), **order}])
+    write(folder, tmp_path / "out", Labels(coco=True))
+    told = json.loads((tmp_path / "out/annotations.json").read_text())["categories"]
+    assert [entry["name"] for entry in told][:3] == ["wreck", "tyre", "box"]
+    other = sweep(tmp_path / "t", [{**done("a"), "classes": ["box", "wreck"]}])
+    with pytest.raises(ValueError, match="number classes in different ways"):
+        write([folder, other], tmp_path / "both", Labels(coco=True))
+    short = sweep(tmp_path / "u", [{**done("a"), "classes": ["box"]}])
+    with pytest.raises(ValueError, match=r"wreck, which the classes of their plan \(box\) lack"):
+        write(short, tmp_path / "lacks", Labels(coco=True))
+
+
 @pytest.mark.parametrize("lines, words", [
     ([done("e")], "e.exr, which is not there"), ([done("../e")], "outside its folder"),
     ([done("a", "failed")], "no finished image"), ([], "no finished image")])

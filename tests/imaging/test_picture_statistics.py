@@ -78,6 +78,12 @@ def test_steps_and_a_full_scale_are_counted():
     assert found.values == 41 and found.saturated == pytest.approx(np.exp(-4) * 0.74, abs=0.006)
 
 
+def test_the_dynamic_range_of_8_bits_with_zeros_is_that_of_their_steps():
+    """From 1 to 255 steps are 48 dB; what is recorded as 0 has no level."""
+    found = measure(np.clip(np.round(60 * picture()), 0, 255), SPACING)
+    assert 40 < found.dynamic_range_db <= 20 * np.log10(255)
+
+
 @pytest.mark.parametrize(("amplitude", "words"), [
     (np.ones((20, 400)), "at least 64"), (-picture(), "not decibels"), (np.ones((100, 400)), "no first return")])
 def test_what_is_no_picture_is_refused(amplitude, words):

@@ -182,6 +182,12 @@ def test_refusals(strewn, attributes, said):
     assert said in sentence and "\n" not in sentence
 
 
+def test_a_crowded_field_has_fewer_targets_and_says_so(strewn):
+    with pytest.warns(UserWarning, match=r"\d of 5 targets found room"):
+        field, _ = strewn(count=5, spacing=40.0, crowded="fewer")
+    assert 0 < len(field.placed) < 5
+
+
 @pytest.mark.parametrize("name, text, said", [
     ("empty.ply", "", "has 0 bytes"),
     ("cut.ply", TETRAHEDRON[:200], "is damaged, or no PLY file of"),

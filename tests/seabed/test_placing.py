@@ -177,6 +177,19 @@ class TestPlaces:
         with pytest.raises(ValueError, match="only 0 of 1 targets"):
             drawn(1, Rules(area=(0, 0, 0.01, 0.01)))
 
+    def test_those_without_room_are_left_out_where_that_is_wanted(self):
+        """The same targets at the same places as of a draw with room for all, but for those in the way of others."""
+        ground = bed(lambda x, y: np.full(np.broadcast(x, y).shape, -20.0))
+        def draw(**options):
+            return place([drawn(1)[0].body], ground, Rules(spacing=9.0), count=60, seed=3, **options)
+        with pytest.raises(ValueError, match="found room"):
+            draw()
+        kept = draw(crowded="fewer")
+        assert 5 < len(kept) < 60 and [each.number for each in kept] == sorted(each.number for each in kept)
+        spots = np.array([each.position[:2] for each in kept])
+        apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1) + 1e9 * np.eye(len(kept))
+        assert apart.min() >= 9.0
+
     @pytest.mark.parametrize("rules, said", [
         (Rules(scale=(1.0, 5000.0)), "the mesh box is 300 m long at a scale of 5000"),
         (Rules(scale=(0.001, 1.0)), "is 6e-05 m long at a scale of 0.001; .* is the file in metres"),

@@ -34,6 +34,7 @@ class Pool:
     """Answers at once; `trouble` {number of the job: what happens} makes it misbehave."""
 
     capacity = 3
+    refused: frozenset[str] = frozenset()              # values of rays whose scene cannot be loaded
 
     def __init__(self, trouble):
         self.trouble, self.jobs = trouble, 0
@@ -57,6 +58,9 @@ class Pool:
                 future.set_exception(RuntimeError("lost"))
             else:
                 future.set_result({"error": "no good.", "full": trouble == "full", "seconds": 0.1, "warnings": []})
+            return future
+        if job["parameters"].get("rays") in self.refused:
+            future.set_result({"error": "no room.", "refused": True, "full": False, "seconds": 0.1, "warnings": []})
             return future
         answer = {"seconds": 0.1, "warnings": ["too coarse"] if job["seed"] % 2 else []}
         if job["output"] is not None:
@@ -106,6 +110,32 @@ def test_the_manifest_says_all_about_every_render(sweep):
         assert record["sha256"] == hashlib.sha256(files[name]).hexdigest() and record["instruction_set"] == "AVX"
         assert record.get("warnings", []) == (["too coarse"] if render.seed % 2 else [])
         assert set(record["versions"]) == {"mitsonar", "mitsuba", "drjit", "numpy"} and len(record["inputs"]) == 64
+
+
+def test_a_refused_draw_is_drawn_again_and_counted(sweep, monkeypatch):
+    """Two of the first draws have no room; they get others, the rest keep theirs, and a second run keeps them all."""
+    plan_of = {True: "redraw = [\"rays\"]\n" + PLAN, False: PLAN}
+    sweep("plain")
+    _, plain = left(sweep.folder / "plain")
+    crowded = sorted(plain)[1], sorted(plain)[7]
+    monkeypatch.setattr(Pool, "refused", frozenset(str(plain[name]["parameters"]["rays"]) for name in crowded))
+    failed = sweep("failing", text=plan_of[False])
+    assert (failed.failed, failed.redrawn) == (len(failed.failures), 0) and failed.failed >= 2
+    outcome = sweep(text=plan_of[True])
+    files, records = left(sweep.folder / "out")
+    assert (outcome.done, outcome.failed, outcome.redrawn) == (12, 0, failed.failed)
+    for name, record in records.items():
+        moved = record["parameters"]["rays"] != plain[name]["parameters"]["rays"]
+        assert moved == (record["redrawn"] > 0)
+    again = sweep(text=plan_of[True])
+    assert (again.kept, again.done) == (12, 0) and left(sweep.folder / "out") == (files, records)
+
+
+def test_what_is_refused_however_it_is_drawn_fails_in_the_end(sweep, monkeypatch):
+    monkeypatch.setattr(execute, "check_loading", lambda *_: None)
+    monkeypatch.setattr(Pool, "refused", frozenset(map(str, range(1000, 3001))))
+    outcome = sweep(text="redraw = [\"rays\"]\n" + PLAN)
+    assert (outcome.done, outcome.failed) == (0, 12) and sweep.pool.jobs == 12 * (execute.MOST_REDRAWN + 1)
 
 
 def test_a_finished_sweep_does_nothing(sweep):

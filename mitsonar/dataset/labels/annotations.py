@@ -1,7 +1,8 @@
 """Highlights and shadows of objects as pieces of a picture: what boxes, polygons and masks are made of.
 
 Every object makes at most a highlight and a shadow in a picture, and on each side of a sidescan: one that both sides
-hear, under the track, is two, for a box around both would hold the water column.
+hear, under the track, is two, for a box around both would hold the water column. On demand both together are one more
+annotation, which is what people draw a box around: the highlight with its shadow.
 """
 import functools
 from collections.abc import Sequence
@@ -14,9 +15,10 @@ from scipy import ndimage
 from ...imaging.objects import object_bins
 from .frames import Frame, Tile
 
-__all__ = ["HIGHLIGHT", "SHADOW", "Annotation", "annotations", "category", "clipped", "is_invisible"]
+__all__ = ["HIGHLIGHT", "SHADOW", "WHOLE", "Annotation", "annotations", "category", "clipped", "is_invisible"]
 
-HIGHLIGHT, SHADOW = "highlight", "shadow"
+HIGHLIGHT, SHADOW, WHOLE = "highlight", "shadow", "whole"
+ENDINGS = {HIGHLIGHT: "", SHADOW: " shadow", WHOLE: " with shadow"}      # of a category's name, after the class
 AROUND = 2                         # bins
 LIT_SHARE = 0.1                    # of a piece, or of the bins around it, that are not black: it can be seen
 
@@ -28,7 +30,7 @@ class Annotation:
     Attributes
     ----------
     kind : str
-        ``highlight`` or ``shadow``.
+        ``highlight``, ``shadow``, or ``whole`` for both together.
     label : int
         Number of the object in its record.
     name, class_name : str
@@ -42,6 +44,9 @@ class Annotation:
         It touches an edge of what the sonar sees, beyond which it may go on.
     visible : float
         Share of its bins that this picture has; below 1 in tiles only.
+    exposed : float or None
+        Share of the object's facing surface that the sonar could see (`mitsonar.scene.exposure`); None where the image
+        does not say.
     """
 
     kind: str
@@ -54,6 +59,7 @@ class Annotation:
     mask: np.ndarray
     truncated: bool
     visible: float = 1.0
+    exposed: float | None = None
 
     @property
     def bins(self) -> int:
@@ -67,17 +73,22 @@ class Annotation:
 
     @property
     def category(self) -> str:
-        """Name of what it is: the object's class, or that and "shadow"."""
+        """Name of what it is: the object's class, or that and "shadow" or "with shadow"."""
         return category(self.class_name, self.kind)
+
+    @property
+    def shown(self) -> float:
+        """Share of what there is to see that this picture shows: what tiles cut, and of objects what hides them."""
+        return self.visible * (1.0 if self.kind == SHADOW or self.exposed is None else self.exposed)
 
 
 def category(class_name: str, kind: str) -> str:
-    """Name a class's highlights or shadows."""
-    return class_name if kind == HIGHLIGHT else f"{class_name} shadow"
+    """Return the name of a class's highlights, shadows, or both together."""
+    return class_name + ENDINGS[kind]
 
 
 def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: float = 0.5, above_noise_db: float = 0.0,
-                smallest: int = 1) -> list[list[Annotation]]:
+                smallest: int = 1, whole: bool = False) -> list[list[Annotation]]:
     """Find what the objects of a dataset make of its pictures.
 
     Parameters
@@ -89,11 +100,13 @@ def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: floa
         See `mitsonar.imaging.objects.object_bins`.
     smallest : int
         Bins that every piece of an annotation must have; see there.
+    whole : bool
+        Add the highlight and the shadow together as an annotation of their own.
 
     Returns
     -------
     list of list of Annotation
-        For every picture; by label, the highlight first.
+        For every picture; by label, the highlight first, then the shadow.
 
     Raises
     ------
@@ -105,7 +118,9 @@ def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: floa
     near_is_cut = bins.size > 1 and bins[0] > bins[1] - bins[0]
     edge_of = functools.cache(lambda number: frames[number].edge(near_is_cut))
     for seen in object_bins(dataset, threshold=threshold, above_noise_db=above_noise_db, smallest=smallest):
-        for kind, shown in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow)):
+        exposed = dataset.attrs["objects"][str(seen.label)].get("exposed")
+        both = [(WHOLE, seen.highlight | seen.shadow)] if whole else []
+        for kind, shown in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow), *both):
             if not shown.any():
                 continue
             for number, (frame, own) in enumerate(zip(frames, found, strict=True)):
@@ -117,7 +132,7 @@ def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: floa
                     row, column, mask = piece
                     own.append(Annotation(
                         kind=kind, label=seen.label, name=seen.name, class_name=seen.class_name, side=part.name,
-                        row=row, column=part.start + column, mask=mask,
+                        row=row, column=part.start + column, mask=mask, exposed=exposed,
                         truncated=bool((laid & edge_of(number))[:, part.start:part.stop].any())))
     return found
 

@@ -4,29 +4,31 @@ Format: https://cocodataset.org/#format-data. A box is [left, upper, width, heig
 left corner of the first one. Segmentations are polygons, filled again exactly the mask; ``area`` counts its elements.
 Beyond the format an image has ``source``, ``row``, ``column``, ``ping``, ``seabed``, ``window_db`` and ``parameters``,
 one in metres ``cell_x``, ``cell_y``, ``left`` and ``top``, a focused one also its place in the scene (`FocusedFrame`);
-an annotation ``instance``, ``side``, ``truncated`` and ``visible``, a category its ``supercategory``.
+an annotation ``instance``, ``side``, ``truncated``, ``visible`` and ``exposed``, a category its ``supercategory``.
 """
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .annotations import HIGHLIGHT, SHADOW, Annotation, category
+from .annotations import ENDINGS, HIGHLIGHT, SHADOW, WHOLE, Annotation, category
 from .polygons import polygons
 
-__all__ = ["categories", "document", "entry"]
+__all__ = ["categories", "document", "entry", "kind_of"]
 
 
-def categories(classes: Sequence[str]) -> dict[str, int]:
-    """Number the classes of objects and of their shadows.
+def categories(classes: Sequence[str], *, whole: bool = False) -> dict[str, int]:
+    """Number the classes of objects, of their shadows, and on demand of both together.
 
     Parameters
     ----------
     classes : list of str
         Of objects.
+    whole : bool
+        Number objects with their shadows, too.
 
     Returns
     -------
     dict of str, int
-        From 1: the classes in order, then their shadows.
+        From 1: the classes in order, then their shadows, then both together.
 
     Raises
     ------
@@ -36,8 +38,14 @@ def categories(classes: Sequence[str]) -> dict[str, int]:
     odd = [name for name in classes if name.endswith(f" {SHADOW}")]
     if odd:
         raise ValueError(f"the class {odd[0]!r} would be taken for a shadow; give its shapes another id.")
-    names = [category(name, kind) for kind in (HIGHLIGHT, SHADOW) for name in classes]
+    kinds = (HIGHLIGHT, SHADOW, WHOLE) if whole else (HIGHLIGHT, SHADOW)
+    names = [category(name, kind) for kind in kinds for name in classes]
     return {name: number for number, name in enumerate(names, 1)}
+
+
+def kind_of(name: str) -> str:
+    """Return what a category is of: ``highlight``, ``shadow`` or ``whole``."""
+    return next((kind for kind in (WHOLE, SHADOW) if name.endswith(ENDINGS[kind])), HIGHLIGHT)
 
 
 def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, Any]:
@@ -59,12 +67,12 @@ def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str,
     return {"id": number, "image_id": image, "category_id": numbers[annotation.category], "bbox": list(annotation.box),
             "segmentation": [ring.ravel().tolist() for ring in rings], "area": annotation.bins, "iscrowd": 0,
             "instance": annotation.name, "side": annotation.side, "truncated": annotation.truncated,
-            "visible": round(annotation.visible, 4)}
+            "visible": round(annotation.visible, 4),
+            **({} if annotation.exposed is None else {"exposed": annotation.exposed})}
 
 
 def document(images: list[dict[str, Any]], entries: list[dict[str, Any]], numbers: Mapping[str, int],
              info: Mapping[str, Any]) -> dict[str, Any]:
     """Put a file together from its images, their annotations, the categories' numbers and what is said of it all."""
-    known = [{"id": number, "name": name, "supercategory": SHADOW if name.endswith(f" {SHADOW}") else HIGHLIGHT}
-             for name, number in numbers.items()]
+    known = [{"id": number, "name": name, "supercategory": kind_of(name)} for name, number in numbers.items()]
     return {"info": info, "licenses": [], "images": images, "annotations": entries, "categories": known}

@@ -27,6 +27,10 @@ class Labels:
         Of objects, in the order in which they are numbered; None: those of the images, in alphabetical order.
     smallest : int
         Bins that every piece of an annotation must have; see there.
+    min_visible : float
+        Share of an annotation that a picture must show: of what a tile cuts, and of objects what hides or buries them.
+    whole : bool
+        Annotate every object with its shadow, too, as a category of its own.
     tile : (int, int) or None
         Pings and columns of a tile; None: whole pictures.
     overlap : float
@@ -59,6 +63,8 @@ class Labels:
     above_noise_db: float = 0.0
     classes: Sequence[str] | None = None
     smallest: int = 8
+    min_visible: float = 0.0
+    whole: bool = False
     tile: tuple[int, int] | None = None
     overlap: float = 0.0
     drop_empty: bool = False
@@ -85,6 +91,8 @@ class Labels:
             raise ValueError(f"the classes are {', '.join(map(repr, self.classes))}; give each name once.")
         if self.smallest < 1:
             raise ValueError(f"the smallest annotation has {self.smallest} bins; give 1 or more.")
+        if not 0 <= self.min_visible <= 1:
+            raise ValueError(f"the least visible share is {self.min_visible:g}; give a share from 0 to 1.")
         if self.tile is not None and min(self.tile) < 8:
             raise ValueError(f"a tile is {self.tile[0]} pings by {self.tile[1]} bins; give 8 or more of each.")
         if not 0 <= self.overlap <= 0.9:
@@ -107,5 +115,6 @@ class Labels:
         """The rules as JSON, for the files."""
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
+                "min_visible": self.min_visible, "whole": self.whole,
                 "tile": self.tile and list(self.tile), "overlap": self.overlap,
                 "drop_empty": self.drop_empty, "tvg": self.tvg, "form": self.form, "cell": self.cell}

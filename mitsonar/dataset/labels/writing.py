@@ -17,10 +17,10 @@ import numpy as np
 from ...imaging.focused import bin_dims, is_focused
 from ...imaging.objects import check_labelled
 from ...io.files import FilePath, check_writable, full_disk_said
-from ..sources import Source, find_sources
+from ..sources import Source, class_order, find_sources
 from ..split import deal
 from . import coco, yolo
-from .annotations import HIGHLIGHT, SHADOW, annotations, clipped, is_invisible
+from .annotations import HIGHLIGHT, WHOLE, annotations, clipped, is_invisible
 from .frames import frames, tiles
 from .pictures import greys, write_png
 from .rules import Labels
@@ -56,8 +56,8 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     Returns
     -------
     dict of str, int
-        How many ``pictures``, ``highlights`` and ``shadows`` were written, annotations left out as ``invisible``, and
-        pictures without annotations that were left out as ``empty``.
+        How many ``pictures``, ``highlights``, ``shadows`` and ``wholes`` were written, annotations left out as
+        ``invisible``, and pictures without annotations that were left out as ``empty``.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     homes = ["train"] * len(sources)
     if labels.split:
         homes = deal(groups, labels.split, labels.split_seed, labels.split_by or "seabed")
-    numbers = coco.categories(_classes(sources, labels.classes))
+    numbers = coco.categories(_classes(sources, labels.classes), whole=labels.whole)
     with _whole(Path(os.path.realpath(folder))) as made:
         writer = _Writer(made, labels, numbers)
         for done, (source, home) in enumerate(zip(sources, homes, strict=True), 1):
@@ -127,10 +127,10 @@ def groups_of(sources: Sequence[Source], by: str | None = None) -> list[str]:
 
 
 def _classes(sources, wanted):
-    """The classes of objects in the order of their numbers."""
-    found = sorted({name for source in sources for name in source.object_classes})
+    """Return the classes of objects in the order of their numbers."""
     if wanted is None:
-        return found
+        return class_order(sources)
+    found = sorted({name for source in sources for name in source.object_classes})
     lacking = [name for name in found if name not in wanted]
     if lacking:
         raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes given lack; "
@@ -152,7 +152,8 @@ class _Writer:
         self.folder, self.labels, self.numbers = folder, labels, numbers
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
         self.names, self.annotated, self.note = {}, 0, ""
-        self.counts = {"highlights": 0, "shadows": 0, "invisible": 0, "empty": 0}
+        self.counts = {"highlights": 0, "shadows": 0, **({"wholes": 0} if labels.whole else {}), "invisible": 0,
+                       "empty": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
                      *[f"masks/{kind}" for kind in MASKS] * self.labels.masks):
             (self.folder / kind).mkdir(parents=True)
@@ -165,7 +166,7 @@ class _Writer:
         pictures = frames(dataset, source.path, self.labels.form, self.labels.cell)
         shown = greys(dataset, pictures, tvg=self.labels.tvg, window=self.labels.window)
         found = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
-                            above_noise_db=self.labels.above_noise_db)
+                            above_noise_db=self.labels.above_noise_db, whole=self.labels.whole)
         dark = None
         if self.labels.masks and "shadow" in dataset:
             dark = _dark(dataset)
@@ -182,7 +183,8 @@ class _Writer:
             for tile in tiles(frame, self.labels.tile, self.labels.overlap):
                 name = f"{source.name}_{frame.name}" if frame.name else source.name
                 name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
-                inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in seen) if piece]
+                inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in seen)
+                          if piece and piece.shown >= self.labels.min_visible]
                 where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
                          **frame.metres(tile.row, tile.column)}
                 own = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
@@ -214,7 +216,7 @@ class _Writer:
     def _masks(self, name, unheard, found):
         masks = {kind: np.zeros(unheard.shape, np.uint16) for kind in MASKS}
         masks["bed_shadow"][unheard] = 1
-        for each in found:
+        for each in (each for each in found if each.kind != WHOLE):
             if max(each.label, self.numbers[each.category]) > MOST_INSTANCES:
                 raise ValueError(f"{name} has objects numbered up to {each.label}, and masks tell {MOST_INSTANCES} "
                                  "apart; leave the masks out.")
@@ -248,7 +250,7 @@ class _Writer:
                 "groups": groups}
         if self.labels.masks:
             files["masks/classes.json"] = {str(number): name for name, number in self.numbers.items()
-                                           if not name.endswith(f" {SHADOW}")}
+                                           if coco.kind_of(name) == HIGHLIGHT}
         for name, content in files.items():
             (self.folder / name).write_text(json.dumps(content, ensure_ascii=False) + "\n", encoding="utf-8")
         if self.labels.yolo:

@@ -78,5 +78,5 @@ def with_truth(image: xr.Dataset, survey: StripSurvey, seed: int) -> xr.Dataset:
     whole = whole.assign_attrs(labels={str(number): name for number, name in survey.labels.items()})
     classes, class_of = classes_of(survey.labels)
     if "share" in truth:
-        return objects.annotated(whole, classes, class_of, survey.geometry)
-    return whole.assign_attrs(objects.known(classes, class_of, survey.geometry))
+        return objects.annotated(whole, classes, class_of, survey.geometry, survey.track.position)
+    return whole.assign_attrs(objects.known(classes, class_of, survey.geometry, survey.track.position))
