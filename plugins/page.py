@@ -43,7 +43,9 @@ pixels) on shapes with texture coordinates, or a `mesh_attribute`, of which `fac
 faces of a PLY file have, `vertex_mud` that of its vertices.
 
 `mitsonar.load_file` refuses a mesh whose faces name vertices that are not there: Mitsuba's readers would write outside
-memory. `mi.load_file` does not check files, so load scenes that you do not trust by `mitsonar.load_file`.
+memory. It also refuses every plugin that is neither of this page nor of the Mitsuba package, because Mitsuba would run
+the library of that name beside the scene. `mi.load_file` checks neither, so load scenes that you do not trust by
+`mitsonar.load_file`.
 """
 KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": "Rays", "bsdf": "Materials",
          "shape": "Shapes"}

@@ -74,7 +74,7 @@ def root(path: FilePath) -> ElementTree.Element:
         raise ValueError(f"{path}, line {error.position[0]}: the XML is broken: {what}") from None
 
 
-def check(path: str, values: Mapping[str, str]) -> None:
+def check(path: str, values: Mapping[str, str]) -> list[str]:
     """Check all files that are opened while a scene is parsed: itself, what it includes, and spectra.
 
     Parameters
@@ -82,6 +82,11 @@ def check(path: str, values: Mapping[str, str]) -> None:
     path : str
     values : dict of str to str
         Of its parameters.
+
+    Returns
+    -------
+    list of str
+        The folders in which the scene's files are looked for: those of ``<path>``, the last one first, and its own.
 
     Raises
     ------
@@ -106,7 +111,9 @@ def check(path: str, values: Mapping[str, str]) -> None:
             if element.tag == "default":
                 known.setdefault(element.get("name", ""), filled(element.get("value", ""), known))
             elif element.tag == "path":
-                folders.insert(0, os.path.join(os.path.dirname(file), filled(element.get("value", ""), known)))
+                value = filled(element.get("value", ""), known)
+                folders.insert(0, next((found for folder in (os.path.dirname(file), *folders, "")
+                                        if os.path.exists(found := os.path.join(folder, value))), value))
             elif template := element.get("filename"):
                 name = filled(template, known)
                 beside = [os.path.dirname(file)] if element.tag == "include" else []
@@ -118,6 +125,7 @@ def check(path: str, values: Mapping[str, str]) -> None:
                     files.check_readable(found, f"what <{element.tag}> names,")
 
     walk(path)
+    return folders
 
 
 def filled(template: str, values: Mapping[str, str]) -> str:

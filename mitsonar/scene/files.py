@@ -3,7 +3,7 @@
 Mitsuba's readers believe what they read: a mesh whose face names a vertex that is not there is read and written outside
 memory, and as much memory is taken as the header of a picture claims. So the scene is parsed first, by Mitsuba's own
 parser, with parameters filled in and included files followed, and each file that an object names is looked at here,
-before any object is made.
+before any object is made. The plugins that it asks for are compared with those that may run (`libraries`).
 """
 import os
 import re
@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import mitsuba as mi
 
 from ..io import files, meshes, pictures, scenes
+from . import libraries
 
 __all__ = ["check"]
 
@@ -26,7 +27,7 @@ TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
 
 
 def check(path: str, values: Mapping[str, str]) -> None:
-    """Check every file that a scene names.
+    """Check every plugin and every file that a scene names.
 
     Parameters
     ----------
@@ -38,8 +39,9 @@ def check(path: str, values: Mapping[str, str]) -> None:
     Raises
     ------
     ValueError
-        If a file is a folder, a device or a pipe, or is no mesh or picture that Mitsuba can read without harm; names
-        the place in the scene.
+        If a plugin is neither ours nor of the Mitsuba package, or a library lies where Mitsuba would take it for one
+        of these; if a file is a folder, a device or a pipe, or is no mesh or picture that Mitsuba can read without
+        harm. Names the place in the scene.
     RuntimeError
         Of Mitsuba's parser.
 
@@ -47,16 +49,25 @@ def check(path: str, values: Mapping[str, str]) -> None:
     -----
     Files that are not there are left to who opens them.
     """
-    scenes.check(path, values)
+    folders = scenes.check(path, values)
     mitsuba: Any = mi                              # whose declarations know no resolver of files
     former = mitsuba.file_resolver()
     resolver = mitsuba.FileResolver(former)
     resolver.prepend(os.path.dirname(path))
+    if set(TAKEN) & set(values):                   # within an include Mitsuba forgets the folders of <path>
+        for folder in reversed(folders):
+            resolver.prepend(folder)
     mitsuba.set_file_resolver(resolver)
     try:
         state = _parsed(path, values)
     finally:
         mitsuba.set_file_resolver(former)
+    libraries.check_folders(resolver)
+    for node in state.nodes:
+        try:
+            libraries.check_type(node.props.plugin_name())
+        except ValueError as error:
+            raise ValueError(f"{_place_or(state, node, path)}: {error}.") from None
     _check_ways(state, path)
     for index, node in enumerate(state.nodes):
         kind = node.props.plugin_name()
@@ -67,8 +78,7 @@ def check(path: str, values: Mapping[str, str]) -> None:
         try:
             _check_node(node, resolver)
         except (ValueError, OSError) as error:
-            place = _place(state, node) if len(state.files) and state.files[0] != "<string>" else path
-            raise ValueError(f"{place}: {kind}: {str(error).rstrip('.')}.") from None
+            raise ValueError(f"{_place_or(state, node, path)}: {kind}: {str(error).rstrip('.')}.") from None
 
 
 def _parsed(path, values):
@@ -141,6 +151,11 @@ def _name(state, index):
             if node.props.type(name).name == "ResolvedReference" and node.props[name].index() == index:
                 return "" if name.startswith("_arg_") else name
     return ""
+
+
+def _place_or(state, node, path):
+    """Return the place of an object in its file, or the path where Mitsuba has read the scene from a text."""
+    return _place(state, node) if len(state.files) and state.files[0] != "<string>" else path
 
 
 def _place(state, node):

@@ -5,6 +5,7 @@ import functools
 import os
 import threading
 from collections.abc import Mapping
+from typing import Any
 from xml.etree import ElementTree
 
 import mitsuba as mi
@@ -14,6 +15,7 @@ from ..io.files import FilePath, check_readable
 from ..io.scenes import filled, find, root, text
 from ..spelling import meant
 from . import files as scene_files
+from . import libraries
 from .alterations import held
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
@@ -30,6 +32,8 @@ def prepare() -> None:
     ------
     BackendError
         If neither can be used; says what to install.
+    ValueError
+        If a library lies in the current folder that Mitsuba would open as one of its plugins.
     """
     import drjit as dr
 
@@ -45,6 +49,8 @@ def prepare() -> None:
             plugins.register(variant)          # another thread may have set the variant just now
         if dr.thread_count() < 2:
             dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves for ever
+    mitsuba: Any = mi                              # whose declarations know no resolver of files
+    libraries.check_folders(mitsuba.file_resolver())
 
 
 def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
