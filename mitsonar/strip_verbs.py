@@ -12,7 +12,7 @@ import xarray as xr
 from .io import casts
 from .io import raw_echoes as raw_files
 from .io.files import FilePath
-from .io.records import SonarImage
+from .io.records import SonarImage, not_all_nan
 from .scene.errors import as_exception
 from .survey.kinds import KINDS, kind_of
 from .survey.signals import LEAD
@@ -167,7 +167,7 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
         raise ValueError(f"start is ping {start}, and the strip has {survey.track.pings}, counted from 0")
     if count is not None:
         count(survey.track.pings)
-    return (SonarImage.of(one.assign_attrs({**about, **one.attrs, "seed": seed}))
+    return (SonarImage.of(not_all_nan(one).assign_attrs({**about, **one.attrs, "seed": seed}))
             for one in pings_of(survey, sonar.own_seed(seed), start))
 
 

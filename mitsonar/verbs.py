@@ -15,7 +15,7 @@ from .device import llvm
 from .hydrography.record import joined
 from .io import casts
 from .io.files import FilePath
-from .io.records import SonarImage, SonarSignals
+from .io.records import SonarImage, SonarSignals, not_all_nan
 from .propagation.vector_approximation import DIFFERENCES
 from .scene.alterations import altered
 from .scene.errors import as_exception
@@ -80,7 +80,7 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
         image = integrator.picture(survey, sensor, seed, progress, say)
     except RuntimeError as error:
         raise as_exception(error) from error
-    return SonarImage.of(image.assign_attrs(provenance(scene, sensor, survey)))
+    return SonarImage.of(not_all_nan(image).assign_attrs(provenance(scene, sensor, survey)))
 
 
 def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) -> Iterator[SonarImage]:
@@ -111,7 +111,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) 
     except RuntimeError as error:
         raise as_exception(error) from error
     about = provenance(scene, sensor, survey)
-    return (SonarImage.of(image.assign_attrs(about)) for image in images)
+    return (SonarImage.of(not_all_nan(image).assign_attrs(about)) for image in images)
 
 
 def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
@@ -363,7 +363,7 @@ def provenance(scene: mi.Scene, sensor: Any, survey: Survey) -> dict[str, Any]:
 
 def _with_attributes(array, **attributes):
     """Signals that say where they come from."""
-    return SonarSignals.of(array.assign_attrs(attributes))
+    return SonarSignals.of(not_all_nan(array).assign_attrs(attributes))
 
 
 def _check_names(kernel, return_path):

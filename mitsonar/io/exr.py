@@ -33,6 +33,7 @@ from .records import SonarImage
 CONFIG = "mitsonar:config"
 FORMAT = 1
 MOST_UNPACKED = 1100               # times the size of the file; zlib packs zeros to a 1032nd
+LONGEST_NAME = 255                 # bytes of a channel's name
 MOST_TEXT = 50_000_000             # bytes that a variable of text may be padded to
 DAMAGE = (KeyError, TypeError, ValueError, IndexError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 CHANNELS = {"label": "label.id", "class": "class.id"}  # variables whose channel has another name
@@ -232,8 +233,13 @@ def _encode(dataset, layout):
             parts = exr_channels.parts_of(str(name), variable.transpose(*own, *rows, column).values)
             for suffix, values in parts.items():
                 for prefix, pixels in zip(prefixes, values.reshape(len(prefixes), -1, values.shape[-1]), strict=True):
+                    channel = prefix + _channel(name) + suffix
+                    if len(channel.encode()) > LONGEST_NAME:
+                        raise ValueError(f"cannot write the dataset as EXR: the channel {channel[:60]}... would have a "
+                                         f"name of {len(channel.encode())} bytes, and EXR cuts names beyond "
+                                         f"{LONGEST_NAME}; shorten the names or write it as netCDF.")
                     # Contiguous, for the library writes any other array wrong without a word.
-                    channels[prefix + _channel(name) + suffix] = np.ascontiguousarray(pixels)
+                    channels[channel] = np.ascontiguousarray(pixels)
         variables[name] = entry
     coords = {name: {"dims": list(coord.dims), "dtype": coord.dtype.str, "attrs": _strict(coord.attrs, name),
                      "values": _values(name, coord.values)} for name, coord in dataset.coords.items()}

@@ -7,7 +7,7 @@ import xarray as xr
 
 from . import exr, hdf5, netcdf
 from .files import FilePath, check_readable
-from .records import SonarImage, SonarSignals
+from .records import SonarImage, SonarSignals, not_all_nan
 
 __all__ = ["is_netcdf", "read", "write"]
 
@@ -51,9 +51,9 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     with open(path, "rb") as stream:
         head = stream.read(HEAD)
     if head.startswith(b"\x76\x2f\x31\x01"):
-        return exr.read(path)
+        return _recorded(exr.read(path), path)
     if head.startswith(HDF):
-        return netcdf.read(path)
+        return _recorded(netcdf.read(path), path)
     if head.startswith(b"\x89PNG"):
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
@@ -122,6 +122,14 @@ def _write_image(record, path, suffix):
     else:
         raise ValueError(f"cannot write {path}: GeoTIFF takes focused images of a synthetic aperture; `mitsonar "
                          "mosaic` makes maps of sidescans, `mitsonar grid` of soundings.")
+
+
+def _recorded(record, path):
+    """A record that was read, unless it holds nothing."""
+    try:
+        return not_all_nan(record)
+    except ValueError as error:
+        raise ValueError(f"cannot read {path}: {error}.") from None
 
 
 def _zarr(path):

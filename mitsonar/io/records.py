@@ -7,7 +7,7 @@ mitsonar; `mitsonar.read` gives what was written, bit for bit.
 Zarr holds all of it by itself.
 """
 import json
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -16,10 +16,12 @@ from ..sonar.pulses import Pulse, pulse_of
 from . import complex_parts
 from .files import FilePath
 
-__all__ = ["SonarImage", "SonarSignals", "decoded", "encoded", "plain_value"]
+__all__ = ["SonarImage", "SonarSignals", "decoded", "encoded", "not_all_nan", "plain_value"]
 
 JSON = "json:"                     # marks an attribute that was no plain value
 ENGINE = "h5netcdf"
+RECORDED = ("level", "signal")     # variables of a dataset that hold what the sonar recorded
+Record = TypeVar("Record", bound=xr.Dataset | xr.DataArray)
 
 
 class SonarImage(xr.Dataset):
@@ -63,6 +65,21 @@ class SonarSignals(xr.DataArray):
     def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
         """Write to netCDF-4 as `encoded` says; arguments are those of `xarray.DataArray.to_netcdf`."""
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
+
+
+def not_all_nan(record: Record) -> Record:
+    """Return a record, or refuse it where its levels or samples are all NaN.
+
+    Raises
+    ------
+    ValueError
+    """
+    arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
+    for array in arrays:
+        if array.size and array.dtype.kind in "fc" and np.isnan(array.values).all():
+            raise ValueError(f"every value of {array.name or 'the signals'} is NaN, so the record holds nothing; check "
+                             "the largest and smallest numbers of the scene")
+    return record
 
 
 def encoded(record: xr.Dataset | xr.DataArray, *, whole: bool = False) -> xr.Dataset:

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import mitsuba as mi
 
 from ..io import files, meshes, pictures, scenes
-from . import libraries
+from . import labels, libraries
 
 __all__ = ["check"]
 
@@ -41,7 +41,7 @@ def check(path: str, values: Mapping[str, str]) -> None:
     ValueError
         If a plugin is neither ours nor of the Mitsuba package, or a library lies where Mitsuba would take it for one
         of these; if a file is a folder, a device or a pipe, or is no mesh or picture that Mitsuba can read without
-        harm. Names the place in the scene.
+        harm; if a shape's id is too long for an image. Names the place in the scene.
     RuntimeError
         Of Mitsuba's parser.
 
@@ -95,6 +95,8 @@ def _parsed(path, values):
 
 def _check_node(node, resolver):
     props, kind = node.props, node.props.plugin_name()
+    if node.type == mi.ObjectType.Shape:
+        labels.check_name(props.id())
     # Mitsuba takes a ball of radius -1 for one that is turned inside out
     if "radius" in props and props.type("radius").name in ("Float", "Integer") and props["radius"] < 0:
         raise ValueError(f"radius is {props['radius']:g}; expected a number [m] above 0")

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 
-__all__ = ["ShapeLabels"]
+__all__ = ["ShapeLabels", "check_name"]
 
 SEABED, OBJECT = 1, 2              # kinds, as `ShapeLabels.label_kinds` gives them
+LONGEST = 200                      # bytes of a name; channels of an EXR file, which hold it, have names of up to 255
 SEABED_CLASSES = ("seabed", "bed", "bottom", "seafloor")
 
 
@@ -48,6 +49,8 @@ class ShapeLabels:
 
     def __init__(self, shapes: "Sequence[mi.Shape]"):
         names = sorted({name for shape in shapes for name in _names(shape)})
+        for name in names:
+            check_name(name)
         self.names = dict(enumerate(names, 1))
         self._number = {name: number for number, name in self.names.items()}
         self.classes, self.class_of = classes_of(self.names)
@@ -80,6 +83,18 @@ class ShapeLabels:
         kinds = np.zeros(len(self.names) + 1, np.uint32)
         kinds[list(self.seabed)], kinds[list(self.objects)] = 1, 2
         return kinds
+
+
+def check_name(name: str) -> None:
+    """Refuse the name of an instance that is too long for the channels of an image.
+
+    Raises
+    ------
+    ValueError
+    """
+    if (length := len(name.encode(errors="surrogatepass"))) > LONGEST:
+        raise ValueError(f'the id "{name[:40]}..." has {length} bytes; give at most {LONGEST}, because images have '
+                         "channels of that name")
 
 
 def class_name(name: str) -> str:

@@ -6,7 +6,9 @@ from numpy.typing import ArrayLike
 
 from .element_patterns import BAFFLES, PATTERNS
 
-__all__ = ["as_numbers", "check_face", "checked_speed", "positions_of", "refuse", "vector_of"]
+__all__ = ["FARTHEST", "as_numbers", "check_face", "checked_speed", "positions_of", "refuse", "vector_of"]
+
+FARTHEST = 10_000                  # [m] from an array's centre; more than any towed array is long
 
 
 def positions_of(values: ArrayLike) -> np.ndarray:
@@ -18,6 +20,7 @@ def positions_of(values: ArrayLike) -> np.ndarray:
     if len(position) == 0:
         raise ValueError("array: it has no elements; give at least one position.")
     refuse(~np.isfinite(position).all(axis=1), "position", position, "give finite numbers")
+    refuse(np.abs(position).max(axis=1) > FARTHEST, "position", position, f"give places within {FARTHEST} m")
     return position
 
 
@@ -27,8 +30,8 @@ def check_face(length: float, height: float, pattern: str, baffle: str) -> None:
         if given not in known:
             raise ValueError(f'array: {name} is "{given}"; give one of {", ".join(known)}.')
     for name, size in (("length", length), ("height", height)):
-        if not (np.isfinite(size) and size >= 0):
-            raise ValueError(f"array: element {name} is {size} m; give a finite size of at least 0.")
+        if not 0 <= size <= FARTHEST:
+            raise ValueError(f"array: element {name} is {size} m; give a size from 0 to {FARTHEST} m.")
     if pattern == "omni" and (length or height):
         raise ValueError(f"array: elements are omni, but their length is {length} m and their height "
                          f"{height} m; leave the sizes out or make the pattern rectangular or circular.")

@@ -19,6 +19,7 @@ one of them or three numbers "forward, starboard, down". The kinds of arrays are
     <float name="receive_pitch" value="0.0075"/>
     <string name="receive_shading" value="chebwin 30"/>
 """
+from mitsonar.sonar.array_checks import FARTHEST
 from mitsonar.sonar.element_patterns import BAFFLES, PATTERNS
 
 from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
@@ -36,11 +37,11 @@ ARRAYS = Group(title="Arrays", module="sensors.array_attributes", prefixes=("tra
             text="of a line, of each row or ring, of a sphere"),
     Integer("_rows", default=1, minimum=1, maximum=MOST_ELEMENTS, only=("", ("planar", "cylindrical")),
             text="of planes, or rings of cylinders"),
-    Number("_pitch", default=None, above=0, unit="m", otherwise="half a wavelength",
+    Number("_pitch", default=None, above=0, maximum=FARTHEST, unit="m", otherwise="half a wavelength",
            only=("", WITH_ELEMENTS), text="between elements"),
-    Number("_row_pitch", default=None, above=0, unit="m", otherwise="the pitch",
+    Number("_row_pitch", default=None, above=0, maximum=FARTHEST, unit="m", otherwise="the pitch",
            only=("", ("planar", "cylindrical")), text="between rows"),
-    Number("_radius", default=None, above=0, unit="m", only=("", ("cylindrical", "spherical")),
+    Number("_radius", default=None, above=0, maximum=FARTHEST, unit="m", only=("", ("cylindrical", "spherical")),
            text="in place of the pitch"),
     Angle("_aperture_deg", default=360.0, above=0, maximum=360, only=("", ("cylindrical", "spherical")),
           text="of cylinders that are arcs, of spheres that are caps"),
@@ -52,21 +53,21 @@ ARRAYS = Group(title="Arrays", module="sensors.array_attributes", prefixes=("tra
          text='where elements look: `forward`, `aft`, `starboard`, `port`, `down`, `up` or "1, 0, 0.2"'),
     Point("_offset", default=None, otherwise="0", text="of the array's centre from where the track leads: forward, "
                                                        "starboard, down"),
-    Number("_element_length", default=0.0, minimum=0, unit="m", text="of a face along the array"),
-    Number("_element_height", default=0.0, minimum=0, unit="m", text="across"),
+    Number("_element_length", default=0.0, minimum=0, maximum=FARTHEST, unit="m", text="of a face along the array"),
+    Number("_element_height", default=0.0, minimum=0, maximum=FARTHEST, unit="m", text="across"),
     Choice("_pattern", default=None, choices=tuple(PATTERNS), otherwise="`rectangular` where a size is written",
            text="of each element; of `circular` ones the length is the diameter"),
     Choice("_baffle", default="none", choices=tuple(BAFFLES), text="behind each element"),
     Text("_shading", default=None, text='window over the elements, such as "chebwin 30"; of rows two, "taylor, hann": '
                                         "along the axis and across the rows"),
     Numbers("_failed", default=None, text="numbers of dead elements, from 0"),
-    Number("_jitter", default=None, minimum=0, unit="m", otherwise="0",
+    Number("_jitter", default=None, minimum=0, maximum=1000, unit="m", otherwise="0",
            text="rms error of every coordinate of the elements, unknown to steering"),
     Integer("_jitter_seed", default=None, minimum=0, otherwise="one each", text="other numbers, other errors"),
     Numbers("_steer_deg", default=None, count=2, unit="degrees",
             text='"azimuth, depression" from the bow to starboard and below the horizontal'),
-    Number("_focus", default=None, above=0, unit="m", text="distance of a focus in that direction; along the normal "
-                                                           "where none is written"),
+    Number("_focus", default=None, above=0, maximum=10**9, unit="m",
+           text="distance of a focus in that direction; along the normal where none is written"),
 ))
 
 PICTURE = Choice("picture", default=None, choices=("beams", "elements"), otherwise="beams where that can be done",

@@ -121,6 +121,7 @@ def test_mitsuba_reads_the_picture(tmp_path):
     (lambda d: d.drop_vars(["level", "mean_level", "depth"]), "none of its variables"),
     (lambda d: d.isel(ping=[]), "at least one row"),
     (lambda d: d.assign_attrs(a={"b": [object()]}), r"the dataset\.a\.b\[0\] as EXR: it is a object"),
+    (lambda d: d.rename(depth="ф" * 130), "would have a name of 2.. bytes, and EXR cuts names beyond 255"),
     (lambda d: d.assign_attrs(a={1: 2}), "key 1 is not text"),
     (lambda d: d.assign(odd=("ping", np.array([None] * 3))), "odd as EXR: its type is object"),
 ])

@@ -57,6 +57,17 @@ def test_an_image_of_every_kind_of_attribute(tmp_path):
     assert image.isel(ping=slice(2)).to_netcdf().tobytes()[:4] == b"\x89HDF"        # parts of it, and without a name
 
 
+@pytest.mark.parametrize("name", ["a.nc", "a.exr"])
+def test_a_record_of_nothing_but_nan_is_refused(tmp_path, name):
+    image = sidescan(4, 6)
+    mitsonar.write(image, tmp_path / name)
+    assert mitsonar.read(tmp_path / name).level.notnull().any()
+    image["level"][...] = np.nan
+    mitsonar.write(image, tmp_path / name)
+    with pytest.raises(ValueError, match=f"{name}: every value of level is NaN, so the record holds nothing"):
+        mitsonar.read(tmp_path / name)
+
+
 def test_rooms_of_files_need_no_import_of_their_own():
     text = ("import mitsonar; print(mitsonar.io.exr.read.__name__, mitsonar.io.signals.write.__name__, "
             "sorted(set(dir(mitsonar.io)) & {'casts', 'exr', 'netcdf', 'signals', 'tracks'}))")

@@ -79,6 +79,19 @@ def test_included_files_are_looked_into(load, tmp_path):
         load('<path value="sub"/>' + SHAPE.format("deep.ply"))
 
 
+@pytest.mark.parametrize("name", ["i" * 201, "ж" * 101])
+def test_ids_that_no_image_has_room_for_are_refused(load, name):
+    with pytest.raises(ValueError, match="scene.xml, line 10: ply: the id .* has 20[12] bytes; give at most 200"):
+        load(SHAPE.replace("ply", f'ply" id="{name}', 1).replace(' id="body"', "").format("sound.ply"))
+
+
+def test_the_longest_id_is_written_and_read(load, tmp_path):
+    name = "ж" * 100
+    image = mitsonar.render(load(SHAPE.replace("body", name).format("sound.ply")))
+    mitsonar.write(image, tmp_path / "a.exr")
+    assert mitsonar.read(tmp_path / "a.exr").identical(image) and name in image.attrs["labels"].values()
+
+
 @pytest.mark.parametrize("kind", ["ellipsoids", "ellipsoidsmesh"])
 def test_files_that_nobody_checks_are_refused(load, kind):
     with pytest.raises(ValueError, match=f"{kind} cannot be used here"):
