@@ -10,8 +10,8 @@ from __future__ import annotations
 import xarray as xr
 
 from .files import FilePath, replacing
-from .netcdf import full_disk_told, packing
-from .records import ENGINE, encoded
+from .netcdf import full_disk_told, packing, store
+from .records import encoded
 
 __all__ = ["SUFFIXES", "write"]
 
@@ -36,4 +36,4 @@ def write(record: xr.Dataset, path: FilePath) -> None:
     dataset = encoded(record, whole=True)
     encoding = packing(dataset)
     with replacing(path) as temporary, full_disk_told():
-        dataset.to_netcdf(temporary, engine=ENGINE, encoding=encoding)
+        store(dataset, temporary, encoding=encoding)

@@ -4,8 +4,11 @@ import errno
 import gc
 import json
 import os
+import shutil
 import sys
+import traceback
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import xarray as xr
@@ -13,12 +16,15 @@ import xarray as xr
 from .complex_parts import OF
 from .files import FilePath, check_readable, replacing
 from .records import ENGINE, SonarImage, SonarSignals, decoded, encoded
+from .self_contained import DataElsewhere, check_hdf5
 
-__all__ = ["BESIDE", "WRITTEN", "full_disk_told", "opened", "packing", "read", "write"]
+__all__ = ["BESIDE", "WRITTEN", "damage_told", "dataset_in", "full_disk_told", "has_room", "opened", "packing", "read",
+           "store", "write"]
 
 WRITTEN = "pings_written"          # variable of a file that is written ping by ping: how many are whole
 MOST_UNPACKED = 1100               # times the size of a file; zlib packs zeros to a 1032nd
 ALWAYS = 100_000_000               # bytes that any file may claim
+LISTS = 250_000                    # bytes that HDF5 may write beside the numbers: names, attributes, indices
 BESIDE = "attributes_beside"       # lists attributes of a file that are not the record's, but of a convention
 
 
@@ -39,7 +45,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     """
     dataset = encoded(record)
     with replacing(path) as temporary, full_disk_told():
-        dataset.to_netcdf(temporary, engine=ENGINE, encoding=packing(dataset))
+        store(dataset, temporary, encoding=packing(dataset))
 
 
 def packing(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
@@ -71,6 +77,51 @@ def full_disk_told() -> Iterator[None]:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
 
 
+def store(dataset: xr.Dataset, path: Path, **options: Any) -> None:
+    """Write a dataset as it is to a netCDF-4 file.
+
+    The process can crash after the disk has filled up under the HDF5 library. Where little room is left, the file is
+    therefore made in memory first, to learn its size.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    path : pathlib.Path
+    options
+        Of `xarray.Dataset.to_netcdf`.
+
+    Raises
+    ------
+    OSError
+        If the disk has no room for the file.
+    """
+    options["engine"] = ENGINE
+    if not has_room(path, 2 * dataset.nbytes) and not has_room(path, len(dataset.to_netcdf(**options))):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    dataset.to_netcdf(path, **options)
+
+
+def has_room(path: Path, size: int) -> bool:
+    """Return True if the disk has room for so many more bytes of a file, and for the lists that HDF5 keeps of them."""
+    return shutil.disk_usage(path.parent).free > size + LISTS
+
+
+@contextlib.contextmanager
+def _leftovers_hushed() -> Iterator[None]:
+    """Destroy objects that HDF5's wrappers leave half made where they fail, without their reports on the terminal."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        yield
+    except Exception as error:
+        while error is not None:                       # the frames of an exception keep such objects alive
+            traceback.clear_frames(error.__traceback__)
+            error = error.__context__
+        gc.collect()
+        raise
+    finally:
+        sys.unraisablehook = hook
+
+
 def read(path: FilePath) -> SonarImage | SonarSignals:
     """Read what `write`, or the ``to_netcdf`` of a record, wrote.
 
@@ -86,15 +137,12 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
         If it is no netCDF-4 file, or holds half of something.
     """
     check_readable(path, "the record", "a netCDF file")
-    with _dataset(path) as dataset:
+    with dataset_in(path) as dataset:
         lie = _lie(dataset, path) or _no_text(dataset, path)
-        try:
-            if not lie:
-                dataset.load()
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
-            raise _unreadable(error, path) from None
-    if lie:
-        raise ValueError(lie)
+        if lie:
+            raise ValueError(lie)
+        with damage_told(path):
+            dataset.load()
     return _decoded(_whole(dataset, path), path)
 
 
@@ -116,8 +164,7 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage |
         If it is no netCDF-4 file, or damaged where it is read.
     """
     check_readable(path, "the record", "a netCDF file")
-    dataset = _dataset(path)
-    with dataset:
+    with dataset_in(path) as dataset:
         lie = _lie(dataset, path) or _no_text(dataset, path)
         if lie:
             raise ValueError(lie)
@@ -130,18 +177,36 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage |
             raise _unreadable(error, path) from None
 
 
-def _dataset(path: FilePath) -> xr.Dataset:
-    """Open a file; what the library leaves half made where it cannot is not told on the terminal."""
-    told, sys.unraisablehook = sys.unraisablehook, lambda _: None
-    try:
+def dataset_in(path: FilePath) -> xr.Dataset:
+    """Open a netCDF-4 file that holds all of its own data; its numbers are read where they are used.
+
+    Parameters
+    ----------
+    path : str or path
+        Of an ordinary file, see `files.check_readable`.
+
+    Raises
+    ------
+    ValueError
+        If it refers to other files, is damaged, or is no netCDF-4 file.
+    """
+    with damage_told(path):
+        check_hdf5(path)
+        return xr.open_dataset(path, engine=ENGINE)
+
+
+@contextlib.contextmanager
+def damage_told(path: FilePath) -> Iterator[None]:
+    """Raise `ValueError` for whatever the libraries raise within the block: a damaged file can lead them anywhere."""
+    with _leftovers_hushed():
         try:
-            return xr.open_dataset(path, engine=ENGINE)
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
-            refused = _unreadable(error, path)
-        gc.collect()
-    finally:
-        sys.unraisablehook = told
-    raise refused
+            yield
+        except MemoryError:
+            raise
+        except DataElsewhere as error:
+            raise ValueError(f"cannot read {path}: {error}") from None
+        except Exception as error:
+            raise _unreadable(error, path) from None
 
 
 def _no_text(dataset: xr.Dataset, path: FilePath) -> str:
@@ -155,10 +220,11 @@ def _no_text(dataset: xr.Dataset, path: FilePath) -> str:
 
 
 def _unreadable(error: Exception, path: FilePath) -> ValueError:
-    """What is to be said of a file that HDF5 does not open or read."""
+    """Return the error for a file that HDF5 does not open or read."""
     if getattr(error, "errno", None) == errno.EAGAIN:
         return ValueError(f"{path} is being written by another program; wait for it, or give another name.")
-    return ValueError(f"{path} is no netCDF-4 file that can be read ({error}).")
+    said = " ".join(str(error).split()) or type(error).__name__
+    return ValueError(f"{path} is no netCDF-4 file that can be read ({said}).")
 
 
 def _lie(dataset: xr.Dataset, path: FilePath) -> str:

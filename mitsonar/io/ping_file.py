@@ -20,6 +20,7 @@ import xarray as xr
 from .files import FULL, replacing
 from .netcdf import BESIDE, WRITTEN, packing
 from .records import ENGINE, plain_value
+from .self_contained import DataElsewhere, check_hdf5
 
 __all__ = ["PingFile", "lay_out", "part_of"]
 
@@ -96,7 +97,10 @@ class PingFile:
 
         self.path, self.count = path, count
         try:
+            check_hdf5(path)
             self.file = h5py.File(path, "r+")
+        except DataElsewhere as error:
+            raise ValueError(f"cannot go on with {path}: {error}") from None
         except BlockingIOError:
             raise ValueError(f"{path} is being written by another program; wait for it, or give another name."
                              ) from None

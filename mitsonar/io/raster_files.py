@@ -20,6 +20,7 @@ import numpy as np
 from . import ascii_grid, soundings
 from .files import FilePath
 from .rasters import MOST_NODES, source_crs
+from .self_contained import DataElsewhere, check_hdf5
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS
@@ -111,11 +112,7 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
 @contextlib.contextmanager
 def _hushed(path):
     """Keep the HDF5 library from printing its stack of errors: GDAL turns them into one exception all the same."""
-    is_hdf5 = False
-    if os.path.isfile(path):
-        with open(path, "rb") as file:
-            is_hdf5 = file.read(8) == _HDF5
-    if not is_hdf5:
+    if not _is_hdf5(path):
         yield
         return
     with _stderr:
@@ -133,6 +130,8 @@ def _by_gdal(path, variable):
     import rasterio
 
     _check_companions(path)
+    if _is_hdf5(path):
+        _check_hdf5(path)
     raster = _open(path)
     if raster.tags(ns="OVERVIEWS"):
         raster.close()
@@ -160,6 +159,28 @@ def _by_gdal(path, variable):
     name = f'netcdf:"{path}":{variable}' if variable else path
     # Axes called other than the conventions have it, or without their attributes, are axes all the same.
     return rasterio.open(name, driver="netCDF", IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
+
+
+def _is_hdf5(path):
+    """Return True if a file is HDF5: that may begin at 0, 512, 1024, 2048, ... bytes, after other bytes."""
+    with open(path, "rb") as file:
+        size, place = file.seek(0, os.SEEK_END), 0
+        while place < size:
+            file.seek(place)
+            if file.read(len(_HDF5)) == _HDF5:
+                return True
+            place = max(512, 2 * place)
+    return False
+
+
+def _check_hdf5(path):
+    """Refuse HDF5 that refers to other files, which GDAL's drivers for BAG and netCDF would follow."""
+    try:
+        check_hdf5(path)
+    except DataElsewhere:
+        raise
+    except Exception as error:                         # of many kinds, by where the file is damaged
+        raise ValueError(f"the HDF5 file is damaged ({' '.join(str(error).split())}).") from None
 
 
 def _open(path, **options):

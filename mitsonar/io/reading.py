@@ -8,6 +8,7 @@ import xarray as xr
 from . import exr, hdf5, netcdf
 from .files import FilePath, check_readable
 from .records import SonarImage, SonarSignals, not_all_nan
+from .self_contained import DataElsewhere, check_store
 
 __all__ = ["is_netcdf", "read", "write"]
 
@@ -136,10 +137,18 @@ def _zarr(path):
     if not any(os.path.exists(os.path.join(path, name)) for name in ZARR):
         raise ValueError(f"cannot read {path}: it is a folder, and not one of Zarr; give a file inside it.")
     try:
+        check_store(path)
         with xr.open_zarr(path) as dataset:
             dataset.load()
     except ImportError:
         raise ValueError(f"cannot read {path}: Zarr is not installed; pip install zarr.") from None
+    except MemoryError:
+        raise
+    except DataElsewhere as error:
+        raise ValueError(f"cannot read {path}: {error}") from None
+    except Exception as error:                         # of many kinds, by where the store is damaged
+        raise ValueError(f"cannot read {path}: this Zarr store is damaged, or of a kind that is not read "
+                         f"({' '.join(str(error).split())}).") from None
     variables = list(dataset.data_vars.values())
     if len(variables) == 1 and variables[0].dtype.kind == "c":
         return SonarSignals.of(variables[0])

@@ -15,7 +15,7 @@ import xarray as xr
 
 from ..scattering.scattering_functions import AXES, ScatteringTable
 from .files import FilePath, check_readable
-from .records import ENGINE
+from .netcdf import damage_told, dataset_in
 from .tables import floats, records
 
 __all__ = ["read"]
@@ -81,27 +81,33 @@ def _from_csv(path: FilePath) -> ScatteringTable:
 
 
 def _from_netcdf(path: FilePath) -> ScatteringTable:
-    try:
-        with xr.open_dataset(path, engine=ENGINE) as dataset:
-            wanted = [name for name in VALUES if name in dataset.data_vars]
-            if not wanted or any(dataset[name].size > MOST_VALUES for name in wanted):
-                raise ValueError("it holds none of its variables" if not wanted else f"{MOST_VALUES} values are the "
-                                 "most")
-            axes = [str(name) for name in dataset[wanted[0]].dims if name != FREQUENCY] + [FREQUENCY]
-            odd = [name for name in axes if name not in (*ANGLES, FREQUENCY) or name not in dataset.coords]
-            if odd or any(set(map(str, dataset[name].dims)) != set(axes) for name in wanted):
-                raise ValueError(f"its dimensions are {', '.join(map(str, dataset[wanted[0]].dims))}, each to have "
-                                 "coordinates and all variables the same")
+    with dataset_in(path) as dataset:
+        wanted = [name for name in VALUES if name in dataset.data_vars]
+        axes = [str(name) for name in dataset[wanted[0]].dims if name != FREQUENCY] + [FREQUENCY] if wanted else []
+        if wrong := _wrong(dataset, wanted, axes):
+            raise ValueError(f"cannot read the scattering function {path}: {wrong}; dimensions and variables are "
+                             f"{', '.join(_known())}.")
+        with damage_told(path):
             nodes = {name: np.asarray(dataset[name].values, float) for name in axes}
             column = {name: np.asarray(dataset[name].transpose(*axes).values, float) for name in wanted}
-    except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
-        said = " ".join(str(error).split())[:200]
-        raise ValueError(f"cannot read the scattering function {path} ({said}); dimensions and variables are "
-                         f"{', '.join(_known())}.") from None
     for name, values in [*nodes.items(), *column.items()]:
         if not np.isfinite(values).all():
             raise ValueError(f"the scattering function {path} has values of {name} that are not finite; mend them.")
     return _table(path, nodes, _form(path, column))
+
+
+def _wrong(dataset: xr.Dataset, wanted: list[str], axes: list[str]) -> str:
+    """Return what is wrong with the variables and dimensions of a scattering function; an empty text if nothing is."""
+    if not wanted:
+        return "it holds none of its variables"
+    if any(dataset[name].size > MOST_VALUES for name in (*wanted, *dataset.coords)):
+        return f"it holds more than {MOST_VALUES} values"
+    odd = [name for name in axes if name not in (*ANGLES, FREQUENCY) or name not in dataset.coords]
+    if odd or any(set(map(str, dataset[name].dims)) != set(axes) for name in wanted):
+        return (f"its dimensions are {', '.join(map(str, dataset[wanted[0]].dims))}, each to have coordinates and all "
+                "variables the same")
+    words = [name for name in (*axes, *wanted) if dataset[name].dtype.kind not in "fiu"]
+    return f"{words[0]} holds {dataset[words[0]].dtype}, not numbers" if words else ""
 
 
 def _known() -> tuple[str, ...]:

@@ -378,8 +378,8 @@ HEADER = "ncols {}\nnrows {}\nxllcorner 0\nyllcorner 0\ncellsize 100\n"
 
 @pytest.mark.parametrize("prepare, options, said", [
     (cut_tif, {}, "GDAL can read"),
-    (cut_bag, {}, "GDAL can read"),
-    (cut_netcdf, {}, "GDAL can read"),
+    (cut_bag, {}, "the HDF5 file is damaged"),
+    (cut_netcdf, {}, "the HDF5 file is damaged"),
     (cut_classic_netcdf, {}, "the netCDF file is cut off or broken"),
     (placed_nowhere, {"resolution": 1.0}, "on a line or nowhere|no georeference"),
     (huge_tif, {}, "1000000 x 1000000 nodes are more than 2e"),

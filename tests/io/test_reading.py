@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from synthetic_sidescan import sidescan
 
 import mitsonar
@@ -75,3 +76,15 @@ def test_rooms_of_files_need_no_import_of_their_own():
     assert said == "read write ['casts', 'exr', 'netcdf', 'signals', 'tracks']\n"
     with pytest.raises(AttributeError, match="'mitsonar.io' has no attribute 'exrr'; it has .*exr"):
         _ = mitsonar.io.exrr
+
+
+@pytest.mark.parametrize("error", [AttributeError("'NoneType' has no attribute 'split'"), IndexError(), TypeError("no")])
+def test_whatever_the_libraries_raise_of_a_damaged_file_is_a_sentence(tmp_path, monkeypatch, error):
+    mitsonar.write(sidescan(2, 3), tmp_path / "a.nc")
+
+    def damaged(*arguments, **options):
+        raise error
+
+    monkeypatch.setattr(xr, "open_dataset", damaged)
+    with pytest.raises(ValueError, match=f"a.nc is no netCDF-4 file that can be read .{str(error) or 'IndexError'}.[.]"):
+        mitsonar.read(tmp_path / "a.nc")

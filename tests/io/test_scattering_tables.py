@@ -1,4 +1,7 @@
 """Scattering functions in files: read as written, refused in one sentence."""
+import gc
+import sys
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -69,9 +72,26 @@ def test_damaged_and_odd_netcdf_files_are_refused(tmp_path):
         other.to_netcdf(odd, engine="h5netcdf")
         with pytest.raises(ValueError, match="scattering function"):
             read(odd)
-    with pytest.raises(ValueError, match="cannot read the scattering function"):
+    with pytest.raises(ValueError, match="cut.nc is no netCDF-4 file that can be read"):
         read(cut)
     with pytest.raises(FileNotFoundError):
         read(tmp_path / "none.csv")
     with pytest.raises(ValueError, match="folder"):
         read(tmp_path)
+
+
+def test_nothing_is_said_beside_the_sentence_of_a_damaged_file(tmp_path, monkeypatch):
+    """Where four bytes of the superblock or the root group are damaged, the library leaves half an object."""
+    said = []
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    dataset().to_netcdf(tmp_path / "whole.nc", engine="h5netcdf")
+    whole, refused = (tmp_path / "whole.nc").read_bytes(), 0
+    for place in (40, 100, 222, 260, 300, 500):
+        (tmp_path / "a.nc").write_bytes(whole[:place] + bytes([246, 164, 231, 36]) + whole[place + 4:])
+        try:
+            read(tmp_path / "a.nc")
+        except ValueError as error:
+            assert "\n" not in str(error)
+            refused += 1
+    gc.collect()
+    assert refused and not said

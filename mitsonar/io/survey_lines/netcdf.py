@@ -5,7 +5,10 @@ names or in other units stands in its groups, see `sonar_netcdf4`. Pings are app
 """
 from __future__ import annotations
 
+import errno
 import json
+import os
+from pathlib import Path
 
 import h5netcdf
 import h5py
@@ -13,8 +16,8 @@ import numpy as np
 import xarray as xr
 
 from ..files import FilePath, replacing
-from ..netcdf import BESIDE, full_disk_told, packing
-from ..records import ENGINE, encoded
+from ..netcdf import BESIDE, full_disk_told, has_room, packing, store
+from ..records import encoded
 from .lines import Blocks, Place, Written, line_of
 from .passage import passage_of
 from .sonar_netcdf4 import BACKSCATTER, add_groups, root_attributes
@@ -39,11 +42,13 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         record = encoded(first)
         beside = {name: value for name, value in root_attributes(line).items() if name not in record.attrs}
         record.attrs = record.attrs | beside | {BESIDE: json.dumps(list(beside))}
-        record.to_netcdf(temporary, engine=ENGINE, unlimited_dims=("ping",), encoding=_encoding(record))
+        store(record, temporary, unlimited_dims=("ping",), encoding=_encoding(record))
+        _check_room(temporary, 0)
         with h5py.File(temporary, "a", rdcc_nbytes=2 * CHUNK_BYTES) as file:
             growing = {str(name): file[_SHADOWED + str(name) if _SHADOWED + str(name) in file else str(name)]
                        for name, variable in first.variables.items() if variable.dims[:1] == ("ping",)}
             for block in some:
+                _check_room(temporary, block.nbytes)
                 number, found = number + _append(growing, block, number), found + int(block["valid"].sum())
             _settle(file, number)
         with h5netcdf.File(temporary, "a") as file:
@@ -52,6 +57,12 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
             with h5py.File(temporary, "a") as file:    # a second name of the same data, not a copy
                 file[BACKSCATTER] = file["column_level_db"]
     return Written(pings=number, soundings=found, words=(line.placed,) if line.placed else ())
+
+
+def _check_room(path: Path, size: int) -> None:
+    """Raise the error of a full disk before HDF5 meets one: it can end the process."""
+    if not has_room(path, size):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _encoding(record: xr.Dataset) -> dict[str, dict[str, bool | int | tuple[int, ...]]]:
