@@ -28,7 +28,7 @@ import xarray as xr
 
 from . import exr_channels
 from .files import FilePath, check_readable, replacing
-from .records import SonarImage
+from .records import SonarImage, check_numbers
 
 CONFIG = "mitsonar:config"
 FORMAT = 1
@@ -120,10 +120,12 @@ def read(path: FilePath) -> SonarImage:
     except RuntimeError as error:
         raise ValueError(f"cannot read {path}: its pixels are cut short or damaged; write it again.") from error
     try:
-        return _decode(config, pixels)
+        image = _decode(config, pixels)
     except DAMAGE as error:
         raise ValueError(f"cannot read {path}: its attribute {CONFIG} is damaged, or belongs to other pixels; write it "
                          "again.") from error
+    check_numbers(image, path)
+    return image
 
 
 def _decode(config, channels):

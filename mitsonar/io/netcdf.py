@@ -15,7 +15,7 @@ import xarray as xr
 
 from .complex_parts import OF
 from .files import FilePath, check_readable, replacing
-from .records import ENGINE, SonarImage, SonarSignals, decoded, encoded
+from .records import ENGINE, SonarImage, SonarSignals, check_numbers, decoded, encoded
 from .self_contained import DataElsewhere, check_hdf5
 
 __all__ = ["BESIDE", "WRITTEN", "damage_told", "dataset_in", "full_disk_told", "has_room", "opened", "packing", "read",
@@ -143,7 +143,9 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
             raise ValueError(lie)
         with damage_told(path):
             dataset.load()
-    return _decoded(_whole(dataset, path), path)
+    record = _decoded(_whole(dataset, path), path)
+    check_numbers(record, path)
+    return record
 
 
 @contextlib.contextmanager

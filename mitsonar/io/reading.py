@@ -7,7 +7,7 @@ import xarray as xr
 
 from . import exr, hdf5, netcdf
 from .files import FilePath, check_readable
-from .records import SonarImage, SonarSignals, not_all_nan
+from .records import SonarImage, SonarSignals, check_numbers
 from .self_contained import DataElsewhere, check_store
 
 __all__ = ["is_netcdf", "read", "write"]
@@ -52,9 +52,9 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     with open(path, "rb") as stream:
         head = stream.read(HEAD)
     if head.startswith(b"\x76\x2f\x31\x01"):
-        return _recorded(exr.read(path), path)
+        return exr.read(path)
     if head.startswith(HDF):
-        return _recorded(netcdf.read(path), path)
+        return netcdf.read(path)
     if head.startswith(b"\x89PNG"):
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
@@ -125,14 +125,6 @@ def _write_image(record, path, suffix):
                          "mosaic` makes maps of sidescans, `mitsonar grid` of soundings.")
 
 
-def _recorded(record, path):
-    """A record that was read, unless it holds nothing."""
-    try:
-        return not_all_nan(record)
-    except ValueError as error:
-        raise ValueError(f"cannot read {path}: {error}.") from None
-
-
 def _zarr(path):
     if not any(os.path.exists(os.path.join(path, name)) for name in ZARR):
         raise ValueError(f"cannot read {path}: it is a folder, and not one of Zarr; give a file inside it.")
@@ -150,9 +142,10 @@ def _zarr(path):
         raise ValueError(f"cannot read {path}: this Zarr store is damaged, or of a kind that is not read "
                          f"({' '.join(str(error).split())}).") from None
     variables = list(dataset.data_vars.values())
-    if len(variables) == 1 and variables[0].dtype.kind == "c":
-        return SonarSignals.of(variables[0])
-    return SonarImage.of(dataset)
+    signals = len(variables) == 1 and variables[0].dtype.kind == "c"
+    record = SonarSignals.of(variables[0]) if signals else SonarImage.of(dataset)
+    check_numbers(record, path)
+    return record
 
 
 def _picture(path):

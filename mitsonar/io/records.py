@@ -16,11 +16,11 @@ from ..sonar.pulses import Pulse, pulse_of
 from . import complex_parts
 from .files import FilePath
 
-__all__ = ["SonarImage", "SonarSignals", "decoded", "encoded", "not_all_nan", "plain_value"]
+__all__ = ["SonarImage", "SonarSignals", "check_numbers", "decoded", "encoded", "not_all_nan", "plain_value"]
 
 JSON = "json:"                     # marks an attribute that was no plain value
 ENGINE = "h5netcdf"
-RECORDED = ("level", "signal")     # variables of a dataset that hold what the sonar recorded
+RECORDED = ("level", "image", "signal")            # variables without which images and raw echoes are nothing
 Record = TypeVar("Record", bound=xr.Dataset | xr.DataArray)
 
 
@@ -74,10 +74,11 @@ def not_all_nan(record: Record) -> Record:
     ------
     ValueError
     """
-    arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
-    for array in arrays:
-        if array.size and array.dtype.kind in "fc" and np.isnan(array.values).all():
-            raise ValueError(f"every value of {array.name or 'the signals'} is NaN, so the record holds nothing; check "
+    for array in [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]:
+        values = array.values
+        # few records begin with NaN: of the others only one number is looked at
+        if values.dtype.kind in "fc" and values.size and np.isnan(values.flat[0]) and np.isnan(values).all():
+            raise ValueError(f"all numbers of {array.name or 'the signals'} are NaN, so the record holds nothing; check "
                              "the largest and smallest numbers of the scene")
     return record
 
@@ -137,6 +138,27 @@ def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
         return image
     signals.name, signals.attrs = attrs.pop("name", None), attrs
     return SonarSignals.of(signals)
+
+
+def check_numbers(record: SonarImage | SonarSignals, path: FilePath) -> None:
+    """Check that an image has a level, or signals or raw echoes a sample, that is a number.
+
+    Parameters
+    ----------
+    record : SonarImage or SonarSignals
+        In memory.
+    path : str or path
+        Where it was read, for the error.
+
+    Raises
+    ------
+    ValueError
+        If all of them are NaN.
+    """
+    try:
+        not_all_nan(record)
+    except ValueError as error:
+        raise ValueError(f"cannot use {path}: {error}.") from None
 
 
 def _replica(record):

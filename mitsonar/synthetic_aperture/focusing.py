@@ -14,6 +14,8 @@ look comes out weaker by them. ``aperture`` λ/2L, L the longer of the two, give
 """
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import xarray as xr
 
@@ -253,6 +255,10 @@ class Focuser:
             raise ValueError(f"none of {self.pings} pings sees the grid within its beam and record; lay the grid where "
                              "the record looks, or give none")
         image = np.stack(values)
+        unseen = np.mean([one.weight.numpy() == 0 for one in self._images])
+        if unseen:
+            warnings.warn(f"no ping sees {100 * unseen:.2g} % of the grid's points: their level is -inf; check the "
+                          "trajectory, or lay the grid where the record looks", stacklevel=2)
         if not np.all(np.isfinite(image)):
             raise ValueError(f"levels overflow, with an absorption of {self.absorption_db:g} dB/m undone and a source "
                              f"level of {self.source_level_db:g} dB; mend these attributes, or lay the grid nearer")

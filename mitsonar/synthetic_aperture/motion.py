@@ -23,6 +23,7 @@ NAMES = "x", "y", "depth", "roll", "pitch", "heading"
 ENOUGH = 1e-8                      # [m], and of a rotation's entries
 MOST = 12                          # powers
 PROBES = 48                        # windows that the degree is found with
+FARTHEST = 1e8                     # [m] and [rad] that a trajectory may hold: no numbers of a sound file
 DOWN = np.array([1.0, 1.0, -1.0])
 
 
@@ -78,6 +79,10 @@ class Motion:
         bad = np.flatnonzero(~np.isfinite(values).all(0))
         if len(bad):
             raise ValueError(f"motion_{NAMES[bad[0]]} holds numbers that are not finite; repair the trajectory")
+        most = np.abs(values).max(0)
+        if np.any(most > FARTHEST):
+            name = NAMES[int(np.argmax(most > FARTHEST))]
+            raise ValueError(f"motion_{name} reaches {most.max():.3g}, beyond {FARTHEST:g}; repair the trajectory")
         self.first, self.last = float(time[0]), float(time[-1])
         self._spline = CubicSpline(time, values)
         self._slope = self._spline.derivative()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from raw_record import raw_record
 from synthetic_sidescan import sidescan
 
 import mitsonar
@@ -58,17 +59,6 @@ def test_an_image_of_every_kind_of_attribute(tmp_path):
     assert image.isel(ping=slice(2)).to_netcdf().tobytes()[:4] == b"\x89HDF"        # parts of it, and without a name
 
 
-@pytest.mark.parametrize("name", ["a.nc", "a.exr"])
-def test_a_record_of_nothing_but_nan_is_refused(tmp_path, name):
-    image = sidescan(4, 6)
-    mitsonar.write(image, tmp_path / name)
-    assert mitsonar.read(tmp_path / name).level.notnull().any()
-    image["level"][...] = np.nan
-    mitsonar.write(image, tmp_path / name)
-    with pytest.raises(ValueError, match=f"{name}: every value of level is NaN, so the record holds nothing"):
-        mitsonar.read(tmp_path / name)
-
-
 def test_rooms_of_files_need_no_import_of_their_own():
     text = ("import mitsonar; print(mitsonar.io.exr.read.__name__, mitsonar.io.signals.write.__name__, "
             "sorted(set(dir(mitsonar.io)) & {'casts', 'exr', 'netcdf', 'signals', 'tracks'}))")
@@ -88,3 +78,28 @@ def test_whatever_the_libraries_raise_of_a_damaged_file_is_a_sentence(tmp_path, 
     monkeypatch.setattr(xr, "open_dataset", damaged)
     with pytest.raises(ValueError, match=f"a.nc is no netCDF-4 file that can be read .{str(error) or 'IndexError'}.[.]"):
         mitsonar.read(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("name", ["a.exr", "a.nc", "a.h5", "a.zarr"])
+def test_an_image_of_nan_alone_is_refused(tmp_path, name):
+    image = sidescan(2, 3)
+    image["level"] = image["level"] * np.nan
+    if name == "a.zarr":
+        pytest.importorskip("zarr")
+        image.to_zarr(tmp_path / name)
+    else:
+        mitsonar.write(image, tmp_path / name)
+    with pytest.raises(ValueError, match=f"cannot use .*{name}: all numbers of level are NaN"):
+        mitsonar.read(tmp_path / name)
+
+
+def test_signals_and_raw_echoes_of_nan_alone_are_refused_and_a_gap_is_not(tmp_path):
+    signals = xr.DataArray(np.full((2, 3), np.nan + 1j), dims=("ping", "sample"), name="signals")
+    raw = raw_record()
+    for record, name in ((signals, "signals"), (raw.assign(signal=raw["signal"] * np.nan), "signal")):
+        mitsonar.write(record, tmp_path / "a.nc")
+        with pytest.raises(ValueError, match=f"all numbers of {name} are NaN"):
+            mitsonar.read(tmp_path / "a.nc")
+    signals[1, 2] = 1
+    mitsonar.write(signals, tmp_path / "b.nc")
+    assert mitsonar.read(tmp_path / "b.nc").identical(signals)

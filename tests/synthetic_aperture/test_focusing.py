@@ -175,6 +175,8 @@ def test_shares_of_overlapping_pings_add_to_one():
 @pytest.mark.parametrize("change, options, words", [
     (lambda raw: raw.isel(ping=slice(0, 1)), {}, "two or more pings"),
     (lambda raw: raw.assign(motion_x=raw.motion_x * np.nan), {}, "motion_x holds numbers that are not finite"),
+    (lambda raw: raw.assign(motion_roll=raw.motion_roll + [*[0] * (len(raw.motion_time) - 1), 1e300]), {},
+     "motion_roll reaches 1e.300, beyond 1e.08; repair"),
     (lambda raw: raw.assign(ping_time=raw.ping_time + 100), {}, "the trajectory runs from"),
     (lambda raw: raw.assign(signal=raw.signal * np.nan), {}, "signals that are not finite"),
     (lambda raw: raw, {"window": ""}, "window"), (lambda raw: raw, {"range_window": "tailor"}, "window"),
@@ -186,3 +188,10 @@ def test_what_cannot_be_focused_is_refused_in_a_sentence(near, change, options, 
     options = {"grid": around(target, (0.05, 0.05)), **options}
     with pytest.raises(ValueError, match=words):
         focus(change(raw), **options)
+
+
+def test_the_share_of_points_that_no_ping_sees_is_said(near):
+    raw, (across, along, *_) = near
+    grid = ground_grid((along - 0.1, along + 0.1), (across - 60.1, across + 0.1), (0.1, 30.0), BED)
+    with pytest.warns(UserWarning, match=r"no ping sees [\d.]+ % of the grid's points: their level is -inf"):
+        focus(raw, grid)
