@@ -108,13 +108,15 @@ def full_disk_said(path: FilePath) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def replacing(path: FilePath) -> Iterator[Path]:
+def replacing(path: FilePath, *, anew: bool = False) -> Iterator[Path]:
     """Give a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
 
     Parameters
     ----------
     path : str or path
         The file to be written.
+    anew : bool
+        Replace nothing: a file of that name that is there by the end of the block is a FileExistsError.
 
     Yields
     ------
@@ -145,9 +147,12 @@ def replacing(path: FilePath) -> Iterator[Path]:
             os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             yield temporary
             _flush(temporary)
-            if target.exists():
-                temporary.chmod(target.stat().st_mode & 0o7777)
-            os.replace(temporary, target)
+            if anew:
+                _link(temporary, target)
+            else:
+                if target.exists():
+                    temporary.chmod(target.stat().st_mode & 0o7777)
+                os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
     _flush(target.parent)
@@ -164,6 +169,18 @@ def replacing_all(paths: Iterable[FilePath]) -> Iterator[list[Path]]:
     """
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context(replacing(path)) for path in paths]
+
+
+def _link(temporary: Path, target: Path) -> None:
+    """Give a file another name in one step, whoever does the same; `FileExistsError` if the name is taken."""
+    try:
+        os.link(temporary, target)
+    except FileExistsError:
+        raise
+    except OSError:                                    # some file systems have no links
+        if target.exists():
+            raise FileExistsError(target) from None
+        os.replace(temporary, target)
 
 
 def _flush(path):

@@ -224,7 +224,7 @@ def _no_text(dataset: xr.Dataset, path: FilePath) -> str:
 def _unreadable(error: Exception, path: FilePath) -> ValueError:
     """Return the error for a file that HDF5 does not open or read."""
     if getattr(error, "errno", None) == errno.EAGAIN:
-        return ValueError(f"{path} is being written by another program; wait for it, or give another name.")
+        return ValueError(f"{path} is being written by another program; wait until it ends, or give another name.")
     said = " ".join(str(error).split()) or type(error).__name__
     return ValueError(f"{path} is no netCDF-4 file that can be read ({said}).")
 

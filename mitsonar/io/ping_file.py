@@ -6,10 +6,12 @@ on the disk, the count of whole pings.
 """
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -47,7 +49,8 @@ def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
     Raises
     ------
     ValueError
-        If a variable over ``ping`` is text, or has ``ping`` in another place than the first.
+        If a variable over ``ping`` is text, or has ``ping`` in another place than the first; or if another program has
+        made the file meanwhile.
     OSError
         If the file cannot be written there.
     """
@@ -61,7 +64,7 @@ def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
     early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    with replacing(path) as temporary:
+    with _alone(path), replacing(path, anew=True) as temporary:
         still.to_netcdf(temporary, engine=ENGINE, encoding=packing(still))
         with h5netcdf.File(temporary, "r+") as file:
             file.dimensions["ping"] = count
@@ -75,6 +78,16 @@ def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
             counter.attrs["long_name"] = "pings that are whole, from the first on"
             if coords:
                 file.attrs["coordinates"] = " ".join([*file.attrs.get("coordinates", "").split(), *coords])
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Raise `ValueError` where another program makes, fills or has just finished the same file."""
+    try:
+        yield
+    except (BlockingIOError, FileExistsError, FileNotFoundError):
+        raise ValueError(f"{path} is being written by another program; wait until it ends, or give another name."
+                         ) from None
 
 
 class PingFile:
@@ -97,13 +110,11 @@ class PingFile:
 
         self.path, self.count = path, count
         try:
-            check_hdf5(path)
-            self.file = h5py.File(path, "r+")
+            with _alone(path):
+                check_hdf5(path)
+                self.file = h5py.File(path, "r+")
         except DataElsewhere as error:
             raise ValueError(f"cannot go on with {path}: {error}") from None
-        except BlockingIOError:
-            raise ValueError(f"{path} is being written by another program; wait for it, or give another name."
-                             ) from None
         except OSError as error:
             raise ValueError(f"{path} is damaged ({error}); remove it.") from None
         if WRITTEN not in self.file or RUN not in self.file.attrs:
@@ -167,6 +178,17 @@ class PingFile:
         except (OSError, RuntimeError) as error:
             raise self._told(error, number) from error
         self.written = number + 1
+
+    def finish(self, target: Path) -> None:
+        """Give the file its final name while it is still locked: nobody else can begin to write it.
+
+        Raises
+        ------
+        ValueError
+            If another program has taken the file away, where files cannot be locked.
+        """
+        with _alone(self.path):
+            os.replace(self.path, target)
 
     def _to_disk(self) -> None:
         self.file.flush()

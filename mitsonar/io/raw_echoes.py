@@ -81,7 +81,7 @@ def write(pings_from: Callable[[int], Iterator[xr.Dataset]], path: FilePath, *, 
                 progress(number + 1, count)
         if file.written < count:
             raise ValueError(f"{count} pings were announced, and there were {file.written}")
-    os.replace(part_of(target), target)
+        file.finish(target)
     return start
 
 
@@ -99,6 +99,8 @@ def written(path: FilePath) -> int:
     try:
         with opened(part, unfinished=True) as record:
             return record.sizes["ping"]
+    except FileNotFoundError:                          # another program has just finished it
+        return 0
     except ValueError as error:
         why = str(error).rstrip(".")
         raise ValueError(f"cannot go on with {part}: {why}; remove it, or give another name.") from None

@@ -17,6 +17,7 @@ from raw_record import one_by_one, raw_record
 
 import mitsonar
 from mitsonar.io import raw_echoes
+from mitsonar.io.records import encoded
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -238,3 +239,28 @@ def test_a_record_in_memory_is_written_so_that_pings_are_read_alone(tmp_path):
     assert same(mitsonar.read(tmp_path / "a.nc"), record)
     with h5py.File(tmp_path / "a.nc") as file:
         assert file["signal_real"].chunks == (1, 4, 50)
+
+
+def test_programs_that_write_the_same_file_at_once_are_told_to_wait(tmp_path):
+    """Another one begins while this one makes its first ping or lays out the file, or ends before it is opened."""
+    record, path = raw_record(), tmp_path / "a.nc"
+    wait = "a.nc.part is being written by another program; wait until it ends"
+
+    def overtaken(start):
+        raw_echoes.lay_out(raw_echoes.part_of(path), encoded(record.isel(ping=slice(0, 1))), 5)
+        yield from one_by_one(record)(start)
+
+    raw_echoes.write(one_by_one(record), path, count=5)
+    whole = path.read_bytes()
+    raw_echoes.write(overtaken, path, count=5)         # what the other began, and left, goes on
+    assert path.read_bytes() == whole and os.listdir(tmp_path) == ["a.nc"]
+
+    lay_out = raw_echoes.lay_out
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(ValueError, match=wait):
+        patch.setattr(raw_echoes, "lay_out", lambda part, *more: (lay_out(part, *more), lay_out(part, *more)))
+        raw_echoes.write(one_by_one(record), path, count=5)
+    os.remove(raw_echoes.part_of(path))
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(ValueError, match=wait):
+        patch.setattr(raw_echoes, "lay_out", lambda part, *more: None)             # finished and taken away
+        raw_echoes.write(one_by_one(record), path, count=5)
+    assert path.read_bytes() == whole

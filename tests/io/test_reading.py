@@ -68,7 +68,7 @@ def test_rooms_of_files_need_no_import_of_their_own():
         _ = mitsonar.io.exrr
 
 
-@pytest.mark.parametrize("error", [AttributeError("'NoneType' has no attribute 'split'"), IndexError(), TypeError("no")])
+@pytest.mark.parametrize("error", [AttributeError("no attribute 'split'"), IndexError(), TypeError("no")])
 def test_whatever_the_libraries_raise_of_a_damaged_file_is_a_sentence(tmp_path, monkeypatch, error):
     mitsonar.write(sidescan(2, 3), tmp_path / "a.nc")
 
@@ -76,7 +76,7 @@ def test_whatever_the_libraries_raise_of_a_damaged_file_is_a_sentence(tmp_path, 
         raise error
 
     monkeypatch.setattr(xr, "open_dataset", damaged)
-    with pytest.raises(ValueError, match=f"a.nc is no netCDF-4 file that can be read .{str(error) or 'IndexError'}.[.]"):
+    with pytest.raises(ValueError, match=f"a.nc is no netCDF-4 file .* .{str(error) or 'IndexError'}.[.]"):
         mitsonar.read(tmp_path / "a.nc")
 
 
