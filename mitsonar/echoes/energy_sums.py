@@ -24,8 +24,10 @@ LARGEST = 2.0 ** 58                # units a single echo may bring
 
 
 def sum_size(needed: int) -> int:
-    """Entries to allocate for sums: Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes
-    exist."""
+    """Return the number of entries to allocate for sums of so many.
+
+    Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes exist: powers of two, from 65536.
+    """
     return max(1 << 16, 1 << (int(needed) - 1).bit_length())
 
 

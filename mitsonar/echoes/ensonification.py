@@ -263,7 +263,7 @@ class Ensonification:
         cells = self.scatterers.at(facet, s)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
                                      occlusion=brought is None, coarse=True)
-        reached = way.free & (way.travel_time < 0.55 * self.window[1] + 1e-3)
+        reached = way.free & (way.travel_time < dr.opaque(mi.Float64, 0.55 * self.window[1] + 1e-3))
         if brought is not None:
             energy, area = brought
         else:

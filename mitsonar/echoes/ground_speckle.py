@@ -40,6 +40,7 @@ LATTICES = 16                      # orientations over half a turn
 PER_BEAM = 5.0                     # scatterers that lie along the equivalent width of a footprint, at least
 COLUMNS = 256                      # cells that a gate's footprint is long at most
 FLOOR = 1e-4                       # part of a scatterer that every gate has for itself, should it find none
+OWN = FLOOR ** 0.5                 # its root: of that part's amplitude
 COEFFICIENTS = 20                  # numbers of a ping's way: six quadratics in time, two to fill up rows of four
 
 
@@ -121,11 +122,12 @@ class GroundSpeckle:
         steps = np.diff(beam.pressure, axis=1, append=beam.pressure[:, -1:])
         table = np.stack([np.real(beam.pressure), np.imag(beam.pressure), np.real(steps), np.imag(steps)], -1)
         self._beam, self._edge = (upload(mi.Float, some.astype(np.float32)) for some in (table, beam.edge))
-        self._nodes = dr.opaque(mi.UInt32, nodes)
+        self._nodes, self._count = dr.opaque(mi.UInt32, nodes), dr.opaque(mi.UInt32, gates)
         range_ = np.maximum(start + (np.arange(gates) + 0.5) * gate, gate)
         seen = beam.nearest(range_)
         level = np.floor(np.log2(range_ * beam.width[seen] / PER_BEAM)).astype(int)
         self._coarsest = int(level.max())
+        self._longest = dr.opaque(mi.Float, 2.0 ** self._coarsest)
         # of every gate: by which power of two its lattice is finer than the coarsest, and which beam it has
         self._of_gate = upload(mi.UInt32, np.c_[self._coarsest - level, seen].astype(np.uint32))
         dr.eval(self._beam, self._edge, self._of_gate)
@@ -158,18 +160,19 @@ class GroundSpeckle:
     def _speckle(self, thread, table, place):
         """Real and imaginary part of g exp(-2ik r_j), Float (T,)."""
         lib, U = self._lib, mi.UInt32
-        row, gate = thread // self._gates, thread % self._gates
+        row = thread // self._count
+        gate = thread - row * self._count
         words = dr.gather(lib.Array4u, place, row >> 1)
         of_gate = dr.gather(lib.Array2u, self._of_gate, gate)
         print_, water = self._footprint(row, gate, table, of_gate.y)
         cells = _Cells(
-            length=2.0 ** self._coarsest / mi.Float(U(1) << of_gate.x), width=self._length,
+            length=self._longest / mi.Float(U(1) << of_gate.x), width=self._length,
             first=words.x << of_gate.x, second=words.y,
             key=hashed(lib, self._seed ^ U(Salt.GROUND_SPECKLE), words.z + LATTICES * U(water) + (of_gate.x << 8)))
         real, imaginary, weight = self._summed(print_, cells, of_gate.y)
         own = gaussian(lib, *hashed_pair(lib, cells.key, words.x, words.y, row & 1, gate))
         scale = dr.rsqrt(weight + FLOOR)
-        return (real + np.sqrt(FLOOR) * own[0]) * scale, (imaginary + np.sqrt(FLOOR) * own[1]) * scale
+        return (real + OWN * own[0]) * scale, (imaginary + OWN * own[1]) * scale
 
     def _footprint(self, row, gate, table, beam):
         """Footprints of gates, and whether they lie in the water."""

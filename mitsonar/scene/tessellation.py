@@ -79,7 +79,9 @@ def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> Grid:
         raise ValueError(f"the shape \"{shape.id()}\" is of the kind {shape.class_name().lower()}, which has no facets "
                          "to carry fixed scatterers; put a mesh (ply, obj) in its place")
     parameters: Any = mi.traverse(shape)
-    to_world = np.array(parameters["to_world"].matrix, float).reshape(4, 4)
+    matrix = parameters["to_world"].matrix
+    # number by number: as one array they would be literals of a kernel of its own
+    to_world = np.array([[matrix[row, column][0] for column in range(4)] for row in range(4)], float)
     axes = np.linalg.norm(to_world[:3, :3], axis=0)
     radius = axes[:2].max()
     # over the diagonal of a sphere's quad the sagittas of both sides add up

@@ -177,11 +177,18 @@ class PingTravel:
     duration: float
 
     def trimmed(self) -> PingTravel:
-        """Leave out the highest powers if they stay below 1e-9 m and rad; a platform at rest has none."""
+        """Leave out powers that stay below 1e-9 m and rad, as far as that leaves none, one, or a multiple of 6.
+
+        Kernels are compiled for a number of powers: so there are few, of a platform at rest, one that goes straight
+        ahead, and one that does anything else.
+        """
         worth = np.maximum(np.abs(self.displacement).max((0, 2)), np.abs(self.turn).max((0, 2)))
         count = int(np.max(np.flatnonzero(worth * self.duration ** np.arange(1, len(worth) + 1) > NEGLIGIBLE) + 1,
                            initial=0))
-        return replace(self, displacement=self.displacement[:, :count], turn=self.turn[:, :count])
+        count = count if count < 2 else POWERS * -(-count // POWERS)
+        displacement, turn = (np.pad(powers, [(0, 0), (0, max(count - len(worth), 0)), (0, 0)])[:, :count]
+                              for powers in (self.displacement, self.turn))
+        return replace(self, displacement=displacement, turn=turn)
 
     def peak(self, coefficients: np.ndarray, order: int) -> np.ndarray:
         """Give the largest length of a derivative of polynomials (P, K, 3) until the end: (P,), by 17 times."""

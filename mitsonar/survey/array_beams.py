@@ -93,9 +93,10 @@ class ArrayBeams:
         if self.count > 1:
             ends = self._angle[[0, -1]]
             first, last = (dr.opaque(mi.Float, float(end)) for end in (np.sin(ends) if self._by_sine else ends))
-            number = dr.round(((u if self._by_sine else dr.asin(u)) - first) * (self.count - 1) / (last - first))
-            inside = (number >= 0) & (number <= self.count - 1)
-            beam = mi.UInt32(held(cast(Float, number), 0, self.count - 1))
+            steps = dr.opaque(mi.Float, self.count - 1)
+            number = dr.round(((u if self._by_sine else dr.asin(u)) - first) * steps / (last - first))
+            inside = (number >= 0) & (number <= steps)
+            beam = mi.UInt32(held(cast(Float, number), 0, cast(Float, steps)))
             weight = dr.select(inside, weight, 0)
         if self._off_plane is not None:
             in_plane = dr.sqrt(1 - u * u) * normal + u * axis

@@ -81,7 +81,8 @@ class LineSum:
         """Give real and imaginary part of F; see `ArraySum.of`."""
         axis = self._axis if rotation is None else rotation @ self._axis
         sine = dr.dot(direction, opaque_vector(mi.Vector3f, axis))
-        place = held((sine + 2) * dr.opaque(mi.Float, (self._nodes - 1) / 4), 0.0, self._nodes - 1.001)
+        place = held((sine + 2) * dr.opaque(mi.Float, (self._nodes - 1) / 4), 0.0,
+                     dr.opaque(mi.Float, self._nodes - 1.001))
         node = mi.UInt32(place)
         share = place - mi.Float(node)
         low, high = (dr.gather(arrays_of(mi.Float).Array2f, self._table, node + step) for step in (0, 1))

@@ -43,7 +43,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
     if not (survey.thin_below and beams):
         return -fastest, fastest
     direction = _lattice()
-    bound = beams.bound(mi.Vector3f(*(upload(mi.Float, column) for column in direction.T)),
+    bound = beams.bound(mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)),
                         dr.opaque(mi.Float, nearest), survey.track.rotation()[ping], dr.opaque(mi.Float, APART))
     heard = direction[bound.numpy() > survey.thin_below]
     if not len(heard):

@@ -21,6 +21,7 @@ __all__ = ["STRIPE", "add_by_stripes", "ordered"]
 STRIPE = 8                         # rows: 11 of 4000 columns stay in a core's cache
 LANES = 1 << 14                    # of a work block: Dr.Jit's largest
 ROUNDS = 16                        # echoes of a lane at least: fewer do not pay for its start
+FEWEST_BUCKETS = 512               # for 4096 rows
 NEIGHBOURS = 64                    # lanes that read neighbouring echoes, a multiple of every vector's width
 
 
@@ -41,7 +42,7 @@ def ordered(stripe: UInt32, stripes: int) -> tuple[UInt32, np.ndarray]:
         Where each stripe begins, one after the last included.
     """
     lib, count = arrays_of(stripe), dr.width(stripe)
-    buckets = 1 << stripes.bit_length()
+    buckets = max(FEWEST_BUCKETS, 1 << stripes.bit_length())        # few sizes: each is a kernel of its own
     counts = dr.zeros(lib.UInt32, buckets)
     dr.scatter_add(counts, lib.UInt32(1), stripe)
     dr.eval(stripe, counts)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...device.arrays import arrays_of, upload
 from ...device.lookups import held
+from ...echoes.energy_sums import sum_size
 from ...echoes.origin_sums import SECTORS, sector
 from ...signal.beam_grid.cell_sums import cell_sums
 from .record import GridEchoes
@@ -116,7 +117,7 @@ class FrameBins:
         rays : (B, T) uint32
         """
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
-        mask, count = dr.zeros(mi.UInt64, self.cells), dr.zeros(mi.UInt32, self.cells)
+        mask, count = dr.zeros(mi.UInt64, sum_size(self.cells)), dr.zeros(mi.UInt32, sum_size(self.cells))
         dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active)
         dr.scatter_add(count, mi.UInt32(1), cell, active)
         dr.eval(mask, count)
