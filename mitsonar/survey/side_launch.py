@@ -203,11 +203,11 @@ def _within_u(lib, strata, key, i_phi, i_u, chance):
     what is spread over all directions (`WIDE_SHARE`). A ray aside of the beam costs as much as a packet of rays that
     stay together, so those of a tile leave it in one direction, drawn evenly from tile to tile.
     """
-    tile, key = i_phi // strata.tile[0], salted(key, Salt.TAILS)
-    high = strata.tile[0]
+    tile, key = i_phi >> strata.high_bits, salted(key, Salt.TAILS)
+    high = mi.UInt32(1) << strata.high_bits
     # neighbours lie nearly half a stratum apart: a time bin may hold only a few strata of φ
-    slice_u = (7 * i_phi + hashed(lib, key, tile, i_u)) % high
-    place = (mi.Float(slice_u) + chance) / high
+    slice_u = (7 * i_phi + hashed(lib, key, tile, i_u)) & (high - 1)
+    place = (mi.Float(slice_u) + chance) / mi.Float(high)
     aside = dr.minimum(mi.Float(strata.second) * (0.5 * WIDE_SHARE), 1)
     last = i_u == strata.second - 1
     shared = aside * uniform(lib, even_bits(lib, tile, key, i_u))

@@ -48,30 +48,34 @@ class Strata:
 
     Attributes
     ----------
-    shape, tile : (int, int)
-        Strata of a row, and of a tile.
+    shape : (int, int)
+        Strata of a row.
+    high_bits : UInt32 (1,)
+        Logarithm to base 2 of a tile's strata of the first coordinate.
     rays : int
     """
 
     def __init__(self, lib: ModuleType, rows: int, first: int, second: int, *, tall: bool = False):
         self.lib, self.rows, self.shape = lib, rows, (first, second)
-        self.tile = (16, 1) if tall else (4, 4)
+        # of a tile, as powers of two: 16 high, 1 wide, or 4 by 4
+        self.high_bits, self._wide = (dr.opaque(lib.UInt32, bits) for bits in ((4, 0) if tall else (2, 2)))
+        self._across = dr.opaque(lib.UInt32, across := second if tall else second // 4)
         self.first, self.second = (dr.opaque(lib.UInt32, count) for count in (first, second))
         self.per_row = self.first * self.second
         self.rays = rows * first * second
         # a vector has no division of integers: reciprocals, exact as far as 32 bits count, take a tenth of the time
         self._rows_a_ray, self._tiles_across = (dr.opaque(lib.Float64, 1 / count)
-                                                for count in (first * second, second // self.tile[1]))
+                                                for count in (first * second, across))
 
     def split(self, index: dr.ArrayBase) -> tuple[dr.ArrayBase, dr.ArrayBase, dr.ArrayBase, dr.ArrayBase]:
         """Row, number within it, and strata (i, j) of rays, UInt32."""
         row = self._quotient(index, self._rows_a_ray)
         within = index - row * self.per_row
         tile, inner = within // 16, within & 15
-        high, wide = self.tile
         tile_i = self._quotient(tile, self._tiles_across)
-        tile_j = tile - tile_i * (self.second // wide)
-        return row, within, high * tile_i + inner // wide, wide * tile_j + inner % wide
+        tile_j = tile - tile_i * self._across
+        in_i = inner >> self._wide
+        return row, within, (tile_i << self.high_bits) + in_i, (tile_j << self._wide) + (inner - (in_i << self._wide))
 
     def _quotient(self, number, reciprocal):
         """Whole part of numbers over a whole number: half a step from the next one, rounding cannot reach it."""
@@ -79,9 +83,9 @@ class Strata:
 
     def index(self, row: dr.ArrayBase, i: dr.ArrayBase, j: dr.ArrayBase) -> dr.ArrayBase:
         """Number of the ray of a row in strata (i, j)."""
-        high, wide = self.tile
-        tile = (i // high) * (self.second // wide) + j // wide
-        return row * self.per_row + 16 * tile + wide * (i % high) + j % wide
+        tile_i, tile_j = i >> self.high_bits, j >> self._wide
+        in_i, in_j = i - (tile_i << self.high_bits), j - (tile_j << self._wide)
+        return row * self.per_row + 16 * (tile_i * self._across + tile_j) + (in_i << self._wide) + in_j
 
 
 def quantiles(edges: np.ndarray, density: np.ndarray, cells: int = CELLS) -> np.ndarray:
