@@ -13,11 +13,20 @@ complex Gaussian amplitude of its own hash, and exists while
 
 It stands for the area A / m. So the mean echo does not depend on m, and as the sonar moves one scatterer after the
 other comes or goes while all others keep place and amplitude: sets are nested, and the seabed stays the same.
+
+A line along the unit vector b that sends or hears across the first tells sines Δt apart. Where its main lobe meets the
+surface a resolution cell is a piece of that lobe, and a patch gets
+
+    max(m, q A max(|n·(l × b)| / ΔR, |n·l| / (R Δs)) / (R Δt))                                       scatterers;     (3)
+
+off the lobe it gets fewer than (1). Where the lobe is, is reckoned from the line's own middle: arrays that stand apart
+see a near scatterer in directions that differ by more than a lobe.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
@@ -44,7 +53,7 @@ STEP_U, STEP_V = (round(2 ** 32 / PLASTIC ** power) for power in (1, 2))        
 
 @dataclass(frozen=True, kw_only=True)
 class TransmitLobe:
-    """Where a transmitting line sends to.
+    """Where a transmitting line, or a long element, sends to or hears from.
 
     Attributes
     ----------
@@ -54,11 +63,14 @@ class TransmitLobe:
         Along it, that it is steered to.
     cell : float [-]
         Δt, of sines that it tells apart: wavelength / length.
+    place : (3,) [m]
+        Of the line's middle from the density's origin, scene coordinates.
     """
 
     axis: np.ndarray
     sine: float
     cell: float
+    place: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +92,8 @@ class Density:
     around : bool
         The picture is one over range and the bearing about the axis: a beam turns about it. For a, the way it turns, is
         taken.
-    lobe : TransmitLobe or None
-        Of a line that sends across the one that receives.
+    lobes : tuple of TransmitLobe
+        Of lines that send or hear across the line; scatterers are dense in each.
     """
 
     origin: np.ndarray
@@ -92,7 +104,7 @@ class Density:
     nearest: float
     farthest: float
     around: bool = False
-    lobe: TransmitLobe | None = None
+    lobes: tuple[TransmitLobe, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,7 +220,7 @@ class ThinnedScatterers:
         sight = d / dr.maximum(R, NEAREST)
         reached = (R - radius < dr.opaque(mi.Float, density.farthest)) & (
             R + radius > dr.opaque(mi.Float, density.nearest)) & useful(sight, dr.maximum(R - radius, NEAREST))
-        most = _count(density, normal, sight, least, area, radius / least)
+        most = _count(density, normal, sight, least, area, d, radius)
         number = dr.select(reached, dr.maximum(dr.ceil(most - self._threshold(patch)), 0), 0)
         total = float(dr.sum(number)[0])
         if not total <= MOST:
@@ -236,7 +248,7 @@ class ThinnedScatterers:
         normal, area = across / dr.maximum(twice, 1e-30), 0.5 * twice / (cuts * cuts)
         d = mi.Vector3f(offset)
         R = dr.maximum(dr.norm(d), NEAREST)
-        m = _count(density, normal, d / R, R, area)
+        m = _count(density, normal, d / R, R, area, d)
         shape = reinterpreted(mi.ShapePtr, facts[0])
         uv = facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v))
         amplitude = facets.amplitudes.of(third, fourth, origin + offset, normal, shape, facts[1], uv)
@@ -311,17 +323,30 @@ def _covered(density: Density, normal: mi.Vector3f, sight: mi.Vector3f) -> mi.Fl
 
 
 def _count(density: Density, normal: mi.Vector3f, sight: mi.Vector3f, distance: mi.Float, area: mi.Float,
-           slack: mi.Float | float = 0.0) -> mi.Float:
-    """m of (1) and (3) along unit vectors l; with `slack` [rad], what it is at most as far off them."""
+           offset: mi.Vector3f, radius: mi.Float | float = 0.0) -> mi.Float:
+    """m of (1) and (3) along unit vectors l and offsets; with `radius` [m], what it is at most as far about them."""
     per_area = dr.opaque(mi.Float, density.per_cell / (density.range_cell * density.sine_cell))
+    slack = radius / distance
     seen = dr.minimum(_covered(density, normal, sight) + slack, 1)
     m = per_area * dr.maximum(seen, EDGE_ON) * area / distance
-    if density.lobe is None:
+    if not density.lobes:
         return m
-    b, cell = opaque_vector(mi.Vector3f, density.lobe.axis), dr.opaque(mi.Float, density.lobe.cell)
-    off = dr.maximum(abs(dr.dot(sight, b) - dr.opaque(mi.Float, density.lobe.sine)) - slack, 0) / cell
-    by_range = dr.minimum(abs(dr.dot(normal, dr.cross(sight, b))) + slack, 1) / dr.opaque(mi.Float, density.range_cell)
     by_sine = dr.minimum(abs(dr.dot(normal, sight)) + slack, 1) / (distance * dr.opaque(mi.Float, density.sine_cell))
+    shares = [_in_lobe(lobe, density, normal, sight, distance, area, offset, radius, m, by_sine)
+              for lobe in density.lobes]
+    return reduce(dr.maximum, shares)
+
+
+def _in_lobe(lobe: TransmitLobe, density: Density, normal: mi.Vector3f, sight: mi.Vector3f, distance: mi.Float,
+             area: mi.Float, offset: mi.Vector3f, radius: mi.Float | float, m: mi.Float, by_sine: mi.Float) -> mi.Float:
+    """m of (3) for one lobe, where (1) gives m."""
+    b, cell, slack = opaque_vector(mi.Vector3f, lobe.axis), dr.opaque(mi.Float, lobe.cell), radius / distance
+    # near the sonar the line sees a scatterer in another direction than the origin does
+    seen = offset - opaque_vector(mi.Vector3f, lobe.place)
+    away = dr.maximum(dr.norm(seen), NEAREST)
+    wide = radius / dr.maximum(dr.maximum(abs(dr.dot(seen, normal)), away - radius), NEAREST)
+    off = dr.maximum(abs(dr.dot(seen / away, b) - dr.opaque(mi.Float, lobe.sine)) - wide, 0) / cell
+    by_range = dr.minimum(abs(dr.dot(normal, dr.cross(sight, b))) + slack, 1) / dr.opaque(mi.Float, density.range_cell)
     finer = dr.opaque(mi.Float, density.per_cell) * dr.maximum(by_range, by_sine) * area / (distance * cell)
     whole, gone = LOBE
     inside = dr.minimum(dr.maximum((gone - off) / (gone - whole), 0), 1)

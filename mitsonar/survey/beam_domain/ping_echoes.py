@@ -118,21 +118,30 @@ class PingEchoes:
         return Density(origin=survey.track.position[ping], axis=reception.rotation @ self.line.axis,
                        per_cell=self.per_cell, range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth),
                        sine_cell=survey.wavelength / self.line.length, nearest=self.ground.nearest,
-                       farthest=self.ground.farthest, lobe=self._lobe(reception) or self._lobe_of_elements(reception))
+                       farthest=self.ground.farthest, lobes=self._lobes(reception))
 
-    def _lobe(self, reception: Reception) -> TransmitLobe | None:
+    def _lobes(self, reception: Reception) -> tuple[TransmitLobe, ...]:
+        """Where lines or long elements send to and hear from, across the line; none where they look widely."""
+        steered = self._steered_lobe(reception)
+        if steered is not None:
+            return (steered,)
+        if self._long is None:
+            return ()
+        axis, cell = self._long
+        centres = [self.patterns.transmit_centre, self.line.centre]
+        # side by side they look the same way
+        together = np.allclose(*centres, atol=1e-9)
+        return tuple(TransmitLobe(axis=reception.rotation @ axis, sine=0.0, cell=cell,
+                                  place=reception.rotation @ centre) for centre in centres[together:])
+
+    def _steered_lobe(self, reception: Reception) -> TransmitLobe | None:
         """Where a transmitting line that is steered ping by ping sends to."""
         axis = self.patterns.transmit_axis
         if axis is None or reception.steering is None:
             return None
         return TransmitLobe(axis=reception.rotation @ axis, sine=float(reception.steering @ axis),
-                            cell=self.survey.wavelength / self.patterns.transmit_length)
-
-    def _lobe_of_elements(self, reception: Reception) -> TransmitLobe | None:
-        """Where elements send and hear that are long across the line."""
-        if self._long is None:
-            return None
-        return TransmitLobe(axis=reception.rotation @ self._long[0], sine=0.0, cell=self._long[1])
+                            cell=self.survey.wavelength / self.patterns.transmit_length,
+                            place=reception.rotation @ self.patterns.transmit_centre)
 
     def _useful(self, ping: int) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
         """Whether directions are looked into: not those that the beams make negligible."""
@@ -172,7 +181,7 @@ class PingEchoes:
         """Yield the echoes of more bounces and of the water."""
         reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
         origin, below = self.survey.track.position[ping], float(self.survey.depth_below[ping])
-        key, lobe, drawn = ping_key(seed, ping), self._lobe(reception), None
+        key, lobe, drawn = ping_key(seed, ping), self._steered_lobe(reception), None
         if lobe is not None:
             drawn = partial(self._lobe_rays.draw, reception.rotation, lobe.sine, key)
         for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, key, drawn):
