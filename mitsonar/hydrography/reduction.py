@@ -120,7 +120,7 @@ class Located:
     path_length : array (...) [m]
         One way: the mean of both legs.
     spreading_area : array (...) [m²/sr]
-        Cross-section of the ray tube at the bed for a steradian at the transmit array.
+        Cross-section of the ray tube at the bed for a steradian at an array: the geometric mean of both legs.
     source_depth : array (...) [m]
         Of the transmit array.
     """
@@ -348,15 +348,16 @@ def _answer(sides: list[_Side], slow: list[tuple[np.ndarray, np.ndarray]], ends:
             place: list[np.ndarray], z: np.ndarray) -> np.ndarray:
     """The rows of `Located` of soundings that are found; lengths and sines change by the last step's 1e-5 m alone."""
     out, back = ends
-    start = sides[0].starts
-    p = np.hypot(slow[0][0][todo], slow[0][1][todo])
+    area = np.ones(len(todo))
     with np.errstate(invalid="ignore"):
-        first = np.sqrt(1 - (p * start.speed) ** 2)
-        area = out.stretch * out.slope * first * out.sine / start.speed**2
+        for side, (qx, qy), leg in zip(sides, slow, ends):
+            p, speed = np.hypot(qx[todo], qy[todo]), side.starts.speed
+            area = area * leg.stretch * leg.slope * np.sqrt(1 - (p * speed) ** 2) * leg.sine / speed**2
+        area = np.sqrt(area)
         grazing = np.arcsin(back.sine)
-    none = np.full(len(p), np.nan)
+    none = np.full(len(todo), np.nan)
     return np.stack([place[0][todo], place[1][todo], z[todo], none, none, grazing, 0.5 * (out.length + back.length),
-                     area, start.depth])
+                     area, sides[0].starts.depth])
 
 
 def _about(reference: Pose, x: np.ndarray, y: np.ndarray) -> np.ndarray:

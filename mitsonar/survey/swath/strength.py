@@ -65,7 +65,7 @@ class Strengths:
         alpha = float(self.absorption_db[number])
         place = Located(**{one.name: getattr(final, one.name)[mine] for one in fields(final)})
         loss = 2 * (transmission_loss_db(place, survey.absorption) - db_from_power(bed / survey.sound_speed(ping)))
-        sent, heard = self._patterns(sector, ping, sines)
+        sent, heard = self._patterns(sector, ping, sines, distance)
         widths = {"pulse_length": made.pulse_length[number], "sound_speed": float(np.nanmean(bed)) if np.isfinite(
                       bed).any() else survey.sound_speed(ping),
                   "transmit_width": _width(survey.transmit, survey.wavelength, run.transmit_sines[ping]),
@@ -88,16 +88,26 @@ class Strengths:
             values.update(snippet_start=cut.start, snippet_db=cut.strength_db)
         return values
 
-    def _patterns(self, sector: SectorBeams, ping: int, sines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pressures of the faces' patterns towards the beams, 1 on their axes: sent, and heard."""
-        run = sector.run
-        forward = float(run.transmit_sines[ping])
-        down = np.sqrt(np.maximum(1 - sines ** 2 - forward ** 2, 0))
-        towards = np.stack([np.full_like(sines, forward), sines, down], -1) @ mounting_matrix(*self._survey.mounting).T
+    def _patterns(self, sector: SectorBeams, ping: int, sines: np.ndarray,
+                  distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pressures of the faces' patterns towards soundings so far away, 1 on their axes: sent, and heard.
+
+        Beams are known across at the receiving line and along at the transmitting one; near the head either array sees
+        a sounding in a direction of its own.
+        """
+        run, turned = sector.run, mounting_matrix(*self._survey.mounting)
         arrays = run.survey.transmit, run.survey.receive
-        sent, heard = (np.abs(array.element_pressure(towards, run.survey.wavelength, array.normal[0], array.along[0]))
-                       for array in arrays)
-        return np.maximum(sent, FAINTEST), np.maximum(heard, FAINTEST)
+        between = (arrays[0].position.mean(0) - arrays[1].position.mean(0)) @ turned
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead, aside = (np.nan_to_num(part / distance) for part in between[:2])
+        forward, found = float(run.transmit_sines[ping]), []
+        for array, along, across in zip(arrays, (forward, forward + ahead), (sines - aside, sines)):
+            along, across = np.broadcast_arrays(along, across)
+            down = np.sqrt(np.maximum(1 - across ** 2 - along ** 2, 0))
+            towards = np.stack([along, across, down], -1) @ turned.T
+            pressure = array.element_pressure(towards, run.survey.wavelength, array.normal[0], array.along[0])
+            found.append(np.maximum(np.abs(pressure), FAINTEST))
+        return found[0], found[1]
 
 
 def _width(array: Array, wavelength: float, sine: np.ndarray | float) -> np.ndarray:
