@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from soundings_line import blocks_of, soundings_line
 
+from mitsonar.hydrography.record import variable
 from mitsonar.io import survey_lines
+from mitsonar.io.survey_lines import reading
 
 gsfpy = pytest.importorskip("gsfpy3_09", reason="gsfpy, with the official library, is not installed")
 LINE = soundings_line(pings=5, speeds=(1502.0, 1498.0, 1510.0))
@@ -43,6 +45,13 @@ def beams_of(path, *names):
             row[index, :ping.number_beams] = [getattr(ping, name)[beam] for beam in range(ping.number_beams)]
         out.append(row)
     return np.stack(out, axis=1)
+
+
+def parameters_of(path):
+    """Processing parameters by their names."""
+    found = next(records(path, PARAMETERS)).process_parameters
+    return dict(ctypes.string_at(found.param[index]).decode().split("=", 1)
+                for index in range(found.number_parameters))
 
 
 def test_the_official_library_reads_every_sounding(path):
@@ -148,9 +157,7 @@ def test_cast_attitude_and_summary_are_there(path):
 
 
 def test_parameters_say_lever_arms_and_that_nothing_is_left_to_apply(path):
-    found = next(records(path, PARAMETERS)).process_parameters
-    said = dict(ctypes.string_at(found.param[index]).decode().split("=", 1)
-                for index in range(found.number_parameters))
+    said = parameters_of(path)
     assert [float(value) for value in said["APPLIED_TRANSDUCER_OFFSET"].split(",")] == list(
         LINE["transmit_offset"].values)
     assert [float(value) for value in said["APPLIED_RX_TRANSDUCER_OFFSET"].split(",")] == list(
@@ -174,3 +181,31 @@ def test_a_line_without_snippets_and_with_one_sector_is_written(tmp_path):
     survey_lines.write(line, tmp_path / "a.gsf")
     pings = [found.mb_ping.sensor_data.gsfKMallSpecific.numTxSectors for found in records(tmp_path / "a.gsf", PING)]
     assert pings == [1, 1]
+
+
+def test_both_receivers_of_two_heads_are_told_from_port_to_starboard_and_come_back(tmp_path):
+    arms, mountings = np.array([[1.0, 0.6, 0.9], [1.0, -0.4, 0.95]]), np.radians([[-35, 0.5, 1], [35, -0.5, 2]])
+    line = soundings_line(pings=4, column=False, snippets=False)
+    twin = line.assign({name: variable(name, values) for name, values in {
+        "head": np.arange(4) % 2, "head_receive_offset": arms, "head_receive_mounting": mountings}.items()})
+    words = " ".join(survey_lines.write(twin, tmp_path / "twin.gsf").words)
+    assert "head_receive" not in words
+    said = parameters_of(tmp_path / "twin.gsf")
+    assert said["NUMBER_OF_RECEIVERS"] == "2" and said["NUMBER_OF_TRANSMITTERS"] == "1"
+    assert said["APPLIED_RX_TRANSDUCER_OFFSET"] == "+1.0000,-0.4000,+0.9500,+1.0000,+0.6000,+0.9000"
+    assert said["APPLIED_RX_TRANSDUCER_ROLL_OFFSET"] == "+35.0000,-35.0000"
+    again = reading.read(tmp_path / "twin.gsf")
+    assert again["head"].values.tolist() == [1, 0, 1, 0]
+    assert np.allclose(again["head_receive_offset"], arms[::-1])
+    assert np.allclose(again["head_receive_mounting"], mountings[::-1], atol=1e-6)
+
+
+def test_tide_and_heights_that_nobody_took_are_not_said_to_be_applied(path):
+    assert parameters_of(path)["TIDE_COMPENSATED"] == "NO"
+    for found in records(path, PING):
+        ping = found.mb_ping
+        assert (ping.height, ping.sep) == (pytest.approx(9999.99), pytest.approx(9999.99))         # the format's null
+
+
+def test_pings_are_counted_from_one(path):
+    assert [found.mb_ping.sensor_data.gsfKMallSpecific.pingCnt for found in records(path, PING)] == [1, 2, 3, 4, 5]

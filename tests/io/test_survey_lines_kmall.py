@@ -242,3 +242,31 @@ def test_an_instruments_name_gives_its_number(tmp_path):
     line = soundings_line(pings=1, column=False).assign_attrs(sonar="Kongsberg EM 710")
     survey_lines.write(line, tmp_path / "a.kmall")
     assert next(datagrams(tmp_path / "a.kmall", "#MRZ"))["header"]["echoSounderID"] == 710
+
+
+def test_pings_are_counted_from_one_at_their_rate_and_no_height_above_the_ellipsoid_is_said(path):
+    # A widely used reader takes a change of the counter for a new ping, and its own begins at 0.
+    pings, fixes = list(datagrams(path, "#MRZ")), list(datagrams(path, "#SPO"))
+    assert [one["cmnPart"]["pingCnt"] for one in pings] == [1, 2, 3, 4, 5]
+    assert [one["pingInfo"]["pingRate_Hz"] for one in pings] == pytest.approx([2.5] * 5, rel=1e-6)
+    assert {one["pingInfo"]["ellipsoidHeightReRefPoint_m"] for one in pings} == {-999.0}
+    assert {one["sensorData"]["ellipsoidHeightReRefPoint_m"] for one in fixes} == {-999.0}
+
+
+def test_pings_of_two_heads_and_two_swaths_are_one_cycle(tmp_path):
+    line = soundings_line(pings=8, column=False, snippets=False)
+    time = np.repeat(1.0 + 0.4 * np.arange(2), 4) + np.tile([0.0, 0.0, 0.003, 0.003], 2)
+    survey_lines.write(line.assign(ping_time=("ping", time)), tmp_path / "line.kmall")
+    rates = [one["pingInfo"]["pingRate_Hz"] for one in datagrams(tmp_path / "line.kmall", "#MRZ")]
+    assert rates == pytest.approx([2.5] * 8, rel=1e-6)
+
+
+def test_the_speed_over_ground_is_not_that_of_the_positions_noise(tmp_path):
+    # 2 cm of noise at 50 Hz are 0.7 m/s of difference from sample to sample; the ship sails at 3.6 m/s.
+    line = soundings_line(pings=12, column=False, snippets=False)
+    chance = np.random.default_rng(1)
+    for name in ("motion_x", "motion_y"):
+        line[name] = line[name] + 0.02 * chance.standard_normal(line.sizes["motion"])
+    survey_lines.write(line, tmp_path / "line.kmall")
+    speed = [one["sensorData"]["speedOverGround_mPerSec"] for one in datagrams(tmp_path / "line.kmall", "#SPO")]
+    assert np.abs(np.array(speed) - np.hypot(2, 3)).max() < 0.1

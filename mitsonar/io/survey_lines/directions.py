@@ -17,8 +17,7 @@ __all__ = ["array_axes", "from_vertical", "level"]
 
 def array_axes(line: Line, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Give the directions (3,) of the transmit and the receive array in the body, of one of several heads."""
-    receive = (line.array("receive_mounting") if head is None or "head_receive_mounting" not in line.first
-               else line.array("head_receive_mounting")[head])
+    receive = line.receivers[1][head or 0]
     return rotation(*line.array("transmit_mounting"))[:, 0], rotation(*receive)[:, 1]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..files import FilePath, replacing
 from .gsf_pings import MOST_SECTORS, SCALES, swath
-from .gsf_records import File, attitudes, cast, comments, parameters
+from .gsf_records import MOST_RECEIVERS, File, attitudes, cast, comments, parameters
 from .held import SOUNDINGS
 from .lines import Blocks, Place, Written, left_out, line_of, lost, pings
 from .passage import passage_of
@@ -60,7 +60,8 @@ def _add(file, record, number):
 
 
 def _words(line, empty):
-    out = lost(line, SOUNDINGS)
+    few = len(line.receivers[0]) <= MOST_RECEIVERS
+    out = lost(line, SOUNDINGS | ({"head_receive_offset", "head_receive_mounting"} if few else set()))
     sectors = line.first.sizes["transmission"]
     return tuple(text for text in (
         line.placed, left_out(empty),

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...units import deg_from_radians, knots_from_metres_per_second
 from .directions import level
+from .gsf_records import order_of
 from .lines import Line, Ping, rotation
 from .passage import Passage
 from .snippets import runs_of
@@ -44,8 +45,7 @@ def swath(line: Line, passage: Passage, ping: Ping, number: int) -> dict[str, An
               "TideCorrector_m": 0.0, "DepthCorrector_m": float(array), "Roll_deg": np.degrees(roll),
               "Pitch_deg": np.degrees(pitch), "Heading_deg": float(np.degrees(ping["true_heading"]) % 360.0),
               "Heave_m": float(passage.draught - ping["ping_depth"]), "Course_deg": float(np.degrees(course)),
-              "Speed_kn": float(knots_from_metres_per_second(speed)), "Height_m": float(-ping["ping_depth"]),
-              "SEP_m": 0.0, "GPSTideCorrector_m": 0.0, "Beams": _beams(line, ping),
+              "Speed_kn": float(knots_from_metres_per_second(speed)), "Beams": _beams(line, ping),
               "SensorSpecificID": KMALL_SPECIFIC, "SensorSpecific": _specific(line, ping, number, float(array))}
     series = _series(ping)
     return record if series is None else record | {"IntensityTimeSeries": series}
@@ -81,9 +81,9 @@ def _specific(line, ping, number, array):
     runs = runs_of(ping)
     rates = ping.get("column_rate", np.zeros(0))
     rates = rates[np.isfinite(rates)]
-    head = int(ping.get("head", 0))
-    specific = {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": number % 65_536, "RxFansPerPing": 1,
-                "RxFanIndex": head, "SwathsPerPing": 1, "RxTransducerInd": head, "NumRxTransducers": 1,
+    head = int(np.argmax(order_of(line) == int(ping.get("head", 0))))
+    specific = {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": 1 + number % 65_535, "RxFansPerPing": 1,
+                "RxFanIndex": head, "SwathsPerPing": 1, "RxTransducerInd": head, "NumRxTransducers": len(order_of(line)),
                 "NumBytesInfoData": 152, "FrequencyMode_Hz": float(ping["sector_frequency"].mean()),
                 "FreqRangeLowLim_Hz": float(low.min()), "FreqRangeHighLim_Hz": float(high.max()),
                 "MaxTotalTxPulseLength_sec": float(length.max()), "MaxEffTxPulseLength_sec": float(length.max()),

@@ -15,11 +15,12 @@ from ...units import deg_from_radians
 from .lines import Line
 from .passage import Passage
 
-__all__ = ["VERSION", "File", "attitudes", "cast", "comments", "parameters"]
+__all__ = ["MOST_RECEIVERS", "VERSION", "File", "attitudes", "cast", "comments", "order_of", "parameters"]
 
 VERSION = "GSF-v03.09"
 ATTITUDE_SECONDS = 10.0                    # of an attitude record; it takes 65 at most
 NOT_APPLIED = ("DRAFT", "PITCH", "ROLL", "GYRO")
+MOST_RECEIVERS = 2
 OFFSETS = ("POSITION", "ANTENNA", "MRU", "CENTER_OF_ROTATION", "DEPTH_SENSOR")
 
 
@@ -46,26 +47,36 @@ class File(gsf):
         super().write_record(record_id, padded, checksum)
 
 
+def order_of(line: Line) -> np.ndarray:
+    """Return the numbers (R,) of the receive arrays from port to starboard, as GSF lists them, two at most."""
+    return np.argsort(line.receivers[0][:, 1], kind="stable")[:MOST_RECEIVERS]
+
+
 def parameters(line: Line, passage: Passage) -> dict[str, Any]:
     """Give the processing parameters: what has been applied, and that nothing is left to apply."""
     zero, none = "+0.000", "+0.000,+0.000,+0.000"
     values = {"REFERENCE TIME": "1970/001 00:00:00", "PLATFORM_TYPE": "SURFACE_SHIP", "FULL_RAW_DATA": "TRUE",
               "ROLL_COMPENSATED": "YES", "PITCH_COMPENSATED": "YES", "HEAVE_COMPENSATED": "YES",
-              "TIDE_COMPENSATED": "YES", "NUMBER_OF_RECEIVERS": "1", "NUMBER_OF_TRANSMITTERS": "1",
+              "TIDE_COMPENSATED": "NO", "NUMBER_OF_RECEIVERS": f"{len(order_of(line))}", "NUMBER_OF_TRANSMITTERS": "1",
               "DEPTH_CALCULATION": "CORRECTED", "RAY_TRACING": "YES", "MSB_APPLIED_TO_ATTITUDE": "NO",
               "HEAVE_REMOVED_FROM_GPS_TC": "NO", "UTC_OFFSET": "0", "ROLL_REFERENCE": "ROTATED"}
     values |= {f"{name}_TO_APPLY": zero for name in NOT_APPLIED}
     values |= {f"{name}_OFFSET_TO_APPLY": none for name in (*OFFSETS, "TRANSDUCER", "RX_TRANSDUCER")}
     values |= {"APPLIED_DRAFT": f"{passage.draught:+.3f}"}
     values |= {f"APPLIED_{name}_OFFSET": none for name in OFFSETS}
-    for prefix, array in (("", "transmit"), ("RX_", "receive")):
-        offset, turned = line.array(f"{array}_offset"), deg_from_radians(line.array(f"{array}_mounting"))
-        values[f"APPLIED_{prefix}TRANSDUCER_OFFSET"] = ",".join(f"{value:+.4f}" for value in offset)
-        values |= {f"APPLIED_{prefix}TRANSDUCER_{name}_OFFSET": f"{value:+.4f}"
-                   for name, value in zip(("ROLL", "PITCH", "HEADING"), turned)}
+    sending = line.array("transmit_offset")[None], line.array("transmit_mounting")[None]
+    for prefix, (offsets, turned) in (("", sending), ("RX_", tuple(one[order_of(line)] for one in line.receivers))):
+        values[f"APPLIED_{prefix}TRANSDUCER_OFFSET"] = _words(offsets)
+        values |= {f"APPLIED_{prefix}TRANSDUCER_{name}_OFFSET": _words(deg_from_radians(angle))
+                   for name, angle in zip(("ROLL", "PITCH", "HEADING"), turned.T)}
     values |= {f"APPLIED_{name}_LATENCY": zero for name in ("POSITION", "ATTITUDE", "DEPTH_SENSOR")}
     values |= {"GEOID": "WGS-84", "TIDAL_DATUM": "UNKNOWN"}
     return {"ParamTime": passage.time[0], "Parameters": values}
+
+
+def _words(numbers: np.ndarray) -> str:
+    """Write the numbers of one array after the other."""
+    return ",".join(f"{value:+.4f}" for value in np.ravel(numbers))
 
 
 def cast(line: Line, passage: Passage) -> dict[str, Any]:

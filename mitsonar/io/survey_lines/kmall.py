@@ -12,7 +12,7 @@ from .column import column_of, offset_of, water_column
 from .held import COLUMN, SOUNDINGS
 from .kmall_pings import soundings
 from .kmall_sensors import MODEL, head_speed, installation, model, profile, sensors, settings
-from .lines import Blocks, Place, Written, left_out, line_of, lost, pings
+from .lines import Blocks, Place, Written, left_out, line_of, lost, pings, rated
 from .passage import passage_of
 
 __all__ = ["write"]
@@ -33,26 +33,25 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         for datagram in (installation, settings, profile):
             stream.write(datagram(line, passage))
-        for block in some:
-            for ping in pings(line, block):
-                while due is not None and due[0] <= ping["since"]:
-                    stream.write(due[1])
-                    due = next(waiting, None)
-                if not ping["valid"].size:
-                    empty += 1
-                    continue
-                offset = offset_of(ping) if offset is None else offset
-                try:
-                    column = column_of(line, ping, offset)
-                    stream.write(head_speed(line, ping))
-                    soundings(stream, line, ping, number, sounder, column)
-                    if column is not None and offset is not None:
-                        stream.write(water_column(line, passage, ping, number, sounder, column, offset=offset))
-                        louder, quieter = louder + column.outside[0], quieter + column.outside[1]
-                except (struct.error, OverflowError) as error:
-                    raise ValueError(f"ping {number} does not go into a KMALL datagram: {error}; check its values, or "
-                                     "write a .nc.") from None
-                number, found = number + 1, found + int(ping["valid"].sum())
+        for ping, rate in rated(ping for block in some for ping in pings(line, block)):
+            while due is not None and due[0] <= ping["since"]:
+                stream.write(due[1])
+                due = next(waiting, None)
+            if not ping["valid"].size:
+                empty += 1
+                continue
+            offset = offset_of(ping) if offset is None else offset
+            try:
+                column = column_of(line, ping, offset)
+                stream.write(head_speed(line, ping))
+                soundings(stream, line, ping, number, sounder, column, rate)
+                if column is not None and offset is not None:
+                    stream.write(water_column(line, passage, ping, number, sounder, column, offset=offset))
+                    louder, quieter = louder + column.outside[0], quieter + column.outside[1]
+            except (struct.error, OverflowError) as error:
+                raise ValueError(f"ping {number} does not go into a KMALL datagram: {error}; check its values, or "
+                                 "write a .nc.") from None
+            number, found = number + 1, found + int(ping["valid"].sum())
         while due is not None:
             stream.write(due[1])
             due = next(waiting, None)

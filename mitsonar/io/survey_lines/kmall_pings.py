@@ -15,7 +15,7 @@ from KMALL.kmall import kmall
 
 from .column import Column
 from .directions import from_vertical
-from .kmall_sensors import BODY, body
+from .kmall_sensors import BODY, NO_HEIGHT, body
 from .lines import Line, Ping, rotation
 from .snippets import Runs, runs_of
 
@@ -28,8 +28,9 @@ NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
 
 
-def soundings(stream: IO[bytes], line: Line, ping: Ping, number: int, sounder: int, column: Column | None) -> None:
-    """Append a ping's #MRZ."""
+def soundings(stream: IO[bytes], line: Line, ping: Ping, number: int, sounder: int, column: Column | None,
+              rate: float = 0.0) -> None:
+    """Append a ping's #MRZ; ``rate`` is that of its cycles [Hz], 0 where it is not known."""
     runs = runs_of(ping)
     sectors, count = ping["sector_frequency"].size, ping["valid"].size
     samples = 0 if runs is None else int(runs.count.sum())
@@ -40,7 +41,7 @@ def soundings(stream: IO[bytes], line: Line, ping: Ping, number: int, sounder: i
         "header": {"numBytesDgm": length, "dgmType": b"#MRZ", "dgmVersion": VERSION, "systemID": 0,
                    "echoSounderID": sounder, "dgtime": float(ping["since"])},
         "partition": {"numOfDgms": 1, "dgmNum": 1}, "cmnPart": body(ping, number),
-        "pingInfo": _info(line, ping, sectors),
+        "pingInfo": _info(line, ping, sectors) | {"pingRate_Hz": rate},
         "txSectorInfo": _sectors(ping, sectors), "extraDetClassInfo": {}, "rxInfo": _receiver(ping, runs, column),
         "sounding": _columns(_soundings(line, ping, runs, column), count), "SIsample_desidB": _image(runs)})
 
@@ -52,7 +53,7 @@ def _info(line, ping, sectors) -> dict[str, Any]:
     across = ping["across_track"][ping["valid"]] if ping["valid"].any() else np.zeros(1)
     fan = steer[ping["valid"]] if ping["valid"].any() else np.zeros(1)
     length = float(ping["sector_pulse_length"].max())
-    zeros = dict.fromkeys(("padding0", "pingRate_Hz", "beamSpacing", "depthMode", "subDepthMode", "distanceBtwSwath",
+    zeros = dict.fromkeys(("padding0", "beamSpacing", "depthMode", "subDepthMode", "distanceBtwSwath",
                            "detectionMode", "pulseForm", "padding1", "modeAndStabilisation", "runtimeFilter1",
                            "runtimeFilter2", "pipeTrackingStatus", "transmitArraySizeUsed_deg",
                            "receiveArraySizeUsed_deg", "transmitPower_dB", "SLrampUpTimeRemaining", "padding2",
@@ -73,7 +74,7 @@ def _info(line, ping, sectors) -> dict[str, Any]:
         "soundSpeedAtTxDepth_mPerSec": float(ping["head_sound_speed"]),
         "txTransducerDepth_m": float(ping["ping_depth"] + array[2]),
         "z_waterLevelReRefPoint_m": -float(ping["ping_depth"]), "latitude_deg": float(ping["ping_latitude"]),
-        "longitude_deg": float(ping["ping_longitude"]), "ellipsoidHeightReRefPoint_m": -float(ping["ping_depth"])}
+        "longitude_deg": float(ping["ping_longitude"]), "ellipsoidHeightReRefPoint_m": NO_HEIGHT}
 
 
 def _sectors(ping, sectors) -> dict[str, list[Any]]:

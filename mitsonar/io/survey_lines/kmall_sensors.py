@@ -17,13 +17,14 @@ from ...units import deg_from_radians
 from .lines import Line, Ping
 from .passage import Passage
 
-__all__ = ["BODY", "MODEL", "body", "datagram", "head_speed", "installation", "model", "profile", "sensors", "settings"]
+__all__ = ["BODY", "MODEL", "NO_HEIGHT", "body", "datagram", "head_speed", "installation", "model", "profile", "sensors", "settings"]
 
 MODEL = 2040                               # of sounders that are none of Kongsberg's
 SKM_SECONDS, SPO_SECONDS = 1.0, 0.1        # of a motion datagram; between positions
 ACTIVE, CLOCKED, CORRECTED = 1, 1 << 9, 1 << 10        # of a sensor's status
 CONTENTS = 0b11111                         # position, roll and pitch, heading, heave, accelerations
 UNKNOWN = 0b1100000                        # error fields and delayed heave are no data
+NO_HEIGHT = -999.0                         # [m] above the ellipsoid, which a line does not know
 MOTION = np.dtype([("type", "S4"), ("bytes", "<u2"), ("version", "<u2"), ("seconds", "<u4"), ("nanoseconds", "<u4"),
                    ("status", "<u4"), ("latitude", "<f8"), ("longitude", "<f8"), ("height", "<f4"), ("roll", "<f4"),
                    ("pitch", "<f4"), ("heading", "<f4"), ("heave", "<f4"), ("rates", "<f4", 3), ("velocity", "<f4", 3),
@@ -46,9 +47,12 @@ def datagram(kind: str, version: int, sounder: int, since: float, content: bytes
 
 
 def body(ping: Ping, number: int) -> dict[str, int]:
-    """Give what all datagrams of a ping begin with, in the order of the file."""
+    """Give what all datagrams of a ping begin with, in the order of the file.
+
+    Counters begin at 1: readers take a change of the counter for a new ping, and their own begins at 0.
+    """
     head = int(ping.get("head", 0))
-    return {"numBytesCmnPart": BODY, "pingCnt": number % 65_536, "rxFansPerPing": 1, "rxFanIndex": 0,
+    return {"numBytesCmnPart": BODY, "pingCnt": 1 + number % 65_535, "rxFansPerPing": 1, "rxFanIndex": 0,
             "swathsPerPing": 1, "swathAlongPosition": 0, "txTransducerInd": 0, "rxTransducerInd": head,
             "numRxTransducers": 1, "algorithmType": 0}
 
@@ -63,11 +67,8 @@ def installation(line: Line, passage: Passage) -> bytes:
              "\nVERSIONS-END", "\nSERIALno:\nTX:1", "\nRX:1", "\nSERIALno-END",
              "\nKMALL:Rev J 2023-09-15", f"\nSYSTEM:EM {number} - Single Tx single Rx",
              f"TRAI_TX1:N=1;{_mounted(line.array('transmit_offset'), line.array('transmit_mounting'))}"]
-    offsets, turned = line.array("receive_offset")[None], line.array("receive_mounting")[None]
-    if "head_receive_offset" in line.first:
-        offsets, turned = line.array("head_receive_offset"), line.array("head_receive_mounting")
     parts += [f"TRAI_RX{head + 1}:N={head + 1};{_mounted(offset, mounting)};G=0.00"
-              for head, (offset, mounting) in enumerate(zip(offsets, turned))]
+              for head, (offset, mounting) in enumerate(zip(*line.receivers))]
     nothing = "X=0.000;Y=0.000;Z=0.000"
     parts += [f"POSI_1:{nothing};D=0.000;G=WGS84;T=Datagram;C=On;F=GGA;Q=Off;I=Net port 1;U=ACTIVE",
               f"ATTI_1:{nothing};R=0.000;P=0.000;H=0.000;D=0.000;M=Rotation;F=KM Binary;I=Net port 2;U=ACTIVE",
@@ -114,7 +115,7 @@ def _motion(line, passage) -> Iterator[tuple[float, bytes]]:
     samples["type"], samples["bytes"], samples["version"], samples["status"] = b"#KMB", MOTION.itemsize, 1, UNKNOWN
     samples["seconds"] = np.floor(passage.time)
     samples["nanoseconds"] = np.minimum(np.rint(1e9 * (passage.time % 1)), 999_999_999)
-    samples["latitude"], samples["longitude"], samples["height"] = passage.latitude, passage.longitude, -passage.depth
+    samples["latitude"], samples["longitude"], samples["height"] = passage.latitude, passage.longitude, NO_HEIGHT
     samples["roll"], samples["pitch"] = deg_from_radians(passage.roll), deg_from_radians(passage.pitch)
     samples["heading"], samples["heave"] = deg_from_radians(passage.heading) % 360.0, -passage.heave
     samples["rates"], samples["velocity"] = deg_from_radians(rates), passage.velocity
@@ -137,12 +138,12 @@ def _positions(line, passage) -> Iterator[tuple[float, bytes]]:
         latitude, longitude = float(passage.latitude[index]), float(passage.longitude[index])
         height = -float(passage.depth[index])
         fix = struct.pack("<4H2If2d3f", 8, 0, ACTIVE | CLOCKED | CORRECTED, 0, *_clock(since), 0.0, latitude, longitude,
-                          np.hypot(north, east), np.degrees(np.arctan2(east, north)) % 360.0, height)
+                          np.hypot(north, east), np.degrees(np.arctan2(east, north)) % 360.0, NO_HEIGHT)
         yield since, datagram("SPO", 0, model(line), since, fix + _gga(since, latitude, longitude, height))
 
 
 def _gga(since, latitude, longitude, height):
-    """NMEA 0183's sentence of a fix."""
+    """NMEA 0183's sentence of a fix: the height is above the still surface, the geoid's own is not known."""
     time = datetime.datetime.fromtimestamp(since, datetime.timezone.utc).strftime("%H%M%S.%f")[:9]
     sides = []
     for value, digits, names in ((latitude, 2, "NS"), ((longitude + 180) % 360 - 180, 3, "EW")):
@@ -150,7 +151,7 @@ def _gga(since, latitude, longitude, height):
         minutes = round(abs(value) * 60e7)
         whole, part = divmod(minutes, 600_000_000)
         sides.append(f"{whole:0{digits}d}{part / 1e7:010.7f},{names[value < 0]}")
-    text = f"INGGA,{time},{sides[0]},{sides[1]},4,12,0.7,{height:.2f},M,0.00,M,1.0,0000"
+    text = f"INGGA,{time},{sides[0]},{sides[1]},4,12,0.7,{height:.2f},M,,M,1.0,0000"
     checksum = 0
     for letter in text.encode():
         checksum ^= letter

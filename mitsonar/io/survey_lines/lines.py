@@ -16,7 +16,8 @@ import xarray as xr
 from ...hydrography.record import VARIABLES, check
 from ..navigation import Frame
 
-__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "line_of", "left_out", "lost", "pings", "rotation"]
+__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "line_of", "left_out", "lost", "pings", "rated",
+           "rotation"]
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
 Place = tuple[float, float]                # latitude and longitude [degrees]
@@ -67,6 +68,13 @@ class Line:
     def array(self, name: str) -> np.ndarray:
         """Give a variable that is not of pings."""
         return np.asarray(self.first[name].values, float)
+
+    @property
+    def receivers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lever arms (R, 3) [m] and mountings (R, 3) [rad] of the receive arrays, one or those of several heads."""
+        if "head_receive_offset" in self.first:
+            return self.array("head_receive_offset"), self.array("head_receive_mounting")
+        return self.array("receive_offset")[None], self.array("receive_mounting")[None]
 
     @property
     def sonar(self) -> str:
@@ -169,6 +177,24 @@ def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
         ping |= {"since": line.start + ping["ping_time"], "ping_latitude": latitude[number],
                  "ping_longitude": longitude[number], "true_heading": ping["ping_heading"] + convergence[number]}
         yield ping
+
+
+def rated(some: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
+    """Yield pings with the rate [Hz] at which their cycles follow each other.
+
+    Pings that are sent before the first echo is back, of a second swath or another head, are of one cycle. The last
+    cycle has the rate of the one before; a single one has 0.
+    """
+    cycle: list[Ping] = []
+    rate = 0.0
+    for ping in some:
+        first = np.nanmin(cycle[0]["travel_time"], initial=np.inf) if cycle else np.inf
+        if cycle and ping["since"] - cycle[0]["since"] > (0.5 * first if np.isfinite(first) else 0.0):
+            rate = 1.0 / (ping["since"] - cycle[0]["since"])
+            yield from ((one, rate) for one in cycle)
+            cycle = []
+        cycle.append(ping)
+    yield from ((one, rate) for one in cycle)
 
 
 def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:

@@ -6,15 +6,19 @@ first and after the last a place goes on as it went, for a few seconds, and an a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .places import Zone, across_and_along, from_sensor, levelled, zone_of
 
-__all__ = ["Motion", "motion_of"]
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+__all__ = ["Motion", "motion_of", "smoothed"]
 
 BEYOND = 5.0                       # [s] that a course is followed without a position
-ANGLES = ("roll", "pitch", "heading")
+STIFFNESS = 1e-6                   # of splines where there are no samples, relative to that of samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,3 +98,34 @@ def _followed(time, times, places):
             past = np.clip(past, -BEYOND, 0) if end == 0 else np.clip(past, 0, BEYOND)
             values += past[:, None] * pace
     return values
+
+
+def smoothed(time: np.ndarray, values: np.ndarray, step: float, until: float | None = None) -> BSpline:
+    """Return the cubic spline of least squares through samples, with a knot every ``step``.
+
+    Records of motion have steps, of their last digit and of the sensor's own rate, and a spline through every sample
+    follows them. This one leaves out what is faster than two knots. Where it has no samples it goes on nearly straight.
+
+    Parameters
+    ----------
+    time : (N,) [s]
+        Increasing, two or more.
+    values : (N, C)
+    step : float [s]
+    until : float [s] or None
+        End of the spline, where it is after the last sample.
+    """
+    from scipy.interpolate import BSpline
+    from scipy.sparse import csr_array, diags_array
+    from scipy.sparse.linalg import spsolve
+
+    end = time[-1] if until is None else max(time[-1], until)
+    count = max(int(np.ceil((end - time[0]) / step)), 1)
+    step = (end - time[0]) / count
+    knots = time[0] + step * np.arange(-3, count + 4)
+    knots[count + 3] = end                             # not a rounding before it
+    sums = csr_array(BSpline.design_matrix(time, knots, 3))
+    bends = diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count + 1, count + 3))
+    normal = sums.T @ sums + STIFFNESS * max(time.size / count, 1.0) * (bends.T @ bends)
+    found = spsolve(normal.tocsc(), sums.T @ values)
+    return BSpline(knots, np.reshape(found, (count + 3, -1)), 3)

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .lines import Line
+from .motion import smoothed
 
 __all__ = ["Passage", "passage_of"]
 
-WINDOW = 1.0                               # [s] over which a course is measured
+WINDOW = 2.0                               # [s] between the knots of the way that a speed over ground is of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +32,7 @@ class Passage:
     heave : [m]
         Upwards.
     velocity : (M, 3) [m/s]
-        North, east, down.
+        North, east, down; over ground it is that of the smoothed way.
     draught : float [m]
     """
 
@@ -51,9 +52,8 @@ class Passage:
         return np.gradient(values, self.time, axis=0) if self.time.size > 1 else np.zeros_like(values)
 
     def way(self, since: float) -> tuple[float, float]:
-        """Give course [rad] and speed [m/s] over ground about a time [s since 1970]."""
-        north, east = (np.mean(np.interp(since + np.linspace(-WINDOW / 2, WINDOW / 2, 11), self.time, one))
-                       for one in self.velocity.T[:2])
+        """Give course [rad] and speed [m/s] over ground at a time [s since 1970]."""
+        north, east = (np.interp(since, self.time, one) for one in self.velocity.T[:2])
         return float(np.arctan2(east, north) % (2 * np.pi)), float(np.hypot(north, east))
 
 
@@ -66,9 +66,11 @@ def passage_of(line: Line) -> Passage:
     latitude, longitude, convergence = line.frame.on_globe(np.stack([x, y], -1))
     turn = np.cos(convergence), np.sin(convergence)
     north, east = y * turn[0] - x * turn[1], x * turn[0] + y * turn[1]
-    moved = np.stack([north, east, depth], -1)
     draught = float(line.array("motion_depth").mean())
-    velocity = np.gradient(moved, time, axis=0) if time.size > 1 else np.zeros_like(moved)
+    velocity = np.zeros((time.size, 3))
+    if time.size > 1:                  # differences of noisy places are no speed
+        velocity[:, :2] = smoothed(time, np.stack([north, east], -1), WINDOW).derivative()(time)
+        velocity[:, 2] = np.gradient(depth, time)
     return Passage(time=np.maximum(line.start + time, 0.0), latitude=latitude, longitude=longitude, depth=depth,
                    roll=roll, pitch=pitch, heading=heading + convergence, heave=draught - depth, velocity=velocity,
                    draught=draught)

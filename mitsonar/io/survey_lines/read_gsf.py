@@ -30,6 +30,7 @@ __all__ = ["GsfFile"]
 
 DAMAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, TypeError, EOFError, MemoryError)
 LEVEL = 0.9                        # share of soundings on the side that the first way says
+HEAD = "RxTransducerInd"           # in a sounder's own record: number of the receive array
 OURS = "log10 of depth over its spread"            # what the file's comment says where quality is the record's
 ONE_SIGMA, ONE_SIGMA_LEVEL = 1.96, 2.448 / np.sqrt(2)       # errors are of 95 %
 _BACKSCATTER = "mean calibrated amplitude of the file"
@@ -65,14 +66,16 @@ class GsfFile:
         self._ours = any(OURS in (one["Comment"] or "") for one in self._records(6))
         self._cast = next((np.column_stack([one["Depth_m"], one["SoundSpeed_mPerSec"]]) for one in self._records(3)),
                           None)
-        self._draught = _three(self._parameters.get("APPLIED_DRAFT"))[0]
+        self._draught = _numbers(self._parameters.get("APPLIED_DRAFT"))[0]
         self._motion = self._moved()
-        self._sectors = 1
+        self._sectors, told = 1, True
         for one in self._records(2):
+            told &= HEAD in (one.get("SensorSpecific") or {})
             self._sectors = max(self._sectors, _count(_shots(one)))
             if self._sectors > MOST_SECTORS:
                 raise ValueError(f"a ping says that it has {self._sectors} sectors; at most {MOST_SECTORS} are "
                                  "believed.")
+        self._heads = _whole(self._parameters.get("NUMBER_OF_RECEIVERS")) if told else 1
 
     def __len__(self) -> int:
         return len(self._walked.positions)
@@ -84,8 +87,8 @@ class GsfFile:
         return Line(sonar="multibeam", title=os.path.basename(self._path), start=self._start,
                     crs=self._motion.zone.crs, origin=self._motion.zone.origin, cast_depth=depth,
                     cast_sound_speed=speed, transmit_offset=self._array("", "OFFSET"),
-                    transmit_mounting=self._array("", "MOUNTING"), receive_offset=self._array("RX_", "OFFSET")[None],
-                    receive_mounting=self._array("RX_", "MOUNTING")[None], motion=self._motion.streams,
+                    transmit_mounting=self._array("", "MOUNTING"), receive_offset=self._receivers("OFFSET"),
+                    receive_mounting=self._receivers("MOUNTING"), motion=self._motion.streams,
                     backscatter=_BACKSCATTER, profile="the cast of the file", beams=self._walked.beams,
                     sectors=self._sectors)
 
@@ -127,15 +130,19 @@ class GsfFile:
         return motion_of(attitude[np.argsort(attitude[:, 0], kind="stable")], self._walked.positions, self._start,
                          waterline=-self._draught)
 
-    def _array(self, prefix, what):
+    def _array(self, prefix, what, head=0):
         """Give a lever arm or a mounting of the processing parameters; a receiver's is the transmitter's by default."""
-        def value(of: str, name: str) -> np.ndarray:
-            return _three(self._parameters.get(f"APPLIED_{of}TRANSDUCER_{name}"))
+        def value(of: str, name: str, size: int) -> np.ndarray:
+            return _numbers(self._parameters.get(f"APPLIED_{of}TRANSDUCER_{name}"), head * size, size)
 
         of = prefix if f"APPLIED_{prefix}TRANSDUCER_OFFSET" in self._parameters else ""
         if what == "OFFSET":
-            return value(of, "OFFSET")
-        return np.deg2rad([value(of, f"{name}_OFFSET")[0] for name in ("ROLL", "PITCH", "HEADING")])
+            return value(of, "OFFSET", 3)
+        return np.deg2rad([value(of, f"{name}_OFFSET", 1)[0] for name in ("ROLL", "PITCH", "HEADING")])
+
+    def _receivers(self, what):
+        """Give the lever arms or the mountings (R, 3) of the receive arrays."""
+        return np.stack([self._array("RX_", what, head) for head in range(self._heads)])
 
     @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none; `dataset` sorts them out
     def _ping(self, one, number):
@@ -163,7 +170,8 @@ class GsfFile:
         sectors |= {name: shots[column] for name, column in _SECTORS.items() if shots}
         sectors["delay"] = np.nan_to_num(sectors["delay"])
         sector = np.clip(beams.get("SectorNumber", np.zeros(count)), 0, sectors["delay"].size - 1).astype(int)
-        sent, heard = self._angles(beams, place)
+        head = min(int(own.get(HEAD, 0)), self._heads - 1)
+        sent, heard = self._angles(beams, place, head)
         if shots:
             sectors["angle"] = np.deg2rad(shots["TiltAngleReTx_deg"])
             sent = sent if "BeamAngleForward_deg" in beams else sectors["angle"][sector]
@@ -174,7 +182,7 @@ class GsfFile:
         soundings = {"valid": valid, "travel_time": beams.get("TravelTime_s", nothing), "angle": heard,
                      "transmit_angle": sent, "sector": sector, "depth": beams["Depth_m"], "x": x, "y": y,
                      "across_track": across, "along_track": along}
-        return Ping(place=place, head_sound_speed=self._head_speed(own, place), head=0, sectors=sectors,
+        return Ping(place=place, head_sound_speed=self._head_speed(own, place), head=head, sectors=sectors,
                     soundings=soundings | self._kept(beams))
 
     def _kept(self, beams):
@@ -188,8 +196,8 @@ class GsfFile:
                      "detection": np.clip(np.nan_to_num(beams.get("DetectionInfo", nothing)), 0, 2)}
         return kept
 
-    def _angles(self, beams, place):
-        """Give transmit angles and angles of a ping's beams."""
+    def _angles(self, beams, place, head):
+        """Give transmit angles and angles of the beams of a ping of a head."""
         if "BeamAngle_deg" not in beams:
             nothing = np.full(len(beams["Depth_m"]), np.nan)
             return nothing, nothing
@@ -200,7 +208,8 @@ class GsfFile:
             return np.pi / 2 - forward, (1.0 if np.sum(np.sin(angle) * across) >= 0 else -1.0) * angle
         away = np.stack([np.sin(angle) * np.sin(forward), np.sin(angle) * np.cos(forward), np.cos(angle)], -1)
         body = away @ turned(place["roll"], place["pitch"])
-        along, starboard = (turned(*self._array(prefix, "MOUNTING"))[:, axis] for prefix, axis in (("", 0), ("RX_", 1)))
+        along, starboard = (turned(*self._array(prefix, "MOUNTING", which))[:, axis]
+                            for prefix, which, axis in (("", 0, 0), ("RX_", head, 1)))
         return tuple(np.arcsin(np.clip(body @ axis, -1, 1)) for axis in (along, starboard))
 
     def _head_speed(self, own, place):
@@ -226,10 +235,15 @@ def _count(shots):
     return len(shots["CentreFreq_Hz"]) if shots else 0
 
 
-def _three(text: str | None) -> np.ndarray:
-    """Give up to three numbers of a parameter, 0 where it is not known."""
-    numbers = np.zeros(3)
-    for axis, part in enumerate((text or "").split(",")[:3]):
+def _whole(text: str | None) -> int:
+    """Give the number of receivers that a parameter says; the format has two at most."""
+    return int(text) if text in ("1", "2") else 1
+
+
+def _numbers(text: str | None, first: int = 0, count: int = 3) -> np.ndarray:
+    """Give some numbers of a parameter, 0 where it is not known."""
+    numbers = np.zeros(count)
+    for axis, part in enumerate((text or "").split(",")[first:first + count]):
         try:
             value = float(part)
         except ValueError:
