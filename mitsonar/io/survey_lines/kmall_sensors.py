@@ -17,7 +17,8 @@ from ...units import deg_from_radians
 from .lines import Line, Ping
 from .passage import Passage
 
-__all__ = ["BODY", "MODEL", "NO_HEIGHT", "body", "datagram", "head_speed", "installation", "model", "profile", "sensors", "settings"]
+__all__ = ["BODY", "MODEL", "NO_HEIGHT", "body", "datagram", "head_speed", "installation", "model", "profile",
+           "sensors", "settings"]
 
 MODEL = 2040                               # of sounders that are none of Kongsberg's
 SKM_SECONDS, SPO_SECONDS = 1.0, 0.1        # of a motion datagram; between positions
