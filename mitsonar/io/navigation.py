@@ -10,18 +10,23 @@ system by PROJ, and a heading, which compasses count from true north, loses the 
 """
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ..sonar.track import Track
+from .files import FilePath
 
-__all__ = ["Frame", "Navigation", "Waypoints", "course"]
+__all__ = ["Frame", "Navigation", "Waypoints", "course", "unrepeated"]
 
 WGS84 = "EPSG:4326"
 _COURSE_TIME = 1.0                 # [s] before and after, over which a course is measured
 _SLOWEST = 0.1                     # [m/s] at which there is a course
+_REPEATED = 0.2                    # share of positions that repeat the one before, where fixes are repeated
+_FEWEST = 4                        # fixes that are
+_STANDS = 3.0                      # times as long as fixes usually are repeated, a platform stands still
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,6 +218,52 @@ def _placed(record, frame):
         return (frame or middle(record)).project(record.y, record.x)
     position = np.stack([record.x, record.y], -1)
     return (position if frame is None else position - frame.origin), 0.0
+
+
+def unrepeated(path: FilePath, time: np.ndarray, place: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return places at times, of a record that may repeat each fix until the next one comes.
+
+    Pings are logged faster than positions: ten pings a second with one fix a second stand still nine times and then
+    jump. Where that is so, each fix counts once, when it is new, and smooth curves without overshoot lead from fix to fix.
+
+    Parameters
+    ----------
+    path : str or path
+        Of the record, for the warning that fixes are repeated.
+    time : array (P,) [s]
+        Strictly increasing.
+    place : array (P, 2) [m] or [degrees]
+    at : array (N,) [s]
+
+    Returns
+    -------
+    array (N, 2) [m] or [degrees]
+        Joined by straight lines where no fix is repeated.
+    """
+    fixes = _fixes(time, place)
+    if fixes is None:
+        return np.stack([np.interp(at, time, axis) for axis in place.T], -1)
+    usual = float(np.median(np.diff(time[fixes])))
+    warnings.warn(f"{path} repeats positions: {fixes.size} fixes, one in {usual:.3g} s, stand in {time.size} records; "
+                  "each is used once, and the places between are interpolated", stacklevel=4)
+    from scipy.interpolate import PchipInterpolator
+
+    way = PchipInterpolator(time[fixes], place[fixes])         # does not swing where the platform stops
+    inside = np.clip(at, time[fixes[0]], time[fixes[-1]])
+    return way(inside) + (at - inside)[:, None] * way(inside, 1)
+
+
+def _fixes(time, place):
+    """The numbers of the records that hold a new fix, or None where fixes are not repeated."""
+    new = np.flatnonzero(np.r_[True, (np.diff(place, axis=0) != 0).any(1)])
+    lasting = np.diff(np.r_[new, time.size])
+    several = lasting > 1
+    if new.size < _FEWEST or several.sum() < _FEWEST or new.size > (1 - _REPEATED) * time.size:
+        return None
+    usual = np.median(lasting[several])
+    first = 1 if lasting[0] < usual else 0             # the record may begin in the middle of a fix
+    stands = new + lasting - int(usual)                # the last fix of where it stood
+    return np.unique(np.r_[new[first:], stands[first:][lasting[first:] > _STANDS * usual]])
 
 
 def course(time: npt.ArrayLike, position: npt.ArrayLike) -> np.ndarray:

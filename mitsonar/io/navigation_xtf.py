@@ -17,7 +17,7 @@ import os
 import numpy as np
 
 from .files import FilePath
-from .navigation import Navigation
+from .navigation import Navigation, unrepeated
 from .xtf_layouts import MAGIC, structure
 
 __all__ = ["read", "recognised"]
@@ -123,7 +123,7 @@ def _navigation(path, units, packets, pings):
     if at.size < 2:
         raise ValueError("positions and attitude are recorded together at less than two times; the packets' clocks "
                          "disagree.")
-    place = np.stack([np.interp(at, time, axis) for axis in place.T], -1)
+    place = unrepeated(path, time, place, at)
     depth = _sensor_depth(pings, at, dropped)
     _log.info("%s: %d positions and %d attitudes over %.1f s; left out: %s", path, time.size, clock.size,
               at[-1] - at[0], _listed(dropped))

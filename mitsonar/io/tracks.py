@@ -10,6 +10,8 @@ since 1970; ``x`` east and ``y`` north [m] (or ``easting``, ``northing``), or in
 course), named with or without the suffix ``_deg``. A heading beside latitudes counts from true north. Columns stand in
 any order, others are ignored, and so are empty lines and those starting with #. Commas, semicolons or tabs divide them.
 
+Positions that are repeated until the next fix comes are used once each (`navigation.unrepeated`), with a warning.
+
 Without ``time`` the lines are way points: x and y, or latitude and longitude, and z or depth if they say it.
 
 XTF files are known by their first bytes, see `navigation_xtf`.
@@ -24,7 +26,7 @@ from ..sonar.track import Track
 from ..units import radians_from_deg
 from . import navigation_xtf, tables
 from .files import FilePath
-from .navigation import Frame, Navigation, Waypoints
+from .navigation import Frame, Navigation, Waypoints, unrepeated
 
 __all__ = ["load", "read", "waypoints"]
 
@@ -126,6 +128,7 @@ def load(path: FilePath) -> Navigation | Waypoints:
         line = late[0] + 1
         raise ValueError(f"{path}, line {numbers[line]}: time {columns['time'][line]} is not later than "
                          f"{columns['time'][line - 1]} before it; sort the lines and drop repeated times.")
+    x, y = unrepeated(path, time, np.stack([x, y], -1), time).T
     nothing = np.zeros(time.size)
     angles = {name: radians_from_deg(values[name]) if name in values else nothing for name in ANGLES}
     return Navigation(time=time, x=x, y=y, z=z,

@@ -1,5 +1,6 @@
 """Track files: what the columns mean, how they may be written, and which lines are refused by number."""
 import datetime
+import warnings
 
 import numpy as np
 import pytest
@@ -107,3 +108,52 @@ def test_a_long_track_is_read_at_once(tmp_path):
     lines = [f"{(start + datetime.timedelta(seconds=k)).isoformat()}Z,{k},0,-5" for k in range(20000)]
     track = tracks.read(written(tmp_path, "time,x,y,z\n" + "\n".join(lines)))
     assert track.pings == 20000 and track.speed == pytest.approx(1)
+
+
+def towed(fix=1.0, stop=0.0, pings=200, begin=0.35):
+    """Times [s] at 10 Hz, and places (P, 2) [m] as they are and as they are recorded, one fix in so many seconds."""
+    time = 0.1 * np.arange(pings)
+
+    def true(when):
+        sailed = 2.0 * np.maximum(when - stop, 0.0)
+        return np.stack([sailed, 10 * np.sin(sailed / 40)], -1)
+
+    return time, true(time), true(np.floor((time + begin) / fix + 1e-9) * fix - begin)
+
+
+@pytest.mark.parametrize("fix", [0.25, 1.0, 3.0])
+@pytest.mark.parametrize("suffix", ["time", "latitude"])
+def test_repeated_fixes_are_used_once_each_and_said(tmp_path, fix, suffix):
+    # A fix is taken for new when a record first has it: up to a record late, 0.1 s x 2 m/s. The speed of the bare
+    # record is 0 nine times and then ten times as fast.
+    time, true, recorded = towed(fix)
+    path = tmp_path / "track.csv"
+    if suffix == "latitude":
+        rows = np.column_stack([time, 50 + recorded[:, 1] / 111_200, 0.01 + recorded[:, 0] / 71_700, 0 * time - 5])
+        head = "time,latitude,longitude,z"
+    else:
+        rows, head = np.column_stack([time, recorded, 0 * time - 5]), "time,x,y,z"
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.12g")
+    with pytest.warns(UserWarning, match="repeats positions: .* fixes, one in .* s, stand in 200 records"):
+        track = tracks.read(path)
+    speed = np.hypot(*np.diff(track.position[:, :2], axis=0).T) / 0.1
+    assert (0.5 if fix < 1 else 1.5) < speed.min() and speed.max() < (4.0 if fix < 1 else 2.6)
+    if suffix == "time":
+        assert np.hypot(*(track.position[:, :2] - true).T).max() < 0.35
+
+
+def test_a_platform_that_stands_and_a_track_of_new_places_are_as_recorded(tmp_path):
+    time, true, _ = towed(stop=8.0)
+    still = np.column_stack([time, 0 * true, 0 * time - 5])
+    for name, rows in (("goes", np.column_stack([time, true, 0 * time - 5])), ("still", still)):
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="time,x,y,z", comments="", fmt="%.12g")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            track = tracks.read(tmp_path / f"{name}.csv")
+        assert np.allclose(track.position[:, :2], rows[:, 1:3], rtol=0, atol=1e-9, equal_nan=False)
+    time, true, recorded = towed(stop=8.0)
+    rows = np.column_stack([time, recorded, 0 * time - 5])
+    np.savetxt(tmp_path / "starts.csv", rows, delimiter=",", header="time,x,y,z", comments="", fmt="%.12g")
+    with pytest.warns(UserWarning, match="repeats positions"):
+        track = tracks.read(tmp_path / "starts.csv")
+    assert np.hypot(*(track.position[:, :2] - true).T).max() < 0.6 and abs(track.position[:70, 0]).max() < 0.05

@@ -15,6 +15,7 @@ from mitsonar.io import navigation_xtf, tracks
 from mitsonar.io.navigation import course
 
 SURVEY = Path(__file__).resolve().parents[2] / "../shared/data/tracks/r2sonic_20150708.xtf"
+SCOTSMAN = Path(__file__).resolve().parents[2] / "../shared/data/measured/sidescan/scotsman_600khz.xtf"
 START = 1436399535                 # 2015-07-08T23:52:15Z
 PER_DEGREE = 88_129.79             # [m] of longitude at 37.75 N on WGS 84, a cos φ / √(1 - e² sin² φ) · π/180
 TIMES = np.round(np.arange(0, 5.05, 0.1), 3)
@@ -236,3 +237,22 @@ def test_a_real_line(caplog):
     assert abs(np.rad2deg(off.mean())) < 5
     assert np.abs(np.rad2deg(track.roll)).max() == pytest.approx(4.19, abs=0.01)
     assert np.ptp(record.heave) == pytest.approx(0.135, abs=0.001)
+
+
+def test_fixes_that_pings_repeat_are_used_once_each(load):
+    """Ten pings a second, one fix a second: 1 m/s to the east, whatever ping one looks at."""
+    metre = 1 / (111_195 * np.cos(np.deg2rad(37.75)))
+    packets = [ping(0.1 * number, SensorXcoordinate=-122.5 + metre * (number // 10), SensorYcoordinate=37.75)
+               for number in range(100)]
+    with pytest.warns(UserWarning, match="repeats positions: 10 fixes, one in 1 s, stand in 100 records"):
+        track = load(packets).placed(depth=1.0)
+    assert np.diff(track.position[:, 0]) / np.diff(track.time) == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.skipif(not SCOTSMAN.is_file(), reason="the shared sidescan line is not here")
+def test_a_real_line_of_repeated_fixes_moves_on():
+    """460 pings in 52 s with 219 fixes: bare, every second ping stands still."""
+    with pytest.warns(UserWarning, match="repeats positions: 2.. fixes"):
+        track = tracks.load(SCOTSMAN).placed(depth=1.0)
+    step = np.hypot(*np.diff(track.position[:, :2], axis=0).T)
+    assert step.min() > 0.02 and step.max() < 4 * np.median(step)

@@ -84,7 +84,8 @@ def _specific(line, ping, number, array):
     head = int(np.argmax(order_of(line) == int(ping.get("head", 0))))
     specific = {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": 1 + number % 65_535,
                 "RxFansPerPing": 1, "RxFanIndex": head, "SwathsPerPing": 1, "RxTransducerInd": head,
-                "NumRxTransducers": len(order_of(line)), "NumBytesInfoData": 152, "FrequencyMode_Hz": float(ping["sector_frequency"].mean()),
+                "NumRxTransducers": len(order_of(line)), "NumBytesInfoData": 152,
+                "FrequencyMode_Hz": float(ping["sector_frequency"].mean()),
                 "FreqRangeLowLim_Hz": float(low.min()), "FreqRangeHighLim_Hz": float(high.max()),
                 "MaxTotalTxPulseLength_sec": float(length.max()), "MaxEffTxPulseLength_sec": float(length.max()),
                 "MaxEffTxBandWidth_Hz": float(ping["sector_bandwidth"].max()),
