@@ -1,7 +1,7 @@
 """The rules by which a line was reduced are found from its times: each of the four is known again.
 
-Places are made by `resounded` under a rule, of times and angles that stay; the rule's own residual is then rounding, and
-the others' are what the rule changes: 30 m/s of the head's speed over a layer of metres, and a way of 5.8 m/s.
+Places are made by `resounded` under a rule, of times and angles that stay; the rule's own residual is then rounding,
+and the others' are what the rule changes: 30 m/s of the head's speed over a layer of metres, and a way of 5.8 m/s.
 """
 import importlib.util
 from pathlib import Path

@@ -13,12 +13,23 @@ INSTALLATION = (b"\0\0WLZ=1.5,SMH=221,STC=0,S1X=10.0,S1Y=-1.0,S1Z=5.0,S1H=0.1,S1
 BEAMS, SECTORS, SAMPLES = 8, 2, 30
 
 
-def all_file(pings: int = 2, *, order: layouts.Order = "<", beams: int = BEAMS) -> bytes:
-    """Make the file: a level ship that goes north at 2 m/s, beams from 40 degrees to port to 40 to starboard."""
+def level(time: np.ndarray) -> np.ndarray:
+    """Give the pitch [degrees] of a level ship at times [s]."""
+    return 0 * time
+
+
+def all_file(pings: int = 2, *, order: layouts.Order = "<", beams: int = BEAMS, pitch=level, rises: bool = True,
+             heave: float = 0.2) -> bytes:
+    """Make the file: a ship that goes north at 2 m/s, beams from 40 degrees to port to 40 to starboard.
+
+    The transmit array, 10 m forward, rises with the ship's pitch or, as some files have it, does not.
+    """
     parts = [_datagram("I", 0, INSTALLATION, order), _datagram("U", 0, _cast(order), order)]
     for ping in range(pings):
-        bodies = {"P": _position(ping, order), "A": _attitude(order), "N": _ranges(beams, order),
-                  "X": _depths(beams, order)}
+        angle = np.deg2rad(pitch(float(ping))) if rises else 0.0
+        array = heave - 1.5 - 10 * np.sin(angle) + 5 * np.cos(angle)
+        bodies = {"P": _position(ping, order), "A": _attitude(ping, order, pitch, heave), "N": _ranges(beams, order),
+                  "X": _depths(beams, order, array)}
         parts += [_datagram(kind, ping, body, order) for kind, body in bodies.items()]
     return b"".join(parts)
 
@@ -59,9 +70,10 @@ def _position(ping, order):
                    longitude=round(7.5 * 1e7), system=0xC1)
 
 
-def _attitude(order):
+def _attitude(ping, order, pitch, heave):
     return _fields(layouts.HEADS["A"], order, entries=10) + _table(
-        layouts.ATTITUDE, order, 10, time=100 * np.arange(10), heave=20)
+        layouts.ATTITUDE, order, 10, time=100 * np.arange(10), heave=round(100 * heave),
+        pitch=np.rint(100 * pitch(ping + 0.1 * np.arange(10))))
 
 
 def _ranges(beams, order):
@@ -73,11 +85,11 @@ def _ranges(beams, order):
         travel_time=0.08 / np.cos(np.deg2rad(angle)), quality=5)
 
 
-def _depths(beams, order):
+def _depths(beams, order, depth):
     angle = np.deg2rad(np.linspace(40, -40, beams))
     bad = np.zeros(beams, np.uint8)
     bad[1] = 0x80
-    return _fields(layouts.HEADS["X"], order, depth=3.7, beams=beams, speed=15050, heading=0) + _table(
+    return _fields(layouts.HEADS["X"], order, depth=depth, beams=beams, speed=15050, heading=0) + _table(
         layouts.XYZ_BEAM, order, beams, z=60.0, y=-60 * np.tan(angle), x=1.5, detection=bad | (np.abs(angle) > 0.3),
         backscatter=-250)
 

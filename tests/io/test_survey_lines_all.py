@@ -44,6 +44,23 @@ def test_depths_are_from_the_surface_and_the_reference_point_hangs_from_the_tran
     assert np.allclose(soundings["cast_depth"], (0, 20, 200)) and soundings["cast_sound_speed"][1] == 1510.0
 
 
+@pytest.mark.parametrize("rises", [True, False])
+def test_the_motion_puts_the_array_where_the_soundings_were_made_from(tmp_path, rises):
+    # 3 degrees of pitch and 10 m of lever: half a metre between the two kinds of file; angles are in steps of 0.01
+    # degrees, 2 mm of the array's depth.
+    def pitch(time):
+        return 3 * np.sin(2 * np.pi * time / 5.3)
+
+    (tmp_path / "line.all").write_bytes(all_file(8, pitch=pitch, rises=rises))
+    line = mitsonar.read(tmp_path / "line.all")
+    there = np.interp(line["ping_time"], line["motion_time"], line["motion_depth"])
+    assert np.abs(line["ping_depth"].values - there).max() < 0.003
+    angle = line["motion_pitch"].values
+    array = line["motion_depth"].values - 10 * np.sin(angle) + 5 * np.cos(angle)
+    wanted = 0.2 - 1.5 + (5 * np.cos(angle) - 10 * np.sin(angle) if rises else 5.0)
+    assert np.abs(array - wanted).max() < 0.003
+
+
 def test_an_array_turned_about_is_the_same_array(line):
     soundings = mitsonar.read(line)
     assert np.allclose(np.rad2deg(soundings["transmit_mounting"]), (0.3, 0.2, 0.1))

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Motion", "motion_of", "smoothed"]
 
+DEEPEST = 1e3                      # [m] of an array on a vessel
+CLEARLY = 0.5                      # share of what the other rule leaves unexplained
 BEYOND = 5.0                       # [s] that a course is followed without a position
 STIFFNESS = 1e-6                   # of splines where there are no samples, relative to that of samples
 
@@ -41,6 +43,30 @@ class Motion:
         values = {name: float(np.interp(time, streams["time"], values)) for name, values in streams.items()}
         x, y = _followed(np.array([time]), streams["time"], np.column_stack([streams["x"], streams["y"]])).T
         return values | {"time": float(time), "x": float(x[0]), "y": float(y[0])}
+
+
+    def sunk(self, time: np.ndarray, depth: np.ndarray, offset: np.ndarray) -> Motion:
+        """Return the motion whose transmit array is as deep at pings as their soundings say.
+
+        Parameters
+        ----------
+        time, depth : (P,) [s], [m]
+            Of pings, in the order of time, and of the transmit array then.
+        offset : (3,) [m]
+            Lever arm of the array.
+        """
+        streams = self.streams
+        known = np.flatnonzero(np.isfinite(depth) & (np.abs(depth) < DEEPEST))
+        known = known[np.unique(time[known], return_index=True)[1]]
+        if not known.size:
+            return self
+        time, depth = time[known], depth[known]
+        arm = levelled(offset, streams["roll"], streams["pitch"])[:, 2]
+        ways = (streams["depth"], streams["depth"] + offset[2] - arm)          # heave is the ship's, or the array's
+        off = [depth - np.interp(time, streams["time"], way + arm) for way in ways]
+        best = int(np.std(off[1]) < CLEARLY * np.std(off[0]))
+        return Motion(zone=self.zone, streams=streams | {
+            "depth": ways[best] + np.interp(streams["time"], time, off[best])})
 
 
 def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, waterline: float,

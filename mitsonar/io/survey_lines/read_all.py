@@ -2,7 +2,10 @@
 
 The sounder says where a sounding lies from the transmit array's depth and the position's reference point (XYZ 88), and
 when and under which angles it was heard (raw range and angle 78); the record has both, from the vessel's reference
-point. Its depth under the surface is the transmit array's less the lever arm, levelled. Angles in the file are positive
+point. Its depth under the surface is the transmit array's less the lever arm, levelled. The heave of the attitude's
+stream is that of the reference point or, in files whose arrays do not rise with the pitch, that of the transmit array:
+whichever gives the depths of the array that the soundings were made with; what is left is added to the stream, so that
+both agree at every ping. Angles in the file are positive
 to port, of an array whose cable leaves aft or not; travel times are from the sector's transmission.
 """
 from __future__ import annotations
@@ -47,6 +50,7 @@ class _Found:
     positions: list = field(default_factory=list)
     attitude: list = field(default_factory=list)
     velocity: list = field(default_factory=list)
+    depths: dict = field(default_factory=dict)          # of the transmit array, by key
     beams: int = 0
     sectors: int = 0
     column_beams: int = 0
@@ -122,8 +126,11 @@ class AllFile(KongsbergFile):
         attitude = attitude[np.argsort(attitude[:, 0], kind="stable")]
         places = np.array(sorted(found.positions)).reshape(-1, 3)
         # The datagrams' attitude is the vessel's: what the sensor's mounting does is taken out of it already.
-        return motion_of(attitude, places, self._start,
-                         antenna=self._installation.antenna, waterline=self._installation.waterline)
+        motion = motion_of(attitude, places, self._start,
+                           antenna=self._installation.antenna, waterline=self._installation.waterline)
+        sent = np.array([seconds(*key[2:]) - self._start for key in self._keys])
+        depth = np.array([found.depths[key] for key in self._keys])
+        return motion.sunk(sent, depth, self._installation.transmit_offset)
 
     @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none; `dataset` sorts them out
     def _ping(self, streams: Sequence[BinaryIO], key: tuple[int, int, int, int]) -> Ping:
@@ -207,6 +214,8 @@ def _note(found: _Found, one: Datagram, number: int) -> None:
             raise ValueError(f"its ping {one.key[1]} says that it has {beams} beams and {sectors} sectors; at most "
                              f"{MOST_BEAMS} and {MOST_SECTORS} are believed.")
         found.beams, found.sectors = max(found.beams, beams), max(found.sectors, sectors)
+        if kind == "X":
+            found.depths[one.key] = float(one.head["depth"])
     elif kind == "k":
         found.column.setdefault(one.key, []).append(where)
         table: Any = _column_beams(one)[0]
