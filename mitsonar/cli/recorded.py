@@ -1,7 +1,7 @@
 """The command that makes a scene like a recorded line: like."""
 from .arguments import Commands, number, whole
 from .completion import FILES, complete_with
-from .words import announce
+from .words import announce, warn
 
 __all__ = ["add"]
 
@@ -24,6 +24,6 @@ def _like(arguments):
         raise ValueError(f"--cell is {arguments.cell:g} m; give a number above 0, up to 10 000.")
     if arguments.pings is not None and arguments.pings < 2:
         raise ValueError(f"--pings is {arguments.pings}; a track takes two or more.")
-    for path in like(arguments.line, arguments.output, cell=arguments.cell,
+    for path in like(arguments.line, arguments.output, cell=arguments.cell, say=warn,
                      pings=None if arguments.pings is None else slice(0, arguments.pings)):
         announce(path)

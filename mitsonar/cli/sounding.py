@@ -28,7 +28,8 @@ def add(commands: Commands) -> None:
     command.add_argument("--snippets", type=whole, default=0, metavar="N",
                          help="keep so many samples of the bed's strength about each sounding")
     command.add_argument("--start", metavar="DATE",
-                         help="of time 0, such as 2026-05-01T10:00:00Z; default: as the line says, or 2000")
+                         help="of time 0, such as 2026-05-01T10:00:00Z; default: as the line or a dated track "
+                              "says, or 2000")
     command.add_argument("--place", nargs=2, type=number, metavar=("LAT", "LON"),
                          help="of x = y = 0 where the scene names no coordinate system; default: 0 0")
     command.add_argument("--sensor", default=0, metavar="ID", help="which of the scene's sonars; default: the first")
@@ -44,10 +45,11 @@ def _soundings(arguments):
                          f"{', '.join(survey_lines.SUFFIXES)}.")
     place = None if arguments.place is None else tuple(arguments.place)
     with Progress() as progress:
-        blocks = _recorded(arguments) if _is_recorded(arguments.scene) else _simulated(arguments, progress)
+        words: list[str] = []
+        blocks = _recorded(arguments, words) if _is_recorded(arguments.scene) else _simulated(arguments, progress)
         written = survey_lines.write(blocks, arguments.output, place=place, start=arguments.start)
     announce(arguments.output)
-    warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words)))
+    warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words)))
 
 
 def _is_recorded(path):
@@ -82,13 +84,14 @@ def _simulated(arguments, progress):
         progress(done, total[0])
 
 
-def _recorded(arguments):
-    """A line of a file, reduced anew where that is asked for."""
+def _recorded(arguments, words):
+    """A line of a file, reduced anew where that is asked for, by the instrument's own rules, which go into `words`."""
     given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
                                           ("--threads", arguments.threads is not None)) if there]
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
+    from ..hydrography.instrument_rules import rules_of
     from ..hydrography.resounding import resounded
     from ..io import casts, survey_lines
 
@@ -98,7 +101,16 @@ def _recorded(arguments):
                 raise ValueError(f"{arguments.output} is the line itself, and what is written may hold less than it; "
                                  "give another name.")
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
+    rules = None
     for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
-        anew = profile is not None or arguments.head_speed is not None
-        yield resounded(block, profile, arguments.head_speed) if anew else block
+        if profile is None and arguments.head_speed is None:
+            yield block
+            continue
+        if rules is None:
+            rules = rules_of(block)
+            words.extend(rules.words)
+        about = rules.arguments(block)
+        if arguments.head_speed is not None:
+            about |= {"head_speed": arguments.head_speed, "node": True}
+        yield resounded(block, profile, **about)
 

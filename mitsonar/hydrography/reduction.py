@@ -161,8 +161,9 @@ def located(measured: Measured, motion: Motion, installation: Installation, prof
         water is linear from there to the cast's next node. Otherwise the profile is the water as it stands, and should
         hold the head's speed where the arrays are.
     under_way : bool
-        Whether the way over ground counts that the platform makes while an echo comes in. Instruments leave it out: the
-        places of an EM 710 that drifts sideways at 0.19 m/s are met to 1 mm across track without it, to 35 mm with it.
+        Whether the way over ground counts that the platform makes while an echo comes in. Some instruments leave it
+        out (`instrument_rules` finds that from a line): the places of an EM 710 that drifts sideways at 0.19 m/s are
+        met to 1 mm across track without it, to 35 mm with it.
 
     Returns
     -------

@@ -38,7 +38,7 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     node : bool
         Whether the head's speed is the profile's node at the arrays.
     under_way : bool
-        Whether the way counts that the platform makes while an echo comes in; instruments leave it out.
+        Whether the way counts that the platform makes while an echo comes in; some instruments leave it out.
 
     Returns
     -------

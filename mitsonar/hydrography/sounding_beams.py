@@ -97,7 +97,7 @@ def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
     soundings : xarray.Dataset
         Simulated or read from a file; `mitsonar.hydrography.record` says what it holds.
     under_way : bool
-        Whether its places count the way that the platform made while an echo came in; instruments leave it out.
+        Whether its places count the way that the platform made while an echo came in; some instruments leave it out.
 
     Returns
     -------

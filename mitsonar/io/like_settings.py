@@ -32,6 +32,8 @@ class Settings:
         Of XML.
     head_depth : float [m]
         Mean depth of the transmit array.
+    words : tuple of str
+        Clauses on what of the line the scene leaves out.
     """
 
     preset: str
@@ -39,6 +41,7 @@ class Settings:
     ping_rate: float
     rows: tuple[tuple[str, str, str], ...]
     head_depth: float
+    words: tuple[str, ...] = ()
 
 
 def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]]) -> Settings:
@@ -46,8 +49,7 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
 
     Two heads that look aside become one that looks down, between them, and sees what both see.
     """
-    modes = Counter(tuple(row[np.isfinite(row)]) for row, valid in zip(
-        soundings["sector_frequency"].values, soundings["valid"].values) if valid.any())
+    modes = Counter(_mode(soundings, ping) for ping in np.flatnonzero(soundings["valid"].values.any(1)))
     mode = modes.most_common(1)[0][0] if modes else ()
     some = [ping for ping in range(soundings.sizes["ping"]) if soundings["valid"].values[ping].any()
             and _mode(soundings, ping) == mode]
@@ -78,7 +80,29 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
         along = np.nanmedian(heard["transmit_angle"].values, axis=1) + heard["ping_pitch"].values
         rows.append(("float", "swath_step_deg", f"{2 * deg_from_radians(float(np.std(along))):.4g}"))
     rate = (sent.size - 1) / max(sent[-1] - sent[0], 1e-3) if sent.size > 1 else 1.0
-    return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth)
+    return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth,
+                    words=tuple(_words_on(modes, swaths, each)))
+
+
+def _words_on(modes, swaths, mountings):
+    """Say what settings of pings and heads are not in the scene."""
+    (mode, count), *others = modes.most_common() or [((), 0)]
+    if len(others) == 1 and swaths == 2:
+        yield (f"both swaths are sent at {_kilohertz(mode)}, though the line's other swath is at "
+               f"{_kilohertz(others[0][0])}")
+    elif others:
+        left = "; ".join(_kilohertz(other) for other, _ in others)
+        yield (f"the line has pings of {1 + len(others)} modes, and the scene has that of {count} of {modes.total()}, "
+               f"at {_kilohertz(mode)}: left out are {left}; the bed and its strengths are of all")
+    if len(mountings) > 1:
+        turned = " and ".join(f"{angle:.1f}" for angle in deg_from_radians(mountings[:, 0]))
+        yield (f"{len(mountings)} receive arrays, rolled by {turned} degrees, became one between them that looks down "
+               "and sees what all of them see")
+
+
+def _kilohertz(mode):
+    """Word the frequencies of a mode."""
+    return "/".join(f"{frequency:.4g}" for frequency in khz_from_hertz(np.array(mode))) + " kHz"
 
 
 def _cycles(soundings):

@@ -224,7 +224,8 @@ def unrepeated(path: FilePath, time: np.ndarray, place: np.ndarray, at: np.ndarr
     """Return places at times, of a record that may repeat each fix until the next one comes.
 
     Pings are logged faster than positions: ten pings a second with one fix a second stand still nine times and then
-    jump. Where that is so, each fix counts once, when it is new, and curves without overshoot lead from one to the next.
+    jump. Where that is so, each fix counts once, when it is new, and curves without overshoot lead from one to the
+    next.
 
     Parameters
     ----------

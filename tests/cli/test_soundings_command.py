@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mitsonar.cli.main import main
-from mitsonar.io.survey_lines import reading, write
+from mitsonar.io.survey_lines import read_blocks, reading, write
 from tests.inputs.soundings_line import soundings_line
 
 
@@ -78,3 +78,18 @@ def test_a_map_that_cannot_be_is_refused_in_a_sentence(line, folder, capfd, opti
     assert main(["grid", line, *options]) == 2
     told = capfd.readouterr().err
     assert words in told and told.count("\n") == 1 and not os.path.exists("b.tif")
+
+
+def test_a_line_is_reduced_anew_by_the_rules_that_it_was_made_by(folder, capsys):
+    """Made with the cast at the arrays, though the head's sensor says 48 m/s more: the node would be 3 % too deep."""
+    line = soundings_line(pings=3, beams=40, depth=4.6, slope=0.0, column=False, snippets=False)
+    write(line.assign(head_sound_speed=line["head_sound_speed"] + 48.4), "line.nc")
+    (folder / "cast.csv").write_text("depth,sound speed\n0,1500\n200,1500\n")
+    assert main(["soundings", "line.nc", "-o", "anew.nc", "--profile", "cast.csv"]) == 0
+    assert "made with the cast's sound speed at the arrays" in capsys.readouterr().err
+    before, after = (next(read_blocks(name)) for name in ("line.nc", "anew.nc"))
+    valid = before["valid"].values
+    assert np.abs(after["depth"].values - before["depth"].values)[valid].max() < 1e-6
+    assert main(["soundings", "line.nc", "-o", "node.nc", "--profile", "cast.csv", "--head-speed", "1548.4"]) == 0
+    node = next(read_blocks("node.nc"))
+    assert np.abs(node["depth"].values - before["depth"].values)[valid].min() > 0.02

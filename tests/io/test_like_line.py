@@ -1,11 +1,14 @@
 """A scene like a recorded line: loads, sounds the bed that the line's soundings drew, with the line's own settings."""
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import mitsonar
 from mitsonar.cli.main import main
+from mitsonar.hydrography.record import variable
 from mitsonar.io.like_line import like
 from mitsonar.io.survey_lines import reading, write
 from tests.inputs.soundings_line import FREQUENCIES, soundings_line
@@ -31,6 +34,10 @@ def test_a_scene_has_the_line_s_sectors_depths_and_track(tmp_path):
     assert abs(np.median(simulated["depth"].values[0][valid] - bed[valid])) < 0.1          # of 50 m: 0.2 %
     assert simulated["ping_time"][1] - simulated["ping_time"][0] == pytest.approx(0.4, abs=0.01)
     assert simulated["head_sound_speed"][0] == pytest.approx(float(recorded["head_sound_speed"][0]), abs=1e-3)
+    start = np.datetime64(simulated.attrs["start"].removesuffix("Z"))              # the line's date, not 2000
+    sent = start + np.timedelta64(round(1e6 * float(simulated["ping_time"][0])), "us")
+    assert abs(sent - np.datetime64("2026-05-01T10:00:01")) < np.timedelta64(10, "us")
+    assert abs(float(simulated["motion_time"][0])) < 60
 
 
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="the shared survey lines are not here")
@@ -52,3 +59,99 @@ def test_the_command_says_what_it_wrote_and_refuses_in_a_sentence(tmp_path, caps
     assert main(["like", str(tmp_path / "line.gsf"), "-o", str(tmp_path / "one.xml"), "--pings", "1"]) == 2
     assert "--pings is 1; a track takes two or more" in capsys.readouterr().err
     assert not (tmp_path / "one.xml").exists()
+
+
+def made_like(folder, line, suffix="kmall", write_line=True):
+    """The words on a scene like a line, the scene's text and its track (R, 7), times [s] of the line."""
+    if write_line:
+        write(line, folder / f"line.{suffix}")
+    words: list[str] = []
+    like(folder / f"line.{suffix}", folder / "scene.xml", say=words.append)
+    rows = (folder / "scene_track.csv").read_text().splitlines()[1:]
+    first = np.datetime64(rows[0].partition("Z")[0])
+    track = np.array([[(np.datetime64(row.partition("Z")[0]) - first) / np.timedelta64(1, "us") * 1e-6,
+                       *map(float, row.split(",")[1:])] for row in rows])
+    return "; ".join(words), (folder / "scene.xml").read_text(), track
+
+
+def plain(**more):
+    return soundings_line(**{"pings": 4, "beams": 32, "column": False, "snippets": False, **more})
+
+
+def test_the_track_has_no_steps_of_the_record_and_says_what_it_leaves_out(tmp_path):
+    # Roll of 4 degrees in 5 s turns by 5 degrees a second at most. The record holds it in steps of 0.2 s, up to 1
+    # degree: a spline through all records turns by 50 degrees a second at each. A held record is late by half its step.
+    line = plain(pings=8)
+    time = line["motion_time"].values
+    for name in ("roll", "pitch", "heading"):
+        line[f"motion_{name}"] = line[f"motion_{name}"].copy(
+            data=np.interp(np.floor(time / 0.2) * 0.2, time, line[f"motion_{name}"].values))
+    words, _, track = made_like(tmp_path, line)
+    roll = CubicSpline(track[:, 0], track[:, 4])
+    when = np.arange(0.3, track[-1, 0] - 0.8, 0.01)
+    assert np.abs(roll(when, 1)).max() < 7
+    true = 4 * np.sin(2 * np.pi * (when + 1.0 - 0.1) / 5)
+    assert np.abs(roll(when) - true).max() < 0.25
+    assert "smoothed by splines with a knot every 0.5 s" in words
+    left = float(re.search(r"depth and ([\d.e-]+),", words)[1])
+    assert 0.1 < left < 0.5                            # steps of v x 0.2 s, evenly spread: v 0.2 s / sqrt(12) = 0.2
+
+
+def test_pings_before_the_first_motion_record_go_on_at_their_own_places(tmp_path):
+    line = plain(pings=8)
+    whole = made_like(tmp_path, line)[2]
+    late = line.isel(motion=line["motion_time"].values > 2.0)                  # pings at 1.0, 1.4 and 1.8 s come before
+    track = made_like(tmp_path, late)[2]
+    speed = np.hypot(*np.diff(track[:, 1:3], axis=0).T) / np.diff(track[:, 0])
+    assert 2.5 < speed.min() and speed.max() < 4.7                             # 3.6 m/s, and the arm's swing
+    assert np.hypot(*(track - whole)[:, 1:3].T).max() < 0.5
+
+
+def test_the_head_s_sound_speed_is_a_node_where_the_soundings_were_made_so(tmp_path):
+    line = plain(depth=4.6, slope=0.0)
+    words, scene, _ = made_like(tmp_path, line)
+    assert "head_sound_speed" in scene and "the times do not decide which sound speed" in words
+    wrong = line.assign(head_sound_speed=line["head_sound_speed"] + 48.4)                 # places made by the cast
+    words, scene, _ = made_like(tmp_path, wrong)
+    assert "head_sound_speed" not in scene
+    assert "made with the cast's sound speed at the arrays" in words and "with the ship's way" in words
+    assert "made with the cast's" in scene                                               # in its comment, too
+
+
+def test_what_the_scene_leaves_out_is_said(tmp_path):
+    line = plain(pings=6)
+    frequency = line["sector_frequency"].values.copy()
+    frequency[3:5] += 50e3
+    frequency[5] -= 90e3
+    words = made_like(tmp_path, line.assign(sector_frequency=line["sector_frequency"].copy(data=frequency)))[0]
+    assert ("pings of 3 modes, and the scene has that of 3 of 6, at 300/320/290 kHz: left out are 350/370/340 kHz; "
+            "210/230/200 kHz") in words
+    assert "settings of the run" in words and "extra detections" not in words
+    arms = np.stack([line["receive_offset"].values] * 2)
+    turned = np.radians([[35.0, 0, 0], [-34.0, 0, 0]])
+    twin = line.assign({name: variable(name, value) for name, value in {
+        "head": np.arange(6) % 2, "head_receive_offset": arms, "head_receive_mounting": turned}.items()})
+    assert "2 receive arrays, rolled by 35.0 and -34.0 degrees, became one" in made_like(tmp_path, twin)[0]
+    time = np.repeat(1.0 + 0.4 * np.arange(3), 2) + np.tile([0.0, 0.003], 3)
+    frequency[:] = line["sector_frequency"].values
+    frequency[1::2] += 4e3
+    dual = line.assign(ping_time=("ping", time), sector_frequency=line["sector_frequency"].copy(data=frequency))
+    assert ("both swaths are sent at 300/320/290 kHz, though the line's other swath is at 304/324/294 kHz"
+            in made_like(tmp_path, dual)[0])
+
+
+def test_extra_detections_of_a_kmall_line_are_counted(tmp_path):
+    write(plain(), tmp_path / "line.kmall")
+    data, at, found = bytearray((tmp_path / "line.kmall").read_bytes()), 0, 0
+    while at < len(data):
+        length = int.from_bytes(data[at:at + 4], "little")
+        if data[at + 5:at + 8] == b"MRZ":
+            receiver = at + 20 + 4 + 12 + 152 + 3 * 48
+            main = int.from_bytes(data[receiver + 2:receiver + 4], "little")
+            data[receiver + 2:receiver + 4] = (main - 2).to_bytes(2, "little")
+            data[receiver + 26:receiver + 28] = (2).to_bytes(2, "little")
+            found += 2
+        at += length
+    (tmp_path / "line.kmall").write_bytes(data)
+    words = made_like(tmp_path, None, write_line=False)[0]
+    assert f"{found} extra detections in the water column are left out" in words

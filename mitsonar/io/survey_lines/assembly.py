@@ -45,6 +45,8 @@ class Line:
         time, x, y, depth, roll, pitch, heading.
     backscatter, profile : str
         Corrections of backscatter, and where the cast is from.
+    left_out : str
+        Clause on what of the file the record has no room for; empty if nothing.
     beams, sectors, column_beams, column_samples : int
         Most of a ping.
     """
@@ -67,6 +69,7 @@ class Line:
     sectors: int
     column_beams: int = 0
     column_samples: int = 0
+    left_out: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,6 +169,8 @@ def dataset(line: Line, pings: Sequence[Ping]) -> xr.Dataset:
     about = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
              "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
              "backscatter": line.backscatter}
+    if line.left_out:
+        about["left_out"] = line.left_out
     if line.crs is not None:
         about["origin"] = line.origin
     return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=about)

@@ -118,8 +118,8 @@ def at(stream: BinaryIO, offset: int, length: int) -> Datagram:
                     time=second + 1e-9 * nanosecond, stamp=(second, nanosecond))
 
 
-def beams_of(ping: Datagram) -> tuple[int, int]:
-    """Give the numbers of soundings and sectors of #MRZ, once they are known to fit into it.
+def beams_of(ping: Datagram) -> tuple[int, int, int]:
+    """Give the numbers of soundings, sectors and extra detections of #MRZ, once they are known to fit into it.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def beams_of(ping: Datagram) -> tuple[int, int]:
         raise ValueError(f"its soundings take {of_sounding} bytes each; {SOUNDING} are known.")
     soundings = receiver + own + classes * of_class
     ping.part(struct.Struct("<"), soundings + (main + extra) * of_sounding)
-    return main, sectors
+    return main, sectors, extra
 
 
 def position_of(ping: Datagram) -> tuple[float, float]:

@@ -5,7 +5,7 @@ first and after the last a place goes on as it went, for a few seconds, and an a
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Motion", "motion_of", "smoothed"]
 
 DEEPEST = 1e3                      # [m] of an array on a vessel
+ANGLES = ("roll", "pitch", "heading")
 CLEARLY = 0.5                      # share of what the other rule leaves unexplained
 BEYOND = 5.0                       # [s] that a course is followed without a position
 STIFFNESS = 1e-6                   # of splines where there are no samples, relative to that of samples
@@ -32,17 +33,25 @@ class Motion:
     zone : Zone
     streams : dict of str to (M,)
         time, x, y, depth, roll, pitch, heading.
+    fixes : (P, 3) [s], [m]
+        Time, x and y of the positions' sensor.
+    antenna : (3,) [m]
+        Its lever arm.
     """
 
     zone: Zone
     streams: dict[str, np.ndarray]
+    fixes: np.ndarray
+    antenna: np.ndarray
 
     def at(self, time: float) -> dict[str, float]:
         """Give time, x, y, depth, roll, pitch and heading at a time [s] of the line."""
         streams = self.streams
         values = {name: float(np.interp(time, streams["time"], values)) for name, values in streams.items()}
-        x, y = _followed(np.array([time]), streams["time"], np.column_stack([streams["x"], streams["y"]])).T
-        return values | {"time": float(time), "x": float(x[0]), "y": float(y[0])}
+        if not streams["time"][0] <= time <= streams["time"][-1]:          # positions may go on without attitudes
+            x, y = _carried(np.array([time]), self.fixes, self.antenna, *(np.array([values[name]]) for name in ANGLES))
+            values |= {"x": float(x[0]), "y": float(y[0])}
+        return values | {"time": float(time)}
 
 
     def sunk(self, time: np.ndarray, depth: np.ndarray, offset: np.ndarray) -> Motion:
@@ -65,8 +74,7 @@ class Motion:
         ways = (streams["depth"], streams["depth"] + offset[2] - arm)          # heave is the ship's, or the array's
         off = [depth - np.interp(time, streams["time"], way + arm) for way in ways]
         best = int(np.std(off[1]) < CLEARLY * np.std(off[0]))
-        return Motion(zone=self.zone, streams=streams | {
-            "depth": ways[best] + np.interp(streams["time"], time, off[best])})
+        return replace(self, streams=streams | {"depth": ways[best] + np.interp(streams["time"], time, off[best])})
 
 
 def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, waterline: float,
@@ -106,12 +114,18 @@ def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, wate
                                        np.zeros(3) if mounting is None else mounting)
     time, heading = attitude[:, 0] - start, np.unwrap(heading + zone.convergence)
     x, y = zone.places(positions[:, 1], positions[:, 2])
-    way = _followed(time, positions[:, 0] - start, np.column_stack([x, y]))
-    if antenna is not None:
-        arm = levelled(antenna, roll, pitch)
-        way = np.column_stack(across_and_along(way[:, 0], way[:, 1], heading, -arm[:, 1], -arm[:, 0]))
-    return Motion(zone=zone, streams={"time": time, "x": way[:, 0], "y": way[:, 1], "roll": roll, "pitch": pitch,
-                                      "heading": heading, "depth": attitude[:, 4] - waterline})
+    fixes, antenna = np.column_stack([positions[:, 0] - start, x, y]), np.zeros(3) if antenna is None else antenna
+    x, y = _carried(time, fixes, antenna, roll, pitch, heading)
+    return Motion(zone=zone, fixes=fixes, antenna=antenna, streams={
+        "time": time, "x": x, "y": y, "roll": roll, "pitch": pitch, "heading": heading,
+        "depth": attitude[:, 4] - waterline})
+
+
+def _carried(time, fixes, antenna, roll, pitch, heading):
+    """Give x and y (T,) of the reference point at times, from positions of the antenna."""
+    x, y = _followed(time, fixes[:, 0], fixes[:, 1:]).T
+    arm = levelled(antenna, roll, pitch)
+    return across_and_along(x, y, heading, -arm[:, 1], -arm[:, 0])
 
 
 def _followed(time, times, places):

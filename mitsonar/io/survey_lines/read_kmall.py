@@ -45,6 +45,7 @@ class _Found:
     column: dict = field(default_factory=dict)
     positions: list = field(default_factory=list)
     attitude: dict = field(default_factory=dict)        # whether the sensor is active -> samples
+    extra: int = 0                                      # detections in the water column
     beams: int = 0
     sectors: int = 0
     column_beams: int = 0
@@ -90,7 +91,8 @@ class KmallFile(KongsbergFile):
                     transmit_offset=installed.transmit_offset, transmit_mounting=installed.transmit_mounting,
                     receive_offset=installed.receive_offset, receive_mounting=installed.receive_mounting,
                     motion=motion.streams, backscatter=_BACKSCATTER, profile="the cast of the file", beams=found.beams,
-                    sectors=found.sectors, column_beams=found.column_beams, column_samples=found.column_samples)
+                    sectors=found.sectors, column_beams=found.column_beams, column_samples=found.column_samples,
+                    left_out=f"{found.extra} extra detections in the water column are left out" if found.extra else "")
 
     def _walked(self):
         """Go through both files once."""
@@ -167,11 +169,12 @@ def _note(found: _Found, one: Datagram, number: int) -> None:
     """Keep what a datagram says, or where it is."""
     where = (number, one.offset, len(one.raw))
     if one.kind == "MRZ":
-        beams, sectors = beams_of(one)
+        beams, sectors, extra = beams_of(one)
         if beams > MOST_BEAMS or not 0 < sectors <= MOST_SECTORS:
             raise ValueError(f"its ping {one.key[0]} says that it has {beams} soundings and {sectors} sectors; at most "
                              f"{MOST_BEAMS} and {MOST_SECTORS} are believed.")
         found.soundings[one.key] = where
+        found.extra += extra
         found.beams, found.sectors = max(found.beams, beams), max(found.sectors, sectors)
         found.positions.append((one.time, *position_of(one)))
         found.model = one.model

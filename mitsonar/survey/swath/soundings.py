@@ -9,8 +9,10 @@ out: it counts as an error by motion.
 """
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from typing import Any, Protocol
 
 import numpy as np
@@ -31,6 +33,7 @@ __all__ = ["Instrument", "Finding", "SoundingLine"]
 
 STEP = 0.005                       # [s] over which the velocity is taken
 START = "2000-01-01T00:00:00Z"     # motion sensors speak before time 0, and formats count from 1970
+DATED = 1e8                        # [s] from which a track's times are since 1970: no line lasts three years
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,6 +108,8 @@ class SoundingLine:
         self._true, self._said = true_motion(survey), said_motion(survey, seed)
         self._installation, self._accuracies = instrument.installation, _accuracies(survey.motion_errors)
         self._transmissions = survey.transmissions
+        first = float(survey.track.time[0])
+        self._since = math.floor(first) if first > DATED else 0.0
         self._line = self._of_the_line("another than the scene's" if profile else "the scene's", seed)
 
     def pings(self, numbers: Sequence[int] | None = None) -> Iterator[xr.Dataset]:
@@ -167,7 +172,7 @@ class SoundingLine:
         pose = self._said.at(np.array([time]))
         runs = [run.survey for run in self._transmissions]
         sines = np.array([run.sines[ping] for run in self._transmissions])
-        return {"ping_time": time, "ping_x": pose.place[0, 0], "ping_y": pose.place[0, 1],
+        return {"ping_time": time - self._since, "ping_x": pose.place[0, 0], "ping_y": pose.place[0, 1],
                 "ping_depth": pose.place[0, 2], "ping_roll": pose.roll[0], "ping_pitch": pose.pitch[0],
                 "ping_heading": pose.heading[0] % (2 * np.pi), "head_sound_speed": head_speed,
                 "sector_frequency": np.array([run.frequency for run in runs]),
@@ -178,6 +183,13 @@ class SoundingLine:
                 "sector_source_level_db": np.array([run.source_level_db for run in runs]),
                 "sector_absorption_db": self._instrument.absorption_db}
 
+    @property
+    def _start(self) -> str:
+        """Date of time 0: the track's, where that is recorded."""
+        if not self._since:
+            return START
+        return datetime.fromtimestamp(self._since, timezone.utc).isoformat().replace("+00:00", "Z")
+
     def _of_the_line(self, profile: str, seed: int) -> xr.Dataset:
         """What all pings share."""
         installation, motion, geometry = self._installation, self._said, self._survey.geometry
@@ -187,11 +199,11 @@ class SoundingLine:
                   **{name: getattr(installation, name) for name in
                      ("transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting")},
                   **{f"motion_{name}": getattr(motion, name) for name in
-                     ("time", "x", "y", "depth", "roll", "pitch")},
-                  "motion_heading": motion.heading % (2 * np.pi)}
-        attrs = {"sonar": self._instrument.sonar, "title": "simulated by mitsonar", "start": START,
-                 "preset": self._survey.preset,
-                 "profile": profile, "backscatter": self._instrument.backscatter, "seed": int(seed),
+                     ("x", "y", "depth", "roll", "pitch")},
+                  "motion_time": motion.time - self._since, "motion_heading": motion.heading % (2 * np.pi)}
+        attrs = {"sonar": self._instrument.sonar, "title": "simulated by mitsonar", "start": self._start,
+                 "preset": self._survey.preset, "profile": profile,
+                 "backscatter": self._instrument.backscatter, "seed": int(seed),
                  "labels": {str(number): name for number, name in self._survey.labels.items()}}
         frame = self._survey.passage.frame
         crs = geometry.crs or (None if frame is None else frame.crs)
