@@ -8,6 +8,7 @@ x -> parameters by the names of `mi.traverse`; I -> mean intensities, (ping, row
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -130,14 +131,21 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
     FileNotFoundError, ValueError, TypeError
         As `mitsonar.render`, or if a name is unknown or ``rays`` is less than 1.
     """
+    return _model(scene, keys, sensor, seed, edges, rays)
+
+
+def _model(scene: mi.Scene | FilePath, keys: Sequence[str], sensor: int | str, seed: int, edges: bool = True,
+           rays: int | None = None, *, planned_anew: bool = False) -> SceneModel:
+    """Return a `scene_model`, whose records of other values may be those that renders of these would plan."""
     seed = checked_seed(seed)
     if rays is not None and rays < 1:
         raise ValueError(f"rays is {rays}; give the most that a ping may have, 1 or more")
     scene, chosen, integrator = opened(scene, sensor)
     try:
-        picture = picture_of(scene, chosen, integrator, rays)
+        plan = partial(picture_of, scene, chosen, integrator, rays)
         names = [keys] if isinstance(keys, str) else keys
-        return SceneModel(scene, names, picture, seed=chosen.own_seed(seed), edges=edges)
+        return SceneModel(scene, names, plan(), seed=chosen.own_seed(seed), edges=edges,
+                          plan=plan if planned_anew else None)
     except RuntimeError as error:
         raise as_exception(error) from error
 
@@ -220,6 +228,8 @@ def gradient_check(scene: mi.Scene | FilePath, keys: Sequence[str] | None = None
                    progress: Callable[[float, float], object] | None = None) -> GradientCheck:
     """Compare gradients of a scene's parameters, forward and backward, with differences, each parameter alone.
 
+    Differences are of records in the bins and beams that `mi.render` plans for each changed scene, of the same rays.
+
     Parameters
     ----------
     scene, sensor, seed
@@ -238,7 +248,7 @@ def gradient_check(scene: mi.Scene | FilePath, keys: Sequence[str] | None = None
     """
     scene, *_ = opened(scene, sensor)
     scene_model(scene, differentiable(scene)[:1], sensor=sensor, seed=seed)        # what is wrong with sonar or scene
-    return check_parameters(lambda key: scene_model(scene, [key], sensor=sensor, seed=seed),
+    return check_parameters(lambda key: _model(scene, [key], sensor, seed, planned_anew=True),
                             list(dict.fromkeys(keys)) if keys else differentiable(scene), refuse=keys is not None,
                             directions=directions, tolerance=tolerance, seed=seed, progress=progress)
 

@@ -102,6 +102,12 @@ class EnergyField:
         with dr.suspend_grad():
             self.blocks = list(self._drawn(survey))
 
+    def of_rows(self, rows: Rows) -> EnergyField:
+        """Return the same rays, received by other rows: those that a render of the changed scene would plan."""
+        other = copy.copy(self)
+        other.rows, other._tents = rows, TentBins(rows.bins)
+        return other
+
     def _drawn(self, survey: Survey) -> Iterator[Block]:
         """Draw the rays of every block, where they are needed as the scene is now."""
         rows, places = self.rows, self.at(survey)

@@ -64,18 +64,36 @@ class RecordField:
         self.outlines, self._makers = edges, {}
         self.unsampled: list[tuple[str, str]] = []
         self.energy = EnergyField(survey, picture.rows, seed)
-        self.shape = survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
+        self.shape = _shape(picture)
         self.scene = AttachedScene(picture, survey)
         with dr.suspend_grad():
             self.still = picture.still(survey, seed)
             self.still_echoes = max(float(np.sum(self.still - picture.noise)), 0.0)
 
-    def value(self) -> np.ndarray:
-        """Give the record of the scene as it is, (N,) [µPa²]."""
-        scenery = self.scene.scenery(self.energy)
+    def value(self, picture: Picture | None = None) -> np.ndarray:
+        """Return the record of the scene as it is, (N,) [µPa²].
+
+        Parameters
+        ----------
+        picture : Picture, optional
+            Planned for the scene as it is now: its bins and beams receive the rays. Default: those of the start, which
+            gradients hold.
+
+        Raises
+        ------
+        ValueError
+            If that picture has another shape than the one at the start.
+        """
+        picture = self._picture if picture is None else picture
+        shape = _shape(picture)
+        if shape != self.shape:
+            raise ValueError(f"a render of the changed scene has the shape {shape} (ping, row, bin), and the record "
+                             f"{self.shape}; gradients need both alike")
+        energy = self.energy.of_rows(picture.rows)
+        scenery = self.scene.scenery(energy)
         with dr.suspend_grad():
-            return self.shown([_array(self.energy.sums(scenery, block, self.energy.kept(scenery, block)))
-                               for block in self.energy.blocks])
+            sums = [_array(energy.sums(scenery, block, energy.kept(scenery, block))) for block in energy.blocks]
+        return self._linear(picture, sums) + self.still
 
     def about(self) -> About:
         """Give the record about the scene as it is, with products by its Jacobian."""
@@ -103,7 +121,11 @@ class RecordField:
 
     def linear(self, energy: list[np.ndarray]) -> np.ndarray:
         """The same without what stands still."""
-        return self._picture.shown(np.concatenate(energy).reshape(self.shape) * self.energy.unit).ravel()
+        return self._linear(self._picture, energy)
+
+    def _linear(self, picture: Picture, energy: list[np.ndarray]) -> np.ndarray:
+        """Return what a picture shows of blocks of energies, without what stands still."""
+        return picture.shown(np.concatenate(energy).reshape(self.shape) * self.energy.unit).ravel()
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
         """The transpose of `linear`."""
@@ -178,6 +200,11 @@ class About:
                 dr.enqueue(dr.ADMode.Backward, sums)
                 dr.traverse(dr.ADMode.Backward, flags=dr.ADFlag.ClearVertices)
             first += count
+
+
+def _shape(picture: Picture) -> tuple[int, int, int]:
+    """Return how many pings, rows and bins a picture has."""
+    return picture.survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
 
 
 def _array(sums: mi.Float64) -> np.ndarray:

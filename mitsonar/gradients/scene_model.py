@@ -5,7 +5,7 @@ the record is: `record_field`.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mitsuba as mi
 import numpy as np
@@ -32,6 +32,9 @@ class SceneModel:
         Of ray directions.
     edges : bool
         Whether derivatives know that outlines move, and with them what is lit.
+    plan : function, optional
+        Returns the picture that a render of the scene as it is now would plan. Records of other values are then those
+        of its bins and beams, so that a check sees what a render moves and a gradient holds. Default: they stay.
 
     Attributes
     ----------
@@ -47,10 +50,10 @@ class SceneModel:
     """
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], picture: Picture, *, seed: int = 0,
-                 edges: bool = True):
+                 edges: bool = True, plan: Callable[[], Picture] | None = None):
         self._values = SceneValues(scene, keys)
         self.start, self.units = self._values.start, self._values.units
-        self._field = RecordField(picture, seed, edges=edges)
+        self._field, self._plan = RecordField(picture, seed, edges=edges), plan
         self.shape = self._field.shape
 
     def __repr__(self) -> str:
@@ -61,7 +64,7 @@ class SceneModel:
     def value(self, values: Values) -> np.ndarray:
         """Give the record of values, (N,) [µPa²]; see `ForwardModel.value`."""
         self._values.write(values)
-        return self._field.value()
+        return self._field.value(None if self._plan is None else self._plan())
 
     def linearised(self, values: Values) -> SceneLinearised:
         """Give the record about values, with its Jacobian; see `ForwardModel.linearised`."""

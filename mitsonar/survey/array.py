@@ -16,7 +16,7 @@ from ..sonar.beam_patterns import element_directivity_index_db
 from ..sonar.pulses import Pulse
 from .array_survey import ArraySurvey
 from .fan_pictures import FanPictures
-from .sensor import RunSettings, Sensor, slowest_speed
+from .sensor import RunSettings, Sensor, head_speed, slowest_speed
 from .signals import LEAD
 from .sources import RaySources
 from .voyage import Passage
@@ -85,8 +85,7 @@ def plan_elements(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings,
     """
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
-    depth = -passage.voyage.track.position[:, 2]
-    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+    speed = head_speed(sensor, passage.depth)
     # a file's own delays are times, and what delays were changed by since; those of steering are lengths over a speed
     transmit, receive = (
         array if from_file else replace(

@@ -30,12 +30,11 @@ from ..units import db_from_power, power_from_db
 from . import array, energy, limits
 from .array_survey import ArraySurvey
 from .pressure import PressureRecord
-from .sensor import RunSettings, Sensor, slowest_speed
+from .sensor import RunSettings, Sensor, head_speed, slowest_speed
 from .signals import LEAD, received_signals
 from .rotating_head.echoes import StepEchoes
 from .rotating_head.signals import StepSignals
 from .rotating_head.steps import Steps
-from .voyage import Passage
 
 __all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows", "steps_of"]
 
@@ -90,7 +89,7 @@ def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettin
     passage = sensor.route.lay(geometry, shortest)
     interval = 1 / sensor.route.ping_rate if sensor.route.ping_rate else shortest
     passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head, interval))
-    speed = _speed(sensor, passage)
+    speed = head_speed(sensor, passage.depth)
     face = _face(sensor, speed)
     return array.survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face,
                            receive=face, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
@@ -101,7 +100,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
             progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
-    speed, steps = _speed(sensor, survey.passage), steps_of(survey, sensor)
+    speed, steps = head_speed(sensor, survey.passage.depth), steps_of(survey, sensor)
     window, bins = sensor.film().window(speed)
     echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
@@ -125,7 +124,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
 def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
     """The rows of the picture's energy record."""
     limits.check_beams(survey, 1, pings=survey.track.pings)
-    return Steps(survey, *sensor.film().window(_speed(sensor, survey.passage)))
+    return Steps(survey, *sensor.film().window(head_speed(sensor, survey.passage.depth)))
 
 
 def _part_of(progress: Callable[[float, float], None] | None, begin: float,
@@ -156,12 +155,6 @@ def _by_elements(survey: ArraySurvey, bins: int, seed: int, progress: Callable[[
 def rows(level: np.ndarray) -> np.ndarray:
     """Levels (ping, range) as rows of one picture: as they are."""
     return level
-
-
-def _speed(sensor: Sensor, passage: Passage) -> float:
-    """Sound speed at the head [m/s], which makes range of time."""
-    depth = -passage.voyage.track.position[:, 2]
-    return sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
 
 
 def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:

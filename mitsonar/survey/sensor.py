@@ -10,13 +10,22 @@ from ..water.profile import SoundSpeedProfile
 from ..water.volume import VolumeScattering
 from .voyage import Route
 
-__all__ = ["Film", "RunSettings", "Sensor", "Water", "slowest_speed"]
+__all__ = ["Film", "RunSettings", "Sensor", "Water", "head_speed", "slowest_speed"]
 
 
 class Water(Protocol):
-    """The water as its medium has it."""
+    """The water as its medium has it.
+
+    Attributes
+    ----------
+    profile : SoundSpeedProfile
+    loaded_profile : SoundSpeedProfile
+        The profile when the scene was loaded, whatever `mi.traverse` has changed since.
+    volume : VolumeScattering or None
+    """
 
     profile: SoundSpeedProfile
+    loaded_profile: SoundSpeedProfile
     volume: VolumeScattering | None
 
     def absorption_column(self, frequency: float) -> AbsorptionColumn:
@@ -54,7 +63,7 @@ class Sensor(Protocol):
     water : Water
     route : Route
     sound_speed : float or None [m/s]
-        At the sonar, for slant range and steering; None: the profile's there.
+        At the sonar, for slant range and steering; None: the profile's there, see `head_speed`.
     noise : bool
         Whether the sea's noise is added.
     pass_number : int
@@ -111,6 +120,15 @@ class RunSettings:
     ray_source_count: int
 
 
+def head_speed(sensor: Sensor, depth: np.ndarray | float) -> float:
+    """Return the sound speed at the sonar's depths [m] that the film's slant ranges become times by [m/s].
+
+    It is that of the scene as loaded: what changes the water or the track later must not move the window's times, which
+    gradients hold.
+    """
+    return sensor.sound_speed or float(np.mean(sensor.water.loaded_profile.at(depth)))
+
+
 def slowest_speed(sensor: Sensor) -> float:
-    """Sound speed [m/s] that makes the longest wait for the last echo."""
-    return sensor.sound_speed or float(np.min(sensor.water.profile.sound_speed))
+    """Return the sound speed [m/s] that makes the longest wait for the last echo, of the scene as loaded."""
+    return sensor.sound_speed or float(np.min(sensor.water.loaded_profile.sound_speed))

@@ -18,7 +18,7 @@ from ..sonar.sidescan import Sidescan
 from ..units import db_from_amplitude, db_from_power, power_from_db
 from . import array, energy, limits
 from .array_survey import ArraySurvey
-from .sensor import RunSettings, Sensor, slowest_speed
+from .sensor import RunSettings, Sensor, head_speed, slowest_speed
 from .sides import Sides
 from .side_speckle import side_speckle
 from .sidescan_survey import SidescanSurvey
@@ -69,7 +69,7 @@ def plan(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings) -> Si
     """
     geometry = Geometry(scene)
     passage = _passage(geometry, sensor)
-    sonar = sonar_at(sensor, _mean_depth(passage))
+    sonar = sonar_at(sensor, float(np.mean(passage.depth)))
     window, bins = sensor.film().window(sonar.sound_speed)
     materials.check(geometry, sensor.water.profile, sonar.frequency)
     survey = SidescanSurvey(
@@ -98,7 +98,7 @@ def plan_elements(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettin
     """
     geometry = Geometry(scene)
     passage = _passage(geometry, sensor)
-    sonar = sonar_at(sensor, _mean_depth(passage))
+    sonar = sonar_at(sensor, float(np.mean(passage.depth)))
     sine, cosine = np.sin(sonar.depression_angle), np.cos(sonar.depression_angle)
     transmit, receive = (element_array(
         np.zeros((2, 3)), normal=[[0, -cosine, sine], [0, cosine, sine]], along="forward", length=face.length,
@@ -132,8 +132,8 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 
 def sonar_at(sensor: SidescanSensor, head_depth: float) -> Sidescan:
-    """The sonar as its head meets the water at a depth [m]."""
-    speed = sensor.sound_speed or float(sensor.water.profile.at(head_depth))
+    """Return the sonar as its head meets the water at a depth [m]."""
+    speed = head_speed(sensor, head_depth)
     wavelength = speed / sensor.frequency
     transmit = sensor.transmit_face.aperture(wavelength)
     receive = transmit if sensor.receive_face == sensor.transmit_face else sensor.receive_face.aperture(wavelength)
@@ -169,7 +169,3 @@ def noise_db(sensor: SidescanSensor, sonar: Sidescan) -> float | None:
 
 def _passage(geometry: Geometry, sensor: Sensor) -> Passage:
     return sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
-
-
-def _mean_depth(passage: Passage) -> float:
-    return float(np.mean(-passage.voyage.track.position[:, 2]))

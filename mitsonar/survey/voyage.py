@@ -31,6 +31,8 @@ class Passage:
         The pings' track, and the trajectory it lies on.
     depth_below : (P,) [m]
         Seabed below the sonar.
+    depth : (P,) [m]
+        Of the sonar as the route leads, without `Route.position_error`.
     frame : Frame or None
         Where on Earth the scene lies, if only the track says it.
     sailed, planned : float or None [m]
@@ -39,6 +41,7 @@ class Passage:
 
     voyage: Voyage
     depth_below: np.ndarray
+    depth: np.ndarray
     frame: Frame | None = None
     sailed: float | None = None
     planned: float | None = None
@@ -132,12 +135,13 @@ class Route:
         if self.random_motion.moves or np.any(self.offset):
             trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
             voyage = Voyage.of(trajectory, voyage.track.time)
+        depth = -voyage.track.position[:, 2]
         if self.position_error is not None or self.attitude_error is not None:
             errors = (np.zeros((1, 3)) if error is None else error for error in (self.position_error,
                                                                                  self.attitude_error))
             voyage = Voyage(track=voyage.track.moved(*errors), trajectory=voyage.trajectory)
-        return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), frame=self.frame,
-                       sailed=lengths[0], planned=lengths[1])
+        return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), depth=depth,
+                       frame=self.frame, sailed=lengths[0], planned=lengths[1])
 
     def _straight(self, geometry, interval):
         if self.start is not None:

@@ -23,7 +23,7 @@ MOST_BINS = 1_000_000
 
 ATTRIBUTES = (
     Number("range", default=100.0, above=0, maximum=FARTHEST, unit="m",
-           text="end of the slant range window, at the sonar's sound speed"),
+           text="end of the slant range window, at the sonar's sound speed when the scene is loaded"),
     Number("range_min", default=0.0, minimum=0, unit="m", text="its beginning"),
     Integer("bins", default=800, minimum=1, maximum=MOST_BINS, text="time bins in the window; or `sample_rate_khz`"),
     Number("sample_rate_khz", default=None, above=0, unit="kHz", text="bins a millisecond"),

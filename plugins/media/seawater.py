@@ -79,6 +79,8 @@ class Seawater(mi.Medium):
 
     Attributes
     ----------
+    loaded_profile : SoundSpeedProfile
+        The profile as the scene was loaded; `profile` is the one that `mi.traverse` changes.
     volume : VolumeScattering or None
     speeds : Float64 (K,) [m/s]
         Sound speeds at the profile's nodes, for `mi.traverse`.
@@ -98,7 +100,7 @@ class Seawater(mi.Medium):
         self.given_absorption = _given_absorption(attributes)
         self.volume = _volume(attributes)
         self.cast, water = _cast_and_profile(attributes)
-        self.profile = _with_head(attributes, water)
+        self.profile = self.loaded_profile = _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
         self.absorption_scale = upload(mi.Float64, np.ones(1))
         self.absorption_offset = upload(mi.Float64, np.zeros(len(self.profile.depth)))

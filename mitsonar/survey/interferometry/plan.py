@@ -16,7 +16,7 @@ from ...sonar.pulse import Pulse
 from ...units import db_from_amplitude
 from ..array import survey_of
 from ..array_survey import ArraySurvey
-from ..sensor import RunSettings, Sensor, slowest_speed
+from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..signals import LEAD
 from .survey import InterferometricSurvey
 
@@ -72,7 +72,7 @@ def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
              for transmit, receive in zip(sensor.transmit, sensor.receive)]
     port, starboard = sides
     place = (starboard.receive.position - starboard.receive.position.mean(0)) @ up_along(starboard.receive)
-    _, bins = sensor.film().window(port.sound_speed(0))
+    _, bins = sensor.film().window(head_speed(sensor, port.passage.depth))
     return InterferometricSurvey(
         geometry=port.geometry, profile=port.profile, absorption=port.absorption, volume=port.volume,
         passage=port.passage, rays=settings.rays, max_depth=settings.max_depth, sides=(port, starboard), bins=bins,
@@ -104,8 +104,7 @@ def _run(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings, 
     """The run of some faces."""
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
-    depth = -passage.voyage.track.position[:, 2]
-    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+    speed = head_speed(sensor, passage.depth)
     materials.check(geometry, sensor.water.profile, sensor.pulse.frequency)
     samples = SAMPLES[0 if sensor.pulse.duration * sensor.pulse.bandwidth > SWEEP else 1]
     rate = min(samples * sensor.pulse.bandwidth, sensor.pulse.suggested_sampling_rate)

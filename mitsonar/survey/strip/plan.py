@@ -14,7 +14,7 @@ from ...sonar.pulses import Pulse
 from .. import placement
 from ..array import survey_of
 from ..array_survey import ArraySurvey
-from ..sensor import RunSettings, Sensor, slowest_speed
+from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from .survey import StripSurvey
 
 __all__ = ["StripSensor", "plan"]
@@ -66,7 +66,7 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: floa
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + sensor.pulse.duration)
     track = passage.voyage.track
-    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(-track.position[:, 2])))
+    speed = head_speed(sensor, passage.depth)
     survey = survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=sensor.transmit,
                        receive=sensor.receive, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
                        bins_are_samples=True, self_noise_db=sensor.self_noise_db)

@@ -159,7 +159,7 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
                      transmit=face, receive=face, sound_speed=speed,
                      depression_angle=float(np.arcsin(np.clip(survey.look[2], -1, 1))))
     passage = Passage(voyage=Voyage(track=track, trajectory=Trajectory(lead=Recorded.through(track))),
-                      depth_below=np.full(len(place), float(np.mean(survey.depth_below))))
+                      depth_below=np.full(len(place), float(np.mean(survey.depth_below))), depth=-place[:, 2])
     return SidescanSurvey(
         geometry=survey.geometry, profile=survey.profile, absorption=survey.absorption, volume=None, passage=passage,
         rays=2 * max(FEWEST_RAYS, RAYS_PER_BIN * bins), sonar=sonar, window=window, bins=bins, first_pass=0.15)

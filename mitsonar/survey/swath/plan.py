@@ -16,7 +16,7 @@ from ...sonar.sectors import Sector
 from ...sonar.trajectory import Voyage
 from ..array import survey_of
 from ..array_survey import ArraySurvey
-from ..sensor import RunSettings, Sensor, slowest_speed
+from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..signals import LEAD
 from ..voyage import Passage
 from .steering import Stabilised, Swath
@@ -76,8 +76,7 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
     # legs start midway between the arrays: what they differ by on the way to either is smallest
     route = replace(sensor.route, offset=sensor.route.offset + middle)
     passage = route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + last)
-    depth = -passage.voyage.track.position[:, 2]
-    speed = sensor.sound_speed or float(np.mean(sensor.water.profile.at(depth)))
+    speed = head_speed(sensor, passage.depth)
     for sector in sensor.sectors:
         materials.check(geometry, sensor.water.profile, sector.pulse.frequency)
     runs = _alike([_of_a_sector(geometry, sensor, settings, passage, speed, k, lead, middle)

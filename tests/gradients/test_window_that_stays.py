@@ -1,0 +1,82 @@
+"""A sonar's window of time is that of the scene as loaded: renders of a changed water fall into the bins that gradients
+hold."""
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from gradient_scenes import sidescan
+
+import mitsonar
+from mitsonar.survey import sidescan as sidescan_kind
+
+KEY = "sonar.medium.sound_speed"
+SPEEDS = np.array([1515.0, 1514.0, 1502.0, 1494.0, 1491.0])
+SCENE = """<scene version="3.0.0">
+    <integrator type="sonar_path"><integer name="rays" value="20000"/></integrator>
+    <shape type="seabed" id="bed">
+        <float name="depth" value="18"/> <float name="length" value="40"/> <float name="width" value="110"/>
+        <float name="spacing" value="2"/> <bsdf type="lambert"><float name="mu_db" value="-25"/></bsdf>
+    </shape>
+    <sensor type="{kind}" id="sonar">
+        <integer name="pings" value="2"/> <point name="start" x="0" y="-10" z="-8"/> {more}
+        <medium type="seawater"><string name="profile" value="0:1515, 7:1514, 11:1502, 18:1494, 40:1491"/></medium>
+        <film type="sonar_film"><float name="range" value="45"/> {bins}</film>
+    </sensor>
+</scene>"""
+
+
+def leaf_of(params, speeds):
+    """Give the water these speeds, which carry gradients."""
+    leaf = mi.Float64(speeds)
+    dr.enable_grad(leaf)
+    params[KEY] = leaf
+    params.update()
+    return leaf
+
+
+@pytest.mark.parametrize("kind", ["sidescan", "sector_scan", "forward_looking", "array_sonar", "multibeam",
+                                  "interferometric", "synthetic_aperture"])
+def test_the_window_stays_as_water_and_sonar_change(load, variant, kind):
+    scene = load(SCENE.format(kind=kind, more="", bins=""))
+    sensor, params = scene.sensors()[0], mi.traverse(scene)
+
+    def planned():
+        survey = scene.integrator().array_survey(scene, sensor)
+        return survey.time, survey.track.time
+
+    before = planned()
+    params[KEY] = mi.Float64(SPEEDS - [3, 2, 2, 2, 1])
+    if sensor.follows_offsets:
+        params["sonar.position_offset"] = mi.Float64([0, 0, 0.5] * 2)
+    params.update()
+    for then, now in zip(before, planned(), strict=True):
+        assert np.array_equal(then, now)
+
+
+def test_differences_of_renders_are_what_is_sent_back_by_the_speed_beside_the_sonar(load, variant):
+    # 1 m/s and 20,000 rays: rays that pass from bin to bin leave 1 % of chance
+    scene = load(SCENE.format(kind="sidescan", bins='<integer name="bins" value="150"/>',
+                              more='<boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>'))
+    params = mi.traverse(scene)
+
+    def levels(speeds):
+        leaf_of(params, speeds)
+        return np.array(dr.detach(mi.render(scene, params, seed=1)))[..., 0]
+
+    leaf = leaf_of(params, SPEEDS)
+    image = mi.render(scene, params, seed=1)
+    across = np.abs(np.arange(300) - 149.5) / 150
+    weights = np.exp(-((across - 0.6) / 0.12) ** 2) * np.where(np.array(dr.detach(image))[..., 0] > -100, 1, 0)
+    dr.backward(dr.sum(image * mi.TensorXf(weights[..., None].astype(np.float32))))
+    for node in (1, 2):
+        step = np.eye(5)[node]
+        difference = np.sum(weights * (levels(SPEEDS + step) - levels(SPEEDS - step))) / 2
+        assert dr.grad(leaf).numpy()[node] == pytest.approx(difference, rel=0.05)
+
+
+def test_the_check_sees_a_window_that_a_render_moves_and_a_gradient_holds(tmp_path, variant, monkeypatch):
+    path = tmp_path / "scene.xml"
+    path.write_text(sidescan(rays=2000, pings=1, waves=""))
+    monkeypatch.setattr(sidescan_kind, "head_speed", lambda sensor, depth: float(sensor.water.profile.at(depth)))
+    wrong, = mitsonar.gradient_check(path, [KEY], directions=1, tolerance=0.05).rows
+    assert wrong.verdict == "off" and wrong.error > 1
