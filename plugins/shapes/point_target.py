@@ -6,8 +6,9 @@ pressures do: in a sidescan's speckle its amplitudes are Rice's. With `max_depth
 
 Spheres scatter by their exact series and other targets by a table of their own, over the whole band of the pulse: a
 calibration sphere has its nulls and resonances, and rings on after its first echo. `position` is the sphere's middle.
-Resonances that ring for longer than 1500 / (1.3 bandwidths) are cut off there; metals have no losses. Echoes drawn
-by chance, of more bounces than images have, take the mean strength.
+Of its ringing the first 1500 / (1.3 W) seconds are kept, W the bandwidth with its skirts; narrower resonances than the
+inverse of that are smoothed, up to several decibels at their peaks, and metals, which have no losses here, have such.
+Echoes drawn by chance, of more bounces than images have, take the mean strength.
 
 `mi.traverse` names its ``position`` and, of one strength, its ``target_strength_db``.
 
