@@ -4,6 +4,10 @@ The sea surface, and what the water itself sends back, are some 40 dB weaker tha
 first return is therefore raised by a gain of its own, in steps of 5 dB, where an echo there would else be
 dark. Records that do not say where the bed is seen, or what is noise, are shown without, and so is all that has the
 gain of recorders, which do not raise it either.
+
+Faces look aside: below the sonar their lobes leave the bed some 10 dB weaker than it is abreast, behind a first return
+that is the strongest of any. With the gain of recorders that strip would be black. Up to twice the altitude, medians over
+the record are raised to the middle of the window, in steps of range that are wider than the first return is.
 """
 import numpy as np
 import xarray as xr
@@ -13,16 +17,18 @@ from ..units import db_from_power, power_from_db
 from .gain import Tvg, display_gain, display_window
 from .grid import Grid
 
-__all__ = ["NOTHING_DB", "shown_levels"]
+__all__ = ["NOTHING_DB", "in_the_water", "shown_levels"]
 
 NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
 ABOVE_NOISE_DB = 6.0  # above the noise: of a mean echo in the water column
 STEP_DB, MOST_DB = 5.0, 100.0  # of the water column's gain
 WHOLLY = 0.999  # of an element: one that the bed has a part in is the bed's
+STEPS, MOST_STEEP_DB = 10, 15.0  # of the bed's strip below the sonar, each 7 % of its range; gain there at most
 DARK, BRIGHT = 0.5, 0.8  # shares of the way from black to white: raised from below the first to the second
 
 
-def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray, tuple[float, float], str, float]:
+def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg
+                 ) -> tuple[np.ndarray, tuple[float, float], str, dict[str, float]]:
     """Give a sidescan's levels with their gain for display.
 
     Parameters
@@ -39,8 +45,8 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray,
         Of black and white, from the elements that hold the seabed, if it is known where it is.
     words : str
         The gain's formula.
-    column_db : float [dB]
-        Gain of the water column beyond that, which the image has; 0 as a rule.
+    more_db : dict of str, float [dB]
+        Gains beyond that which the image has, by the name of what they raise: the water column, or the steep bed.
     """
     words = display_gain(dataset, tvg)[1]
 
@@ -55,18 +61,42 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg) -> tuple[np.ndarray,
         shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
     if "seabed_depth" in dataset:
         # one beside the bed's holds the skirts of its first return
-        water = grid.mean(dataset, _in_the_water) > WHOLLY
+        water = grid.mean(dataset, in_the_water) > WHOLLY
         column = np.asarray(ndimage.binary_erosion(water, np.ones((1, 3))), bool)
     bed = shown & ~column
     limits = display_window(image[bed if bed.any() else shown if shown.any() else ...])
     raised = tvg != "recorder" and "mean_level" in dataset and column.any() and bed.any()
-    column_db = _column_gain(dataset, grid, image, column, limits) if raised else 0.0
-    image[column] += column_db
-    return image, limits, words, column_db
+    more_db = {"water column": _column_gain(dataset, grid, image, column, limits) if raised else 0.0}
+    image[column] += more_db["water column"]
+    if tvg == "recorder" and "altitude" in dataset.coords:
+        gain = _steep_gain(image, bed, np.nan_to_num(grid.mean(dataset, _steepness)), limits)
+        image += gain
+        more_db["bed below the sonar up to"] = float(np.round(gain.max(initial=0.0)))
+        limits = display_window(image[bed if bed.any() else ...])
+    return image, limits, words, {name: gain for name, gain in more_db.items() if gain}
 
 
-def _in_the_water(part):
-    """Where the bed has not been seen yet, per ping and side."""
+def _steep_gain(image, bed, steep, limits):
+    """Return what raises the bed's strip below the sonar to the middle of the window, [dB]."""
+    lacks = np.zeros(STEPS)
+    number = np.minimum((steep * STEPS).astype(int), STEPS - 1)
+    for step in range(STEPS):
+        mine = bed & (steep > 0) & (steep < 1) & (number == step)
+        if mine.any():
+            lacks[step] = np.clip(0.5 * sum(limits) - np.median(image[mine]), 0, MOST_STEEP_DB)
+    return np.interp(steep, [0, *(np.arange(STEPS) + 0.5) / STEPS], [0, *lacks])
+
+
+def _steepness(part):
+    """Return 1 up to the altitude, 0 from twice that on, and the logarithm of the range between, per ping and side."""
+    altitude = np.nan_to_num(np.asarray(part["altitude"].values, float))[:, None]
+    slant_range = np.maximum(np.asarray(part["range"].values, float), 1e-3)
+    steep = np.clip(np.log2(np.maximum(2 * altitude, 1e-6) / slant_range), 0, 1)
+    return np.broadcast_to(steep[:, None], part["level"].shape)
+
+
+def in_the_water(part: xr.Dataset) -> np.ndarray:
+    """Tell where the bed has not been seen yet, per ping and side."""
     return ~np.logical_or.accumulate(np.isfinite(part["seabed_depth"].values), axis=-1)
 
 

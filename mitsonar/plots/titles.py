@@ -1,4 +1,6 @@
 """What stands above a picture."""
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 
@@ -15,8 +17,8 @@ def title(dataset: xr.Dataset) -> str:
     return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
 
 
-def subtitle(dataset: xr.Dataset, grid: Grid, column_db: float = 0.0) -> str:
-    """Say how many pings and how far, how long the bins are, the altitude, and the gain [dB] of the water column."""
+def subtitle(dataset: xr.Dataset, grid: Grid, more_db: Mapping[str, float] | None = None) -> str:
+    """Say how many pings and how far, how long the bins are, the altitude, and gains [dB] of parts of it by name."""
     pings = dataset.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {in_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
              in_metres(grid.across[-1]) + (" to each side" if grid.across[0] < 0 else " range")]
@@ -24,8 +26,7 @@ def subtitle(dataset: xr.Dataset, grid: Grid, column_db: float = 0.0) -> str:
         parts.append(f"bins of {in_metres(float(dataset.attrs['bin_width']))}")
     if "altitude" in dataset.coords and np.isfinite(dataset["altitude"].values).any():
         parts.append(f"altitude {in_metres(float(np.nanmean(dataset['altitude'].values)))}")
-    if column_db:
-        parts.append(f"water column + {column_db:g} dB")
+    parts += [f"{name} + {gain:g} dB" for name, gain in (more_db or {}).items()]
     return "   ·   ".join(parts)
 
 

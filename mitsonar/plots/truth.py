@@ -39,7 +39,7 @@ def class_colours(classes: Iterable[str]) -> dict[str, tuple[float, float, float
 
 
 def _objects(dataset, grid, *, tvg):
-    image, (low, high), _, column_db = shown_levels(dataset, grid, tvg)
+    image, (low, high), _, more_db = shown_levels(dataset, grid, tvg)
     grey = np.clip(np.nan_to_num((image - low) / (high - low)), 0, 1)
     picture = np.repeat(grey[..., None], 3, -1)
     dims, counts = dataset["level"].dims, Counter()
@@ -53,7 +53,7 @@ def _objects(dataset, grid, *, tvg):
                 picture[canvas.outline(mask)] = colour
     keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})")
             for name, count in sorted(counts.items()) if count]
-    return canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid, column_db),
+    return canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid, more_db),
                           keys=[*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])[0]
 
 

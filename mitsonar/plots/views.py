@@ -20,7 +20,7 @@ from .focused import FOCUSED_VIEWS, draw_focused, is_focused
 from .gain import Tvg
 from .grid import make_grid, stretches, with_sides
 from .label_key import label_key
-from .levels import NOTHING_DB, shown_levels
+from .levels import NOTHING_DB, in_the_water, shown_levels
 from .line_views import LINE_VIEWS, draw_line, is_line
 from .phase_views import PHASES
 from .scans import is_scan, turn_of
@@ -135,8 +135,8 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
 
 
 def _waterfall(dataset, grid, *, tvg, shades):
-    image, limits, words, column_db = shown_levels(dataset, grid, tvg)
-    return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid, column_db), limits=limits,
+    image, limits, words, more_db = shown_levels(dataset, grid, tvg)
+    return canvas.picture(grid, image, title(dataset), subtitle=subtitle(dataset, grid, more_db), limits=limits,
                           colours=shades, bar=f"level{words}  [dB re 1 µPa]")[0]
 
 
@@ -152,7 +152,7 @@ def _labels(dataset, grid):
 
 
 def _depth(dataset, grid):
-    image = grid.mean(dataset, lambda part: part["depth"].values)
+    image = grid.mean(dataset, _depth_of_what_is_seen)
     colours = colormaps["viridis_r"].with_extremes(bad="#000000")
     known = image[np.isfinite(image)]
     low, high = np.percentile(known, [0.5, 99.5]) if known.size else (0.0, 0.0)
@@ -161,6 +161,14 @@ def _depth(dataset, grid):
                                subtitle=subtitle(dataset, grid), colours=colours, limits=limits, bar="depth [m]")
     figure.axes[-1].invert_yaxis()
     return figure
+
+
+def _depth_of_what_is_seen(part):
+    """Return depths but those of echoes in the water column and in shadows: side lobes bring these from anywhere."""
+    hidden = in_the_water(part) if "seabed_depth" in part else np.zeros(part["depth"].shape, bool)
+    if "shadow" in part:
+        hidden = hidden | (part["shadow"].values > 0)
+    return np.where(hidden, np.nan, part["depth"].values)
 
 
 def _shadow(dataset, grid):

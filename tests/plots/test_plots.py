@@ -203,10 +203,11 @@ def test_a_preview_shows_the_faint_echoes_of_the_water_column():
     """The surface at 90 dB, 55 dB under the bed, is brighter than the middle of the scale; the bed stays as it was."""
     dataset = with_surface(90.0)
     laid = grid.make_grid(dataset)
-    image, (low, high), _, column_db = shown_levels(dataset, laid, "seabed")
+    image, (low, high), _, more_db = shown_levels(dataset, laid, "seabed")
+    column_db = more_db["water column"]
     plain, limits, _, none = shown_levels(dataset.drop_vars("seabed_depth"), laid, "seabed")
     surface = np.abs(np.abs(np.linspace(*laid.across[[0, -1]], laid.width)) - 5) < 0.2
-    assert 0 < column_db <= 100 and column_db % 5 == 0 and none == 0
+    assert 0 < column_db <= 100 and column_db % 5 == 0 and none == {}
     assert (image[:, surface] > 0.5 * (low + high)).all() and (plain[:, surface] < limits[0]).all()
     raised = image != plain
     np.testing.assert_allclose(image[raised] - plain[raised], column_db)
@@ -217,7 +218,7 @@ def test_a_preview_shows_the_faint_echoes_of_the_water_column():
 def test_a_water_column_of_noise_or_of_strong_echoes_gets_no_gain(level):
     """As loud as the noise, fainter, or as bright as the bed: raised it would be grain, or no brighter."""
     dataset = with_surface(level)
-    assert shown_levels(dataset, grid.make_grid(dataset), "seabed")[3] == 0
+    assert shown_levels(dataset, grid.make_grid(dataset), "seabed")[3] == {}
 
 
 def test_black_and_white_are_the_beds_where_noise_fills_most_of_the_record():
@@ -324,3 +325,34 @@ def test_matplotlib_is_left_as_it_was():
             "with tempfile.TemporaryDirectory() as folder: plots.preview(sidescan(3, 4), folder + '/a.png')\n"
             "assert matplotlib.rcParams.copy() == before and 'matplotlib.pyplot' not in sys.modules")
     subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(filter(None, sys.path))})
+
+
+def test_the_bed_below_the_sonar_is_not_black_where_lobes_leave_it_weak():
+    """A lobe that falls by 12 dB from twice the altitude to nadir; the first return stays the brightest line of all."""
+    dataset = sidescan(40, 400)
+    slant_range = dataset["range"].values
+    steep = np.clip(np.log2(24 / slant_range), 0, 1) * (slant_range > 12.0)
+    change = 20 * np.log10(np.maximum(slant_range, 12) / 12) - 12 * steep + 4 * (np.abs(slant_range - 12.1) < 0.1)
+    for name in ("level", "mean_level"):
+        dataset[name] = dataset[name] + change
+    laid = grid.make_grid(dataset)
+    image, (low, high), _, more_db = shown_levels(dataset, laid, "recorder")
+    across = np.abs(np.linspace(*laid.across[[0, -1]], laid.width))
+    strip, abreast, first = (np.median(image[:, mine]) for mine in (
+        (across > 12.4) & (across < 16), (across > 28) & (across < 36), np.abs(across - 12.1) < 0.08))
+    assert list(more_db) == ["bed below the sonar up to"] and 4 < more_db["bed below the sonar up to"] <= 15
+    assert abs(strip - abreast) < 3 and strip > low + 0.3 * (high - low) and first > strip + 2
+    assert shown_levels(dataset, laid, "seabed")[3] == {}
+
+
+def test_the_depth_is_that_of_what_is_seen(monkeypatch):
+    """Echoes of the water column and of shadows have depths, which would stretch the colours from 5 to 90 m."""
+    dataset = sidescan(20, 200)
+    strange = dataset["depth"].isnull()
+    dataset["seabed_depth"] = dataset["depth"]
+    dataset["depth"] = dataset["depth"].where(~strange, np.where(np.arange(200) % 2, 5.0, 90.0))
+    figures = []
+    monkeypatch.setattr(canvas, "save", lambda figure, path: figures.append(figure))
+    plots.plot(dataset, "depth", "a.png")
+    low, high = figures[0].axes[0].images[0].get_clim()
+    assert 16.9 < low < high < 20.6
