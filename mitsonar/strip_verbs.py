@@ -31,12 +31,12 @@ RAW_FILES = (".nc", ".h5", ".hdf5")
 
 
 def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
-               progress: Callable[[int, int], None] | None = None) -> SonarImage:
+               progress: Callable[[int, int], None] | None = None, **parameters: object) -> SonarImage:
     """Make the raw echoes of a scene's synthetic aperture, whole.
 
     Parameters
     ----------
-    scene, seed, sensor, progress
+    scene, seed, sensor, progress, parameters
         As of `mitsonar.render`.
 
     Returns
@@ -54,7 +54,7 @@ def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str =
     """
     total: list[int] = []
     made = []
-    for done, one in enumerate(raw_pings(scene, seed, sensor=sensor, count=total.append), 1):
+    for done, one in enumerate(raw_pings(scene, seed, sensor=sensor, count=total.append, **parameters), 1):
         made.append(one)
         if progress is not None:
             progress(done, total[0])
@@ -65,7 +65,8 @@ def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str =
 def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None = None,
           profile: SoundSpeedProfile | float | FilePath | None = None, *, seed: int = 0, sensor: int | str = 0,
           window: str | tuple | None = None, range_window: str | tuple | None = None,
-          trajectory: xr.Dataset | None = None, progress: Callable[[float, float], None] | None = None) -> SonarImage:
+          trajectory: xr.Dataset | None = None, progress: Callable[[float, float], None] | None = None,
+          **parameters: object) -> SonarImage:
     """Focus the raw echoes of a synthetic aperture: of a scene, of a file, or in memory.
 
     Parameters
@@ -76,7 +77,7 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
         Of `mitsonar.synthetic_aperture.grids`; None: a strip of the ground, or a square within a circle.
     profile : SoundSpeedProfile, float [m/s], str or path, or None
         Water that delays are made with, or the file of a cast; a number: one sound speed. None: the water's own.
-    seed, sensor
+    seed, sensor, parameters
         Of a scene, as of `mitsonar.render`.
     window, range_window : str, tuple or None
         Over the aperture's angles and over the pulse's band, such as "taylor 4 30", "hann" or "none"; None: those of
@@ -102,14 +103,19 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
     if profile is not None and not isinstance(profile, (SoundSpeedProfile, int, float)):
         profile = casts.read(profile).profile
     how = {"profile": profile, "trajectory": trajectory}
+    is_record = isinstance(scene_or_signals, xr.Dataset)
+    # Mitsuba has no Scene before a variant is set, and files need none
+    is_file = isinstance(scene_or_signals, (str, os.PathLike)) and str(scene_or_signals).lower().endswith(RAW_FILES)
+    if parameters and (is_record or is_file):
+        raise TypeError(f"{', '.join(parameters)}: no argument has this name, and raw echoes have no parameters; give "
+                        "parameters with a scene")
     if isinstance(scene_or_signals, xr.Dataset):
         return _of_record(scene_or_signals, grid, progress, **how, **_windows(window, range_window))
-    # Mitsuba has no Scene before a variant is set, and files need none
-    if isinstance(scene_or_signals, (str, os.PathLike)) and str(scene_or_signals).lower().endswith(RAW_FILES):
+    if is_file:
         with raw_files.opened(scene_or_signals) as record:
             return _of_record(record, grid, progress, **how, **_windows(window, range_window))
     seed = checked_seed(seed)
-    scene, sonar, integrator = opened(scene_or_signals, sensor)
+    scene, sonar, integrator = opened(scene_or_signals, sensor, parameters)
     survey, about = _planned(scene, sonar, integrator)
     if grid is None:
         grid = survey_grid(survey)
@@ -138,12 +144,12 @@ def _windows(window: str | tuple | None, range_window: str | tuple | None) -> di
 
 
 def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0, start: int = 0,
-              count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
+              count: Callable[[int], object] | None = None, **parameters: object) -> Iterator[SonarImage]:
     """Make raw echoes ping by ping: what is kept does not grow with their number.
 
     Parameters
     ----------
-    scene, seed, sensor
+    scene, seed, sensor, parameters
         As of `raw_echoes`.
     start : int
         The first ping that is made; it is the same wherever one starts.
@@ -161,7 +167,7 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
         As `raw_echoes`, or if there is no such ping to start at.
     """
     seed, start = checked_seed(seed), operator.index(start)
-    scene, sonar, integrator = opened(scene, sensor)
+    scene, sonar, integrator = opened(scene, sensor, parameters)
     survey, about = _planned(scene, sonar, integrator)
     if not 0 <= start <= survey.track.pings:
         raise ValueError(f"start is ping {start}, and the strip has {survey.track.pings}, counted from 0")

@@ -4,7 +4,7 @@ from __future__ import annotations
 import importlib.metadata
 import operator
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import mitsuba as mi
@@ -37,7 +37,8 @@ SEEDS = 1 << 32                    # seeds that Mitsuba takes, and that tell ray
 
 
 def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
-           progress: Callable[[int, int], None] | None = None, say: Callable[[str], None] | None = None) -> SonarImage:
+           progress: Callable[[int, int], None] | None = None, say: Callable[[str], None] | None = None,
+           **parameters: object) -> SonarImage:
     """Render a sonar scene.
 
     Parameters
@@ -55,6 +56,9 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     say : callable(text) or None
         For arrays: called before longer work begins, with a sentence that says how much there is, how long it will
         take, and what would be faster.
+    **parameters
+        Values for the ``$parameters`` of a scene that is given by name or path, as `mitsonar.load_file` takes them.
+        A parameter that is called like an argument above is set by `mitsonar.load_file`.
 
     Returns
     -------
@@ -71,10 +75,11 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     ValueError
         If scene, sensor and integrator do not make a sonar survey, or the seed is out of range.
     TypeError
-        If `scene` is neither a file's name nor a scene of the present variant, or `seed` no whole number.
+        If `scene` is neither a file's name nor a scene of the present variant, `seed` is no whole number, or
+        parameters are given for a scene that is loaded already.
     """
     seed = checked_seed(seed)
-    scene, sensor, integrator = opened(scene, sensor)
+    scene, sensor, integrator = opened(scene, sensor, parameters)
     try:
         survey = integrator.survey(scene, sensor)
         image = integrator.picture(survey, sensor, seed, progress, say)
@@ -83,14 +88,15 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     return SonarImage.of(not_all_nan(image).assign_attrs(provenance(scene, sensor, survey)))
 
 
-def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) -> Iterator[SonarImage]:
+def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
+           **parameters: object) -> Iterator[SonarImage]:
     """Render the pings of a sonar with a fan of beams one after the other, as many as the scene has.
 
     What is kept does not grow with their number: for videos, and for data sets of long runs.
 
     Parameters
     ----------
-    scene, seed, sensor
+    scene, seed, sensor, parameters
         As of `render`.
 
     Yields
@@ -104,7 +110,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) 
         As `render`, or if the sonar makes one picture of all its pings.
     """
     seed = checked_seed(seed)
-    scene, sensor, integrator = opened(scene, sensor)
+    scene, sensor, integrator = opened(scene, sensor, parameters)
     try:
         survey = integrator.survey(scene, sensor)
         images = integrator.frames(survey, sensor, seed)
@@ -117,7 +123,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) 
 def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
                      return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
                      paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
-                     say: Callable[[str], None] | None = None) -> SonarSignals:
+                     say: Callable[[str], None] | None = None, **parameters: object) -> SonarSignals:
     """Compute the response of every pair of transmit and receive elements.
 
     Parameters
@@ -143,6 +149,8 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
     say : callable(text) or None
         Called before longer work begins, with a sentence that says how much there is, how long it will take, and
         what would be faster.
+    **parameters
+        As of `render`.
 
     Returns
     -------
@@ -160,7 +168,7 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
         If scene and sensor do not fit together, there is no such ping, or kernel or return path is unknown.
     """
     _check_names(kernel, return_path)
-    scene, sensor, integrator = opened(scene, sensor)
+    scene, sensor, integrator = opened(scene, sensor, parameters)
     survey, chosen = _survey(integrator, scene, sensor, ping)
     record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
@@ -172,7 +180,7 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
 def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
                     return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
                     paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
-                    say: Callable[[str], None] | None = None) -> SonarSignals:
+                    say: Callable[[str], None] | None = None, **parameters: object) -> SonarSignals:
     """Compute what every receive element records of a ping: echoes of the pulse, and noise.
 
     All transmit elements send together, with their weights and delays. Doppler from the platform's motion stretches
@@ -180,7 +188,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
 
     Parameters
     ----------
-    scene, ping, kernel, return_path, sensor, paths, progress, say
+    scene, ping, kernel, return_path, sensor, paths, progress, say, parameters
         As of `impulse_response`.
     seed : int
         Of noise, and of rays where they ensonify the scatterers.
@@ -206,7 +214,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
     """
     _check_names(kernel, return_path)
     seed = checked_seed(seed)
-    scene, sonar, integrator = opened(scene, sensor)
+    scene, sonar, integrator = opened(scene, sensor, parameters)
     survey, chosen = _survey(integrator, scene, sonar, ping, lead=LEAD)
     record = PressureRecord(survey, seed=sonar.own_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
@@ -217,12 +225,12 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
 
 def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
               sensor: int | str = 0, column: bool = False, snippets: int = 0,
-              progress: Callable[[int, int], None] | None = None) -> SonarImage:
+              progress: Callable[[int, int], None] | None = None, **parameters: object) -> SonarImage:
     """Sound the bed of a scene with its multibeam echo sounder, or its interferometric sidescan.
 
     Parameters
     ----------
-    scene, seed, sensor, progress
+    scene, seed, sensor, progress, parameters
         As of `render`.
     profile : SoundSpeedProfile, str or path, or None
         Sound speeds that the soundings are made with, or the file of a cast: a survey's, where the scene has the
@@ -247,7 +255,7 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     total: list[int] = []
     pings = []
     for done, one in enumerate(sounded_pings(scene, seed, profile, sensor=sensor, column=column, snippets=snippets,
-                                             count=total.append), 1):
+                                             count=total.append, **parameters), 1):
         pings.append(one)
         if progress is not None:
             progress(done, total[0])
@@ -256,12 +264,12 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
                   sensor: int | str = 0, column: bool = False, snippets: int = 0,
-                  count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
+                  count: Callable[[int], object] | None = None, **parameters: object) -> Iterator[SonarImage]:
     """Sound the bed ping by ping: what is kept does not grow with their number.
 
     Parameters
     ----------
-    scene, seed, profile, sensor, column, snippets
+    scene, seed, profile, sensor, column, snippets, parameters
         As of `soundings`.
     count : callable(pings) or None
         Called with their number before the first.
@@ -279,7 +287,7 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     seed = checked_seed(seed)
     if profile is not None and not isinstance(profile, SoundSpeedProfile):
         profile = casts.read(profile).profile
-    scene, sonar, integrator = opened(scene, sensor)
+    scene, sonar, integrator = opened(scene, sensor, parameters)
     kind = sounder_kind_of(sonar)
     try:
         survey = integrator.survey(scene, sonar)
@@ -307,8 +315,9 @@ def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
     return integrator.survey(scene, sensor).track.pings
 
 
-def opened(scene: mi.Scene | FilePath, sensor: int | str = 0) -> tuple[mi.Scene, Any, Any]:
-    """Give a scene (loaded if it is a path), the sensor of that number or id, and an integrator that renders sound.
+def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
+           parameters: Mapping[str, object] | None = None) -> tuple[mi.Scene, Any, Any]:
+    """Return a scene (loaded if it is a path), the sensor of that number or id, and an integrator that renders sound.
 
     Raises
     ------
@@ -321,7 +330,10 @@ def opened(scene: mi.Scene | FilePath, sensor: int | str = 0) -> tuple[mi.Scene,
         if not isinstance(scene, (str, os.PathLike)):
             raise TypeError(f"a scene of the variant {mi.variant()} or the path of a file was wanted, got a "
                             f"{type(scene).__name__}; load the scene after mi.set_variant")
-        scene = load_file(scene)
+        scene = load_file(scene, **(parameters or {}))
+    elif parameters:
+        raise TypeError(f"{', '.join(parameters)}: no argument has this name, and parameters go to scenes that are "
+                        "given by name or path; this scene is loaded already: give them to mitsonar.load_file")
     sensors, integrator = scene.sensors(), scene.integrator()
     if not sensors:
         raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")

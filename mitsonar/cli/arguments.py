@@ -1,6 +1,7 @@
 """What the commands' arguments have in common: the parser, scenes, ``-D KEY=VALUE``, seeds and threads."""
 import argparse
 import re
+import sys
 from collections.abc import Sequence
 from typing import NoReturn, TypeAlias
 
@@ -16,10 +17,29 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # what commands 
 class Parser(argparse.ArgumentParser):
     """Argument parser whose complaints are errors like all others."""
 
+    _words: Sequence[str] = ()         # that were parsed last
+
     def error(self, message: str) -> NoReturn:
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message)
         hint = meant(choice[1], re.findall(r"[\w.-]+", choice[2])) if choice else ""
+        stray = self._stray_values()
+        hint += f"; a parameter has -D before it: {' '.join(f'-D {word}' for word in stray)}" if stray else ""
         raise ValueError(f"{message}{hint}; see {self.prog} --help")
+
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]  one form of several
+            self, args: Sequence[str] | None = None,
+            namespace: argparse.Namespace | None = None) -> tuple[argparse.Namespace, list[str]]:
+        """Parse, and remember the words for what `error` says of them."""
+        self._words = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(self._words, namespace)
+
+    def _stray_values(self) -> list[str]:
+        """Return the words KEY=VALUE that lack the -D before them."""
+        lists = any(action.nargs in ("*", "+") for action in self._get_positional_actions())
+        if "-D" not in self._option_string_actions or lists:
+            return []
+        return [word for before, word in zip(["", *self._words], self._words)
+                if re.match(r"[A-Za-z_]\w*=", word) and not before.startswith("-")]
 
     def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  one form of two
             self, args: Sequence[str] | None = None,

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import threading
 from collections.abc import Mapping
 from typing import Any
@@ -157,9 +158,14 @@ def _first_scene():
 
 def _naming_parameters(error, path):
     """The same error; where it is about an unknown parameter, with the names of the known ones."""
-    if "the scene has no parameter" not in str(error):
+    said = re.search("the scene has no parameter ([^;]*);", str(error))
+    if said is None:
         return error
     names = sorted({element.get("name", "") for element in root(path).iter("default")})
-    hint = meant(str(error).partition("the scene has no parameter ")[2].partition(";")[0], names)
-    return ValueError(shortened(f"{path}: {str(error).replace(';', f'{hint};', 1)} Known: "
+    unused = [name for name in said[1].split(", ") if name in names]
+    if unused:
+        name = unused[0]
+        return ValueError(f'{path}: no attribute takes the parameter {name}, which has a <default> there; write '
+                          f'value="${name}" into the attribute that it is for, or set other parameters')
+    return ValueError(shortened(f"{path}: {str(error).replace(';', f'{meant(said[1], names)};', 1)} Known: "
                                 f"{', '.join(names) or 'none'}."))

@@ -25,6 +25,7 @@ from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
 from mitsonar.gradients.level_products import LevelProducts, wants_gradients
 from mitsonar.scene.geometry import Geometry
 from mitsonar.survey.array_survey import ArraySurvey
+from mitsonar.survey.coverage import warn_of_window
 from mitsonar.survey.kinds import frame_kind_of, kind_of
 from mitsonar.survey.sensor import RunSettings
 from mitsonar.survey.survey import Survey
@@ -81,7 +82,9 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             If the sensor is no sonar, or sensor and scene do not fit together: no seabed, a track outside it, ...
         """
-        return kind_of(sensor).plan(scene, sensor, self.settings)
+        survey = kind_of(sensor).plan(scene, sensor, self.settings)
+        warn_of_window(survey, sensor)
+        return survey
 
     def array_survey(self, scene: mi.Scene, sensor: mi.Sensor, lead: float = 0.0) -> ArraySurvey:
         """Plan the same run for the signals of the sonar's elements.
@@ -96,7 +99,9 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             As `survey`, or if the samples are too few for the pulse.
         """
-        return kind_of(sensor).plan_elements(scene, sensor, self.settings, lead)
+        survey = kind_of(sensor).plan_elements(scene, sensor, self.settings, lead)
+        warn_of_window(survey, sensor)
+        return survey
 
     def picture(self, survey: Survey, sensor: mi.Sensor, seed: int = 0,
                 progress: Callable[[float, float], None] | None = None,

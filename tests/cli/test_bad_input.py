@@ -201,6 +201,8 @@ COMMANDS = {
     "unknown parameter": ([*RENDER, "-D", "ping=5"],
                           "has no parameter ping (did you mean \"pings\"?); parameters are its <default name=...> "
                           "entries. Known: pings, range, rays, speckle."),
+    "parameter without -D": ([*RENDER, "pings=3"], "a parameter has -D before it: -D pings=3"),
+    "parameter without -D and output": (["render", "scene.xml", "pings=3"], "-D before it: -D pings=3"),
     "parameter without value": ([*RENDER, "-D", "pings"], "takes KEY=VALUE, got 'pings'"),
     "parameter without name": ([*RENDER, "-D", "=5"], "takes KEY=VALUE, got '=5'"),
     "parameter empty": ([*RENDER, "-D", "pings="], 'line 8: "" is not an integer value'),
@@ -242,6 +244,12 @@ COMMANDS = {
     "unknown gain": (["plot", "no.exr", "--tvg", "x"], "choose from"),
     "demo of something": (["demo", "x"], "unrecognized arguments: x"),
 }
+
+
+def test_a_default_that_no_attribute_takes(folder, refusal):
+    (folder / "scene.xml").write_text(spoilt(('value="$pings"', 'value="2"')), encoding="utf-8")
+    said = refusal(*RENDER, "-D", "pings=3")
+    assert 'no attribute takes the parameter pings' in said and 'write value="$pings"' in said
 
 
 @pytest.mark.parametrize("edits, words", SCENES.values(), ids=SCENES)

@@ -196,6 +196,16 @@ def test_render_refuses_what_it_cannot_render(scene_file):
         mitsonar.render(mi.load_dict({"type": "scene"}))
 
 
+def test_render_sets_parameters_of_a_scene_that_it_loads(scene_file):
+    image = mitsonar.render(scene_file, 3, rays=500, range=45)
+    assert image.identical(mitsonar.render(mitsonar.load_file(scene_file, rays=500, range=45), 3))
+    assert mitsonar.render("sidescan_flat", **SMALL).sizes["ping"] == 2
+    with pytest.raises(ValueError, match='no parameter ray .did you mean "rays"'):
+        mitsonar.render(scene_file, ray=500)
+    with pytest.raises(TypeError, match="rays: no argument has this name.* give them to mitsonar.load_file"):
+        mitsonar.render(mitsonar.load_file(scene_file), rays=500)
+
+
 def test_scene_of_another_variant(scene_file, variant):
     import mitsuba as mi
 
