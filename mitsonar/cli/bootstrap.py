@@ -27,7 +27,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
 UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
-AT_ONCE = ("-h", "--help", "-v", "--version", "completion")  # commands that must not wait for a library
+AT_ONCE = ("-h", "--help", "-v", "--version", "completion", "scenes")  # commands that must not wait for a library
 
 
 def enter(argv: Sequence[str]) -> None:
@@ -43,10 +43,17 @@ def enter(argv: Sequence[str]) -> None:
     try:
         if os.path.isfile(PROJECT):
             _move_in(argv)
-        if argv and argv[0] not in AT_ONCE:
-            _have_library()
     except OSError as error:
         raise SetupError(f"The set-up failed: {error}.") from None
+    if llvm.new_folder():
+        say(f"the folder for caches cannot be written; {llvm.new_folder()} takes its place until the system clears it. "
+            "Set XDG_CACHE_HOME to a folder that lasts.")
+    if argv and argv[0] not in AT_ONCE:
+        try:
+            _have_library()
+        except OSError as error:                       # commands that need no library work without
+            say(f"no LLVM library could be fetched: {error}. Set XDG_CACHE_HOME to a folder that can be written, or "
+                f"{llvm.VARIABLE} to a library.")
 
 
 def _move_in(argv):

@@ -10,6 +10,7 @@ being root.
 """
 import ctypes
 import os
+import stat
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -19,6 +20,7 @@ VARIABLE = "DRJIT_LIBLLVM_PATH"
 NOTHING = "/no/libLLVM/that/mitsonar/can/use"  # a file Dr.Jit cannot load
 VECTORS = (("+avx512vl", "AVX-512"), ("+avx2", "AVX2"), ("+avx", "AVX"), ("+sve", "SVE"), ("+neon", "NEON"),
            ("+sse4.2", "SSE4.2"))              # LLVM's names of what Dr.Jit compiles for, the widest first, and ours
+_made: list[str] = []              # the temporary folder that this process made
 
 
 class BackendError(RuntimeError):
@@ -26,9 +28,65 @@ class BackendError(RuntimeError):
 
 
 def cache_folder() -> str:
-    """Return the folder for what mitsonar fetches for this user: ``$XDG_CACHE_HOME/mitsonar``."""
+    """Return the folder for what mitsonar fetches for this user.
+
+    It is ``$XDG_CACHE_HOME/mitsonar``, by default in ``~/.cache``, or a folder of the user among the temporary
+    files where that one can neither be written nor has a library already.
+    """
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return os.path.join(os.path.realpath(caches), "mitsonar")
+    folder = os.path.join(os.path.realpath(caches), "mitsonar")
+    if _writable(folder) or any(name.startswith("llvm-") for name in _names(folder)):
+        return folder
+    return _temporary_folder() or folder
+
+
+def new_folder() -> str | None:
+    """Return the temporary folder that this process made in place of the user's cache, None where it made none."""
+    return _made[0] if _made else None
+
+
+def _temporary_folder() -> str | None:
+    """Return a folder among temporary files that this user alone can write, made where it is missing; None without."""
+    import tempfile
+
+    try:
+        folder = os.path.join(tempfile.gettempdir(), f"mitsonar-{os.getuid()}")
+        if _made:
+            return _made[0]
+        try:
+            os.mkdir(folder, 0o700)
+            _made.append(folder)
+        except FileExistsError:
+            status = os.lstat(folder)
+            # libraries are loaded from here, so that nobody else may have laid them
+            if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o022:
+                folder = tempfile.mkdtemp(prefix="mitsonar-")
+                _made.append(folder)
+        return folder
+    except (OSError, AttributeError):                  # no place for temporary files, or a system without users
+        return None
+
+
+def _writable(folder: str) -> bool:
+    """Return whether a folder can be written, or made where it is missing."""
+    while not os.path.lexists(folder) and os.path.dirname(folder) != folder:
+        folder = os.path.dirname(folder)
+    return os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK)
+
+
+def _names(folder: str) -> list[str]:
+    """Return what a folder holds; nothing where it cannot be read."""
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
+
+
+def _shelter_caches() -> None:
+    """Let Dr.Jit and Matplotlib keep their files in our cache where the home folder cannot be written."""
+    if not _writable(os.path.expanduser("~")):
+        for variable, name in (("DRJIT_CACHE_DIR", "drjit"), ("MPLCONFIGDIR", "matplotlib")):
+            os.environ.setdefault(variable, os.path.join(cache_folder(), name))
 
 
 def private_folder() -> str:
@@ -48,7 +106,8 @@ def remedy() -> str:
     return f"""mitsonar needs the LLVM shared library to compile its kernels, version {OLDEST} or newer.
   Debian/Ubuntu:   sudo apt-get install libllvm{TESTED} libatomic1
   without root:    python3 -m mitsonar llvm   (unpacks Debian's libllvm{TESTED} under {cache_folder()})
-  elsewhere:       install LLVM {TESTED}, or set {VARIABLE} to its libLLVM.so / libLLVM.dylib / LLVM-C.dll"""
+                   (XDG_CACHE_HOME names another folder than ~/.cache for it)
+  elsewhere:       install LLVM {TESTED}, or set {VARIABLE} to its libLLVM.so / libLLVM.dylib"""
 
 
 def locate() -> str | None:
@@ -62,6 +121,7 @@ def locate() -> str | None:
     str or None
         Path of the library; None where there is none, or no libatomic, without which Dr.Jit cannot be imported.
     """
+    _shelter_caches()
     path = os.environ.get(VARIABLE) or NOTHING
     if not _usable(path):
         if path != NOTHING:

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import types
 from pathlib import Path
 
@@ -168,3 +169,51 @@ def test_the_instruction_set_of_this_machine_is_that_of_its_flags():
     if "avx2" not in flags:
         pytest.skip("the flags of this machine's processor are not to be read, or are not those of x86")
     assert llvm.instruction_set().endswith("AVX-512" if "avx512vl" in flags else "AVX2")
+
+
+@pytest.fixture
+def homeless(tmp_path, monkeypatch):
+    """A user whose home is no folder, so that not even root can write it; the folder of temporary files."""
+    (tmp_path / "file").touch()
+    for name in ("XDG_CACHE_HOME", "DRJIT_CACHE_DIR", "MPLCONFIGDIR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "file" / "home"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(llvm, "_made", [])
+    return tmp_path
+
+
+def test_a_home_that_cannot_be_written_is_replaced_by_a_folder_of_the_users_own(homeless):
+    folder = llvm.cache_folder()
+    assert folder == llvm.new_folder() == str(homeless / f"mitsonar-{os.getuid()}")
+    assert os.stat(folder).st_mode & 0o777 == 0o700
+    assert llvm.cache_folder() == folder
+    llvm._made.clear()                                     # another process
+    assert llvm.cache_folder() == folder and llvm.new_folder() is None
+
+
+def test_a_temporary_folder_that_others_can_write_is_not_trusted(homeless):
+    (homeless / f"mitsonar-{os.getuid()}").mkdir()
+    (homeless / f"mitsonar-{os.getuid()}").chmod(0o777)
+    folder = llvm.cache_folder()
+    assert folder != str(homeless / f"mitsonar-{os.getuid()}") and os.stat(folder).st_mode & 0o777 == 0o700
+    assert llvm.cache_folder() == folder
+
+
+def test_without_a_home_kernels_and_fonts_are_kept_in_our_folder(homeless, monkeypatch):
+    monkeypatch.setenv(llvm.VARIABLE, os.environ.get(llvm.VARIABLE, ""))
+    llvm.locate()
+    assert os.environ["DRJIT_CACHE_DIR"] == os.path.join(llvm.cache_folder(), "drjit")
+    assert os.environ["MPLCONFIGDIR"] == os.path.join(llvm.cache_folder(), "matplotlib")
+    for name in ("DRJIT_CACHE_DIR", "MPLCONFIGDIR"):
+        monkeypatch.delenv(name)
+
+
+def test_commands_run_without_a_home_and_say_once_what_takes_its_place(homeless):
+    library = os.environ[llvm.VARIABLE]
+    told = [subprocess.run([sys.executable, "-m", "mitsonar", "scenes"], cwd=ROOT, capture_output=True, text=True,
+                           env={**os.environ, llvm.VARIABLE: library}, check=True) for _ in range(2)]
+    assert told[0].stdout == told[1].stdout and "sidescan_flat" in told[0].stdout
+    assert told[0].stderr.count("\n") == 1 and "Set XDG_CACHE_HOME to a folder that lasts" in told[0].stderr
+    assert told[1].stderr == ""

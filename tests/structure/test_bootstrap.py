@@ -299,3 +299,13 @@ def test_an_old_python_is_told_so(monkeypatch, capsys):
     monkeypatch.setattr(sys, "version_info", (3, 9, 18))
     assert main(["demo"]) == 2
     assert capsys.readouterr().err == "mitsonar needs Python 3.10 or newer, and this is 3.9.\n"
+
+
+def test_a_library_that_cannot_be_kept_stops_no_command_that_needs_none(monkeypatch, capsys):
+    def provide(say):
+        raise PermissionError(13, "Permission denied", "/nonexistent")
+
+    monkeypatch.setattr(llvm, "is_ready", lambda: False)
+    monkeypatch.setattr(llvm, "provide", provide)
+    bootstrap.enter(["grid"])
+    assert "no LLVM library could be fetched" in (said := capsys.readouterr().err) and "XDG_CACHE_HOME" in said
