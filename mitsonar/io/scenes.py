@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 from importlib import resources
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ..spelling import meant
 from . import files
 from .files import FilePath
 
-__all__ = ["check", "filled", "find", "root", "shipped", "text"]
+__all__ = ["check", "filled", "find", "place", "root", "shipped", "text"]
 
 LARGEST = 100_000_000              # bytes
 DEEPEST = 200                      # elements within elements; Mitsuba's reader calls itself for each
@@ -72,6 +73,27 @@ def root(path: FilePath) -> ElementTree.Element:
     except ElementTree.ParseError as error:
         what = str(error).partition(": line ")[0]
         raise ValueError(f"{path}, line {error.position[0]}: the XML is broken: {what}") from None
+
+
+def place(path: FilePath, tag: str, name: str) -> str:
+    """Return the file and the line that write an attribute of a kind of element, such as ``bins`` of a ``film``.
+
+    It is the file alone where several lines do, or none, as where an included file does.
+    """
+    parser, within, lines = expat.ParserCreate(), [], []
+
+    def start(element: str, attributes: dict[str, str]) -> None:
+        if tag in within[-1:] and attributes.get("name") == name:
+            lines.append(parser.CurrentLineNumber)
+        within.append(element)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, lambda _: within.pop()
+    try:
+        with open(path, "rb") as file:
+            parser.ParseFile(file)
+    except (OSError, expat.ExpatError):                # changed since it was loaded
+        pass
+    return f"{os.fspath(path)}, line {lines[0]}" if len(lines) == 1 else os.fspath(path)
 
 
 def check(path: str, values: Mapping[str, str]) -> list[str]:

@@ -109,7 +109,7 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():
         if getattr(sensor, "kind", None):                # a sonar, no camera
-            sensor.provenance, sensor.loaded = provenance, values_now
+            sensor.provenance, sensor.loaded, sensor.path = provenance, values_now, path
     return scene
 
 

@@ -21,11 +21,12 @@ from scipy import fft
 from ..sonar.pulse import Pulse
 from ..units import amplitude_from_db
 
-__all__ = ["absorbed", "band_filter", "check_record", "delayed", "excess_loss_rate", "padded_length", "received",
-           "received_classes", "transmitted"]
+__all__ = ["absorbed", "band_filter", "check_record", "delayed", "excess_loss_rate", "least_rate", "occupied_band",
+           "padded_length", "received", "received_classes", "transmitted"]
 
 GUARD = 64                         # samples an echo may ring beyond its ends
 FLAT = 0.4                         # of the sampling rate
+LEAST_SHARE = 0.9                  # of the band that the sampling rate is at least
 INTERPOLATION_ERROR = 1e-4         # of the absorption's amplitude between two filters
 
 
@@ -35,20 +36,40 @@ def band_filter(frequency: np.ndarray, sampling_rate: float) -> np.ndarray:
     return np.cos(0.5 * np.pi * skirt) ** 2
 
 
+def occupied_band(pulse: Pulse) -> float:
+    """Return the width [Hz] of the band around the carrier that a pulse occupies."""
+    return 2 * max(-pulse.band[0], pulse.band[1])
+
+
+def least_rate(pulse: Pulse, doppler: float = 1.0) -> float:
+    """Return the lowest sampling rate [Hz] of a record of a pulse's echoes.
+
+    It is nine tenths of the band, as instruments have it whose samples are as long as their range resolution. The
+    receiver's filter lets nothing fold back, but takes the ends of the band: of the energy of an echo of a sweep 0.6 dB
+    at a rate equal to the band, 1.0 dB at nine tenths of it, and nothing at 1.25 times the band.
+
+    Parameters
+    ----------
+    pulse : Pulse
+    doppler : float [-]
+        Two-way factor.
+    """
+    return LEAST_SHARE * (occupied_band(pulse) * doppler + 2 * pulse.frequency * abs(doppler - 1.0))
+
+
 def check_record(pulse: Pulse, sampling_rate: float, samples: int, doppler: float = 1.0) -> None:
     """Refuse records a pulse does not fit into.
 
     Raises
     ------
     ValueError
-        If the sampling rate is below what the pulse's band needs, or the pulse outlasts the record.
+        If the sampling rate is below `least_rate`, or the pulse outlasts the record.
     """
-    farthest = max(-pulse.band[0], pulse.band[1])
-    needed = 2 * (farthest * doppler + pulse.frequency * abs(doppler - 1.0))
+    needed = least_rate(pulse, doppler)
     if sampling_rate < needed * (1 - 1e-9):
         moved = "" if doppler == 1.0 else f" times the Doppler factor {doppler:.6g}"
-        raise ValueError(f"sampling rate is {sampling_rate:g} Hz, below the band of {2 * farthest:g} Hz of the pulse"
-                         f"{moved}; give {needed:g} Hz or more, best about {pulse.suggested_sampling_rate:g} Hz.")
+        raise ValueError(f"sampling rate is {sampling_rate:g} Hz, below the band of {occupied_band(pulse):g} Hz of the "
+                         f"pulse{moved}; give {needed:g} Hz or more, best about {pulse.suggested_sampling_rate:g} Hz.")
     if pulse.duration / doppler > samples / sampling_rate:
         raise ValueError(f"pulse lasts {pulse.duration / doppler:g} s, longer than the record of {samples} samples = "
                          f"{samples / sampling_rate:g} s; shorten the pulse or lengthen the record.")

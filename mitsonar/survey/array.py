@@ -11,6 +11,7 @@ from ..imaging import fan
 from ..scene import materials
 from ..scene.geometry import Geometry
 from ..signal.noise import ElementNoise
+from ..signal.reception import least_rate, occupied_band
 from ..sonar.array import Array
 from ..sonar.beam_patterns import element_directivity_index_db
 from ..sonar.pulses import Pulse
@@ -124,6 +125,8 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
     doppler = 2 * float(np.linalg.norm(passage.voyage.velocity, axis=1).max()) * pulse.frequency / sound_speed
     start, rate, samples = sensor.film().sampling(
         sound_speed, (usual_rate or pulse.suggested_sampling_rate) + 3 * doppler, written=bins_are_samples)
+    if bins_are_samples and lead:                          # impulses have no pulse, and take any rate
+        _check_rate(sensor, pulse, rate, least_rate(pulse, 1 + doppler / pulse.frequency), sound_speed)
     if whole_bins:
         window, bins = sensor.film().window(sound_speed)
         samples = bins * max(int(np.ceil(rate * (window[1] - window[0]) / bins - 1e-9)), 1)
@@ -145,6 +148,20 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
         sources=_ray_sources(settings, transmit),
         noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db),
         absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1]))
+
+
+def _check_rate(sensor: Sensor, pulse: Pulse, rate: float, needed: float, sound_speed: float) -> None:
+    """Refuse bins, or a sampling rate, of the film that are too few for the pulse, by attribute, file and line."""
+    if rate >= needed * (1 - 1e-9):
+        return
+    name, value = sensor.film().written
+    (start, end), _ = sensor.film().window(sound_speed)
+    made = "" if name == "sample_rate_khz" else (
+        f", which sample {0.5 * sound_speed * (end - start):.4g} m of range at {rate / 1000:.4g} kHz")
+    enough = needed / 1000 if name == "sample_rate_khz" else np.ceil(needed * (end - start))
+    raise ValueError(f"{sensor.place_of('film', name)}{name} is {value:g}{made}, and the pulse of this {sensor.kind} "
+                     f"has a band of {occupied_band(pulse) / 1000:.4g} kHz. Remove {name}, so that the pulse sets the "
+                     f"rate, or give at least {enough:.6g}")
 
 
 def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Callable[[float, float], None] | None = None,

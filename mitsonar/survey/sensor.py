@@ -42,7 +42,18 @@ class Water(Protocol):
 
 
 class Film(Protocol):
-    """The record as its film has it."""
+    """The record as its film has it.
+
+    Attributes
+    ----------
+    written : (str, float)
+        The attribute that the scene sets the sampling by, ``bins`` or ``sample_rate_khz``, and its value.
+    """
+
+    @property
+    def written(self) -> tuple[str, float]:
+        """See above."""
+        ...
 
     def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
         """Two-way time window (start, end) [s] and number of bins."""
@@ -83,6 +94,10 @@ class Sensor(Protocol):
 
     def noise_level_db(self) -> float:
         """Ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
+        ...
+
+    def place_of(self, tag: str, name: str) -> str:
+        """Return where the scene's file writes an attribute of a kind of element, to begin an error with."""
         ...
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.device.chance import pass_seed, sonar_seed
+from mitsonar.io import scenes
 from mitsonar.sonar import Array
 from mitsonar.survey.sensor import slowest_speed
 from mitsonar.survey.voyage import Route
@@ -76,6 +77,8 @@ class SonarSensor(mi.Sensor):
         File, resolved text and parameters, told by `mitsonar.load_file`.
     loaded : dict or None
         What the scene held when it was loaded, likewise.
+    path : str or None
+        Of the scene's file, likewise.
     """
 
     follows_offsets = True             # whether its run takes a track's offsets, not its trajectory alone
@@ -85,7 +88,7 @@ class SonarSensor(mi.Sensor):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, self.declared)
-        self.provenance = self.loaded = None
+        self.provenance = self.loaded = self.path = None
         self.sound_speed = attributes.sound_speed
         self.leader = attributes.sensor
         self.route = read_route(attributes) if self.leader is None else self._shared(attributes)
@@ -149,6 +152,10 @@ class SonarSensor(mi.Sensor):
         if self.given_noise_level_db is not None:
             return self.given_noise_level_db
         return self.water.noise_level_db(self.frequency)
+
+    def place_of(self, tag: str, name: str) -> str:
+        """Return where the scene's file writes an attribute of a kind of element, to begin an error with."""
+        return f"{self.kind}: " if self.path is None else f"{scenes.place(self.path, tag, name)}: "
 
     # ---- what Mitsuba asks of a sensor that no camera ray leaves
 

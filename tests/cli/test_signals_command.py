@@ -81,7 +81,7 @@ WRONG = {
     "no elements": ([(LINE, '<string name="receive" value="line"/> <integer name="receive_elements" value="0"/>')],
                     "receive_elements is the integer 0; expected an integer at least 1"),
     "sampling below the bandwidth": ([(FILM, FILM + '<float name="sample_rate_khz" value="4"/>')],
-                                     "the film's sample_rate_khz or bins set the rate"),
+                                     "sample_rate_khz is 4, and the pulse of this array has a band of"),
     "pulse longer than the record": ([sensor('<float name="pulse_ms" value="80"/>')], "longer"),
     "an array larger than the approximation allows": (
         [(LINE, '<string name="receive" value="line"/> <integer name="receive_elements" value="2"/>'
