@@ -82,7 +82,7 @@ def _fit(arguments):
     set_up(arguments.threads)
     if arguments.state is not None and Signals.active is not None:
         Signals.active.left = Path(arguments.state)
-    with Progress("steps", "fitting") as progress:
+    with Progress("steps", "fitting", at_most=True) as progress:
         solved = solve(arguments.what, arguments.inputs, options, progress)
     for sentence in solved.sentences:
         print(sentence.rstrip("."), flush=True)

@@ -15,17 +15,24 @@ SLOW = 0.1                         # a second; below, it is told by the hour
 class Progress:
     """Show how many are done, how many a second or hour, and the time left, once a run lasts longer than a moment.
 
+    Rate and time left are those since the first report: what comes before it loads and compiles, which happens once.
+
     Parameters
     ----------
     unit : str
         What is counted.
     verb : str
         What is done to them.
+    warm_up : int
+        Reports until the rate counts: as many as there are processes, each of which compiles.
+    at_most : bool
+        Whether the work may end before all are done, as a fit does.
     """
 
-    def __init__(self, unit: str = "pings", verb: str = "rendering"):
-        self.unit, self.verb = unit, verb
+    def __init__(self, unit: str = "pings", verb: str = "rendering", *, warm_up: int = 1, at_most: bool = False):
+        self.unit, self.verb, self.left = unit, verb, "at most {} left" if at_most else "{} left"
         self.start = self.last_line = time.monotonic()
+        self.begun, self.warm_up = (0.0, self.start), warm_up
         self.bar = self.task = None
 
     def __enter__(self):
@@ -38,11 +45,17 @@ class Progress:
     def __call__(self, done: float, total: float, failed: int = 0) -> None:
         end_if_interrupted()
         now = time.monotonic()
-        if now - self.start < QUIET_SECONDS or not done:
+        if not done:
             return
-        rate = done / (now - self.start)
-        often = f"{rate:.1f} {self.unit}/s" if rate > SLOW else f"{rate * 3600:.0f} {self.unit}/h"
-        pace = f"{often}, {datetime.timedelta(seconds=round((total - done) / rate))} left"
+        if self.warm_up > 0:
+            self.begun, self.warm_up = (done, now), self.warm_up - 1
+        if now - self.start < QUIET_SECONDS:
+            return
+        pace, (before, since) = "timing the next", self.begun
+        if done > before and now > since:
+            rate = (done - before) / (now - since)
+            often = f"{rate:.1f} {self.unit}/s" if rate > SLOW else f"{rate * 3600:.0f} {self.unit}/h"
+            pace = f"{often}, {self.left.format(datetime.timedelta(seconds=round((total - done) / rate)))}"
         pace += f", {failed} failed" if failed else ""
         if not sys.stderr.isatty():
             if now - self.last_line > LINE_SECONDS:

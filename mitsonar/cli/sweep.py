@@ -32,11 +32,13 @@ def add(commands: Commands) -> None:
 
 def _sweep(arguments):
     from ..sweep import load_plan, run
+    from ..sweep.local import shares
 
     plan = load_plan(arguments.plan)
     if arguments.dry_run:
         return _tell(plan, arguments)
-    with Progress("renders") as progress:
+    at_once = arguments.workers or shares(arguments.processes, arguments.threads)[0]
+    with Progress("renders", warm_up=at_once) as progress:
         outcome = run(plan, arguments.output, processes=arguments.processes, threads=arguments.threads,
                       workers=arguments.workers, scheduler=arguments.scheduler, verify=arguments.verify,
                       progress=progress, say=warn)

@@ -116,8 +116,10 @@ class Fit:
         said = [f"{self.iterations} step{'s' * (self.iterations != 1)}: {self.stopped}", self.told()]
         said += [self._of_parameter(name, one) for name, one in self.parameters.items()]
         if self.deviance[-1] < QUIET:
-            said.append(f"the record is matched to {self.deviance[-1]:.2g} of its noise: it has less than was said, "
-                        "such as more looks a bin, and deviations are too large")
+            quiet = max(float(self.deviance[-1]), 1e-3)
+            said.append(f"the residual is only {quiet:.2g} of the stated noise: the record probably has less, such as "
+                        f"an image with more looks per bin (--looks {1 / quiet:.2g}), and the standard deviations "
+                        "above are too large")
         if self.unseen:
             said.append(f"{'at least ' if self.unseen == look.unseen_resolved.size < total else ''}{self.unseen} "
                         f"pattern{'s' if self.unseen > 1 else ''} of the parameters cannot be told from the record: "

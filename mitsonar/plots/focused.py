@@ -29,6 +29,7 @@ from .titles import in_metres, title
 __all__ = ["FOCUSED_VIEWS", "draw_focused", "is_focused"]
 
 GROUND = ("along_track", "across_track")
+OF_THE_TRUTH = "labels", "shadow", "depth"
 NARROWEST, LOWEST, TALLEST = 560, 120, 4000            # picture elements
 RANGE_DB = 50.0                    # of levels, from black to white
 BRIGHTEST, LEAST_DB, MOST_DB = 99.9, 18.0, 28.0        # percentile that is white, and how far it may be above the bed
@@ -114,7 +115,9 @@ def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]
             return draw, name
         there = [view for view, (_, needed) in FOCUSED_VIEWS.items() if needed in image.data_vars]
         raise ValueError(f"the plot {what!r} needs the variable {name!r}; of this image there are "
-                         f"{', '.join(dict.fromkeys([*there, *plain]))}.")
+                         f"{', '.join(dict.fromkeys([*there, *plain]))}."
+                         + (" An image of raw echoes has no truth; render the scene, or focus the scene itself."
+                            if what in OF_THE_TRUTH else ""))
     if what in plain:
         return partial(_values, name=what), what
     known = dict.fromkeys([*FOCUSED_VIEWS, *plain])

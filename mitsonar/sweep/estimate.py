@@ -17,7 +17,8 @@ from .versions import versions
 __all__ = ["Estimate", "estimate"]
 
 TRIALS = 3
-ENOUGH_SECONDS = 30.0              # of trials
+ENOUGH_SECONDS = 30.0              # of trials, of which the first compiles,
+LONG_SECONDS = 300.0               # unless it alone lasts so long that compiling is a small part of it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +104,7 @@ def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes
 
 
 def _try(plan, missing, threads, made_by, say):
-    """Seconds and bytes of a few renders, over the plan; the first one warms up where the others are quick."""
+    """Seconds and bytes of a few renders, over the plan; the first one loads and compiles, and does not count."""
     spread = dict.fromkeys(missing[k * (len(missing) - 1) // (TRIALS - 1)] for k in range(TRIALS))
     say("timing a render" if len(spread) == 1 else f"timing {len(spread)} renders")
     seconds, sizes, start = [], [], time.perf_counter()
@@ -116,7 +117,7 @@ def _try(plan, missing, threads, made_by, say):
                 raise ValueError(f"render {index} ({render.output}) fails: {answer['error']}")
             seconds.append(answer["seconds"])
             sizes.append(answer["bytes"])
-            if time.perf_counter() - start > ENOUGH_SECONDS:
+            if time.perf_counter() - start > (ENOUGH_SECONDS if len(seconds) > 1 else LONG_SECONDS):
                 break
     return seconds[1:] or seconds, sizes
 

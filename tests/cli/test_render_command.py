@@ -137,13 +137,13 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def shown(monkeypatch):
     """Give what is shown of a run that reports (seconds, pings done of 100)."""
-    def run(reports, terminal):
+    def run(reports, terminal, **options):
         clock = iter([0.0, *(seconds for seconds, _ in reports)])
         monkeypatch.setattr(progress, "time", types.SimpleNamespace(monotonic=lambda: next(clock)))
         monkeypatch.setattr(sys, "stderr", Terminal(terminal))
         monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setenv("COLUMNS", "100")
-        with progress.Progress() as report:
+        with progress.Progress(**options) as report:
             for _, done in reports:
                 report(done, 100)
         return sys.stderr.getvalue()
@@ -164,15 +164,25 @@ def test_progress_on_a_terminal_shows_rate_and_vanishes(shown):
 
 
 def test_progress_elsewhere_is_a_line_now_and_then(shown):
-    text = shown([(1, 10), (4, 40), (20, 50), (25, 60), (31, 80)], terminal=False)
-    assert text == ("50 of 100 pings, 2.5 pings/s, 0:00:20 left\n"
-                    "80 of 100 pings, 2.6 pings/s, 0:00:08 left\n")
+    text = shown([(1, 10), (4, 40), (21, 50), (25, 60), (36, 80)], terminal=False)
+    assert text == ("50 of 100 pings, 2.0 pings/s, 0:00:25 left\n"
+                    "80 of 100 pings, 2.0 pings/s, 0:00:10 left\n")
+
+
+def test_progress_does_not_count_the_first_block_which_compiles(shown):
+    """9 s for the first ping and 1 s for each of the others: 1 ping a second, not 0.1."""
+    assert shown([(9, 1), (12, 4)], terminal=False) == "4 of 100 pings, 1.0 pings/s, 0:01:36 left\n"
+    # of two processes, each of which compiles
+    assert shown([(9, 1), (9.5, 2), (12.5, 5)], terminal=False, warm_up=2) == (
+        "5 of 100 pings, 1.0 pings/s, 0:01:35 left\n")
+    assert shown([(15, 1)], terminal=False) == "1 of 100 pings, timing the next\n"
+    assert "at most 0:01:36 left" in shown([(9, 1), (12, 4)], terminal=False, at_most=True)
 
 
 @pytest.mark.parametrize("terminal", [True, False])
 def test_progress_shows_parts_of_a_ping(shown, terminal):
     text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown([(1, 0.1), (12, 0.25), (24, 1)], terminal))
-    words = ("0.25/100 pings, 75 pings/h", "1/100 pings, ") if terminal else ("0.25 of 100 pings, 75 pings/h, ",
+    words = ("0.25/100 pings, 49 pings/h", "1/100 pings, ") if terminal else ("0.25 of 100 pings, 49 pings/h, ",
                                                                                "1 of 100 pings, ")
     assert all(word in text for word in words)
 

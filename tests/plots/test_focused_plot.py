@@ -78,6 +78,8 @@ def test_views_of_other_records_are_told_apart(drawn):
 
     with pytest.raises(ValueError, match="the plot 'phase' needs the variable 'phase'; of this image there are image"):
         drawn(focused_image(banks=1), "phase")
+    with pytest.raises(ValueError, match="needs the variable 'label'.* focus the scene itself"):
+        drawn(focused_image().drop_vars("label"), "labels")
     with pytest.raises(ValueError, match="the plot 'height' is of a focused image"):
         drawn(sidescan(4, 8), "height")
     with pytest.raises(ValueError, match="banks are of focused images"):

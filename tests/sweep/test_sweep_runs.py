@@ -289,6 +289,25 @@ def test_an_estimate_tries_a_few_and_writes_nothing(sweep, monkeypatch):
     assert (found.missing, found.seconds) == (0, None)
 
 
+@pytest.mark.parametrize("first, trials, each", [(45.0, 2, 20.0), (400.0, 1, 400.0)])
+def test_an_estimate_does_not_count_the_render_that_compiles(sweep, monkeypatch, first, trials, each):
+    """45 s with compiling and 20 s without are 20 s each; an hour's render is not tried twice."""
+    clock, lasting = [0.0], iter([first, 20.0, 20.0])
+
+    class Slow(Pool):
+        def submit(self, job):
+            future = super().submit(job)
+            answer = future.result()
+            answer["seconds"] = next(lasting)
+            clock[0] += answer["seconds"]
+            return future
+
+    monkeypatch.setattr(estimate, "Local", lambda *_: Slow({}))
+    monkeypatch.setattr(estimate.time, "perf_counter", lambda: clock[0])
+    found = estimate.estimate(sweep.folder / "plan.toml", sweep.folder / "out")
+    assert (found.trials, found.seconds) == (trials, each)
+
+
 def test_an_estimate_loads_a_scene_where_it_times_none(sweep, monkeypatch):
     class Unloadable(Pool):
         def submit(self, job):
