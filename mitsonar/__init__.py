@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mitsonar.device.llvm import BackendError
     from mitsonar.gradient_verbs import (coherent_model, differentiable_signals, directional_derivative, gradient,
                                          gradient_check, scene_model)
+    from mitsonar.guide import describe, scenes
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file
     from mitsonar.strip_verbs import focus, raw_echoes
@@ -38,11 +39,11 @@ if TYPE_CHECKING:                                        # for annotations alone
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-__all__ = ["BackendError", "coherent_model", "dataset", "differentiable_signals", "directional_derivative", "doctor",
-           "element_signals", "focus", "frames", "gradient", "gradient_check", "hydrography", "imaging",
+__all__ = ["BackendError", "coherent_model", "dataset", "describe", "differentiable_signals", "directional_derivative",
+           "doctor", "element_signals", "focus", "frames", "gradient", "gradient_check", "hydrography", "imaging",
            "impulse_response", "inversion", "io", "labelling", "load_file", "plots", "plugins", "propagation",
-           "raw_echoes", "read", "render", "scattering", "scene_model", "seabed", "signal", "sonar", "soundings",
-           "sweep", "synthetic_aperture", "units", "water", "write"]
+           "raw_echoes", "read", "render", "scattering", "scene_model", "scenes", "seabed", "signal", "sonar",
+           "soundings", "sweep", "synthetic_aperture", "units", "water", "write"]
 
 __version__ = "0.1.0"
 
@@ -62,6 +63,8 @@ _PUBLIC = {
     "directional_derivative": "mitsonar.gradient_verbs:directional_derivative",
     "gradient_check": "mitsonar.gradient_verbs:gradient_check",
     "scene_model": "mitsonar.gradient_verbs:scene_model",
+    "describe": "mitsonar.guide:describe",
+    "scenes": "mitsonar.scenes",                   # the package of their files, which can be called
     "hydrography": "mitsonar.hydrography",
     "read": "mitsonar.io.reading:read",
     "write": "mitsonar.io.reading:write",

@@ -1,9 +1,12 @@
 """`scenes` and `describe`: what there is, with defaults and units, and nothing left without a word."""
 import re
+import subprocess
+import sys
 
 import pytest
 from small_scene import TEXT
 
+import mitsonar
 from mitsonar.cli import main as cli
 from mitsonar.io import scene_words, scenes
 
@@ -137,3 +140,29 @@ def test_misspelt_words_in_a_scene_too(folder, refusal, old, new, hint):
         text = text.replace('    <default name="pings" value="2"/>\n', "")
     (folder / "mine.xml").write_text(text, encoding="utf-8")
     assert hint in refusal("render", "mine.xml", "-o", "a.exr")
+
+
+# ---- the same from Python
+
+@pytest.mark.parametrize("first", ["mitsonar.scenes()", "import mitsonar.scenes", "files('mitsonar.scenes')"])
+def test_scenes_is_a_function_and_a_package_of_files_whichever_comes_first(first):
+    code = f"""import mitsonar
+from importlib.resources import files
+{first}
+assert "sidescan_flat" in mitsonar.scenes() and (files("mitsonar.scenes") / "sidescan_flat.xml").is_file()
+assert "sidescan_flat" in mitsonar.scenes()
+import sys
+print("mitsuba" in sys.modules)"""
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False\n"
+
+
+def test_scenes_and_describe_give_what_the_commands_print(said):
+    assert list(mitsonar.scenes()) == scenes.shipped() and repr(mitsonar.scenes()) + "\n" == said("scenes")
+    for name in ("sidescan_flat", "sidescan", "forward_looking"):
+        assert joined(repr(mitsonar.describe(name))) == joined(said("describe", name))
+    entry = mitsonar.describe("sidescan_flat").parameters["range"]
+    assert entry.default == "100" and "slant range window" in entry.text
+    assert mitsonar.describe("sidescan").attributes["preset"].default == "towed_400khz"
+    assert mitsonar.describe("sidescan").parameters == {}
+    with pytest.raises(ValueError, match='no scene or plugin .sidescan_flt. .did you mean "sidescan_flat"'):
+        mitsonar.describe("sidescan_flt")

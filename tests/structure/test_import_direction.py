@@ -27,6 +27,7 @@ FLOORS = """
     survey
     gradients
     plugins
+    guide
     verbs
     strip_verbs
     gradient_verbs
@@ -124,5 +125,5 @@ def test_lazy_names_lead_somewhere():
 
     for name, module in mitsonar._PUBLIC.items():
         module = module.partition(":")[0]
-        file = ROOT / (module.replace(".", "/") if room_of(module) != "plugins" else "plugins")
+        file = ROOT / (room_of(module) if room_of(module) in ("plugins", "scenes") else module.replace(".", "/"))
         assert file.with_suffix(".py").is_file() or (file / "__init__.py").is_file(), f"mitsonar.{name}: no {module}"
