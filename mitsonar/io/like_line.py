@@ -105,8 +105,9 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,
         geotiff.write(_bed(soundings, cell), parts["bed"])
         whole.write_text(_scene(soundings, settings, inside, os.path.basename(os.fspath(line)), words, rules.node),
                          encoding="utf-8")
-    for text in words if say is not None else ():
-        say(text)
+    if say is not None:
+        for text in words:
+            say(text)
     return (os.fspath(scene), *names.values())
 
 

@@ -188,11 +188,12 @@ def rated(some: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
     cycle: list[Ping] = []
     rate = 0.0
     for ping in some:
-        first = np.nanmin(cycle[0]["travel_time"], initial=np.inf) if cycle else np.inf
-        if cycle and ping["since"] - cycle[0]["since"] > (0.5 * first if np.isfinite(first) else 0.0):
-            rate = 1.0 / (ping["since"] - cycle[0]["since"])
-            yield from ((one, rate) for one in cycle)
-            cycle = []
+        if cycle:
+            first, apart = np.nanmin(cycle[0]["travel_time"], initial=np.inf), ping["since"] - cycle[0]["since"]
+            if not 0 <= apart <= (0.5 * first if np.isfinite(first) else 0.0):
+                rate = 1.0 / apart if apart > 0 else rate
+                yield from ((one, rate) for one in cycle)
+                cycle = []
         cycle.append(ping)
     yield from ((one, rate) for one in cycle)
 

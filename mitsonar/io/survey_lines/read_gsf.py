@@ -75,7 +75,9 @@ class GsfFile:
             if self._sectors > MOST_SECTORS:
                 raise ValueError(f"a ping says that it has {self._sectors} sectors; at most {MOST_SECTORS} are "
                                  "believed.")
-        self._heads = _whole(self._parameters.get("NUMBER_OF_RECEIVERS")) if told else 1
+        # Some files say that there are two, and give the arms of one.
+        arms = (self._parameters.get("APPLIED_RX_TRANSDUCER_OFFSET") or "").count(",") + 1
+        self._heads = 2 if told and self._parameters.get("NUMBER_OF_RECEIVERS") == "2" and arms >= 6 else 1
 
     def __len__(self) -> int:
         return len(self._walked.positions)
@@ -233,11 +235,6 @@ def _shots(one) -> dict[str, np.ndarray]:
 
 def _count(shots):
     return len(shots["CentreFreq_Hz"]) if shots else 0
-
-
-def _whole(text: str | None) -> int:
-    """Give the number of receivers that a parameter says; the format has two at most."""
-    return int(text) if text in ("1", "2") else 1
 
 
 def _numbers(text: str | None, first: int = 0, count: int = 3) -> np.ndarray:
