@@ -103,6 +103,8 @@ def _recorded(arguments, words):
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
     rules = None
     for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
+        if (left := block.attrs.get("left_out")) and left not in words:
+            words.append(left)
         if profile is None and arguments.head_speed is None:
             yield block
             continue

@@ -107,6 +107,15 @@ def test_blocks_are_the_line_and_either_order_of_bytes_is_read(line, tmp_path):
     assert mitsonar.read(tmp_path / "line2.all").equals(whole)
 
 
+def test_datagrams_that_are_not_read_are_named(line):
+    assert "left_out" not in mitsonar.read(line).attrs
+    known = line.read_bytes()
+    other = bytearray(known[:4 + int.from_bytes(known[:4], "little")])         # the first datagram, as one of kind Y
+    other[5:6] = b"Y"
+    line.write_bytes(known + other)
+    assert mitsonar.read(line).attrs["left_out"] == "datagrams of the kinds Y are not read"
+
+
 def test_a_line_of_one_head_has_no_second(line):
     assert reading.read(line, head=0).identical(reading.read(line))
     with pytest.raises(ValueError, match="one receiving head, 0; head 1 was asked for"):

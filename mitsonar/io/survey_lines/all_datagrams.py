@@ -129,8 +129,8 @@ def seconds(date: int, milliseconds: int) -> float:
     return day.timestamp() + 1e-3 * milliseconds
 
 
-def datagrams(stream: BinaryIO, kinds: str) -> Iterator[Datagram]:
-    """Walk through a file's datagrams of some kinds; others are passed over.
+def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> Iterator[Datagram]:
+    """Walk through a file's datagrams of some kinds; others are passed over, and their letters go into ``passed``.
 
     Raises
     ------
@@ -155,6 +155,8 @@ def datagrams(stream: BinaryIO, kinds: str) -> Iterator[Datagram]:
                              "bytes; copy the file again.")
         if chr(head[5]) in kinds:
             yield at(stream, offset, length, order)
+        elif passed is not None:
+            passed.add(chr(head[5]))
         offset += 4 + length
 
 

@@ -75,8 +75,8 @@ class Datagram:
         return FRAME.size + 4 + self.part(BODY, FRAME.size + 4)[0]
 
 
-def datagrams(stream: BinaryIO, kinds: tuple[str, ...]) -> Iterator[Datagram]:
-    """Walk through a file's datagrams of some kinds; others are passed over.
+def datagrams(stream: BinaryIO, kinds: tuple[str, ...], passed: set[str] | None = None) -> Iterator[Datagram]:
+    """Walk through a file's datagrams of some kinds; others are passed over, and their kinds go into ``passed``.
 
     Raises
     ------
@@ -96,6 +96,8 @@ def datagrams(stream: BinaryIO, kinds: tuple[str, ...]) -> Iterator[Datagram]:
                              "copy the file again.")
         if head[5:8].decode("ascii", "replace") in kinds:
             yield at(stream, offset, length)
+        elif passed is not None:
+            passed.add(head[5:8].decode("ascii", "replace"))
         offset += length
     if size == 0:
         raise ValueError("it is empty.")

@@ -51,6 +51,7 @@ class _Found:
     attitude: list = field(default_factory=list)
     velocity: list = field(default_factory=list)
     depths: dict = field(default_factory=dict)          # of the transmit array, by key
+    passed: set[str] = field(default_factory=set)
     beams: int = 0
     sectors: int = 0
     column_beams: int = 0
@@ -97,7 +98,8 @@ class AllFile(KongsbergFile):
                     receive_offset=installed.receive_offset[:len(self._serials)],
                     receive_mounting=installed.receive_mounting[:len(self._serials)], motion=motion.streams,
                     backscatter=_BACKSCATTER, profile="the cast of the file", beams=found.beams, sectors=found.sectors,
-                    column_beams=found.column_beams, column_samples=found.column_samples)
+                    column_beams=found.column_beams, column_samples=found.column_samples,
+                    left_out=self._left_out(found.passed, ("k",)))
 
     def _walked(self):
         """Go through both files once."""
@@ -105,7 +107,7 @@ class AllFile(KongsbergFile):
         for number, path in enumerate(self._paths):
             with open(path, "rb") as stream:
                 kinds = ("INXOUPAn" + _OLD if number == 0 else "") + ("k" if self._water_column else "")
-                for one in datagrams(stream, kinds):
+                for one in datagrams(stream, kinds, found.passed if number == 0 else None):
                     _note(found, one, number)
         found.soundings = {key: places for key, places in found.soundings.items() if {"N", "X"} <= set(places)}
         return found

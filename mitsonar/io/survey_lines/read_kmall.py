@@ -45,6 +45,7 @@ class _Found:
     column: dict = field(default_factory=dict)
     positions: list = field(default_factory=list)
     attitude: dict = field(default_factory=dict)        # whether the sensor is active -> samples
+    passed: set[str] = field(default_factory=set)
     extra: int = 0                                      # detections in the water column
     beams: int = 0
     sectors: int = 0
@@ -92,7 +93,7 @@ class KmallFile(KongsbergFile):
                     receive_offset=installed.receive_offset, receive_mounting=installed.receive_mounting,
                     motion=motion.streams, backscatter=_BACKSCATTER, profile="the cast of the file", beams=found.beams,
                     sectors=found.sectors, column_beams=found.column_beams, column_samples=found.column_samples,
-                    left_out=f"{found.extra} extra detections in the water column are left out" if found.extra else "")
+                    left_out=self._left_out(found.passed, ("MWC",), found.extra))
 
     def _walked(self):
         """Go through both files once."""
@@ -100,7 +101,8 @@ class KmallFile(KongsbergFile):
         for number, path in enumerate(self._paths):
             with open(path, "rb") as stream:
                 kinds = ("IIP", "SVP", "SKM", "MRZ") if number == 0 else ()
-                for one in datagrams(stream, (*kinds, "MWC") if self._water_column else kinds):
+                for one in datagrams(stream, (*kinds, "MWC") if self._water_column else kinds,
+                                     found.passed if number == 0 else None):
                     _note(found, one, number)
         return found
 
