@@ -4,6 +4,7 @@ import re
 __all__ = ["sentence", "shortened"]
 
 LONGEST_WORD = 300                 # characters; paths are seldom longer
+LONGEST_TEXT = 3000                # and a list of every attribute of a plugin is not
 
 
 def sentence(error: BaseException) -> str:
@@ -26,7 +27,9 @@ def sentence(error: BaseException) -> str:
 
 
 def shortened(text: str) -> str:
-    """Leave out the middle of every word of more than 300 characters, such as a number of thousands of digits.
+    """Return a text without the middle of every word of more than 300 characters, and of what is still too long.
+
+    Numbers of thousands of digits are such words, and lists of a million numbers such texts.
 
     Parameters
     ----------
@@ -36,4 +39,5 @@ def shortened(text: str) -> str:
     -------
     str
     """
-    return re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)
+    text = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)
+    return text if len(text) <= LONGEST_TEXT else f"{text[:300]} ... {text[-300:]}"

@@ -32,7 +32,7 @@ def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> No
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is a folder, a device, a pipe or a socket.
+        If it is a folder, a device, a pipe or a socket, or a file of the kernel, such as a log that never ends.
     PermissionError
         If it may not be read.
     """
@@ -43,8 +43,16 @@ def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> No
         raise ValueError(f"{name}: it is a folder; give the path of {wanted}.")
     if not os.path.isfile(path):
         raise ValueError(f"{name}: it is a device or a pipe; give the path of {wanted}.")
+    if is_of_the_kernel(path):
+        raise ValueError(f"{name}: it is a file of the kernel, which may have no end; give the path of {wanted}.")
     if not os.access(path, os.R_OK):
         raise PermissionError(f"{name}: you may not read it; change its permissions.")
+
+
+def is_of_the_kernel(path: FilePath) -> bool:
+    """Return True for a file that the kernel makes while it is read, as in /proc: its log is read without end."""
+    # their file systems have no blocks, and the files no size
+    return hasattr(os, "statvfs") and os.path.getsize(path) == 0 and os.statvfs(path).f_blocks == 0
 
 
 def check_writable(path: FilePath) -> Path:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import ascii_grid, soundings
-from .files import FilePath
+from .files import FilePath, is_of_the_kernel
 from .rasters import MOST_NODES, source_crs
 from .self_contained import DataElsewhere, check_hdf5
 
@@ -78,6 +78,8 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
         raise ValueError("there is no such file.")
     if not os.path.isfile(path):
         raise ValueError("it is a folder, a device or a pipe; give a file.")
+    if is_of_the_kernel(path):
+        raise ValueError("it is a file of the kernel, which may have no end; give another.")
     is_array = str(path).endswith(".npy")
     if is_array != (spacing is not None):
         raise ValueError("an .npy array needs the spacing of its nodes." if is_array else

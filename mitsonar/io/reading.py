@@ -15,6 +15,7 @@ __all__ = ["is_netcdf", "read", "write"]
 HEAD = 8                           # bytes that tell kinds of files
 HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
+LARGEST_JSON = 10 ** 9             # bytes; text takes some ten times as much once it is read
 GEOTIFF = (".tif", ".tiff")
 IMAGES = (".exr", ".nc", *hdf5.SUFFIXES, *GEOTIFF)       # of focused images
 KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .csv, .las "
@@ -159,6 +160,9 @@ def _picture(path):
 
 
 def _json(path):
+    if (size := os.path.getsize(path)) > LARGEST_JSON:
+        raise ValueError(f"cannot read {path}: it has {size:,} bytes, and JSON of at most {LARGEST_JSON:,} is read "
+                         "whole; divide it.")
     try:
         with open(path, encoding="utf-8") as stream:
             if os.path.splitext(path)[1] == ".jsonl":

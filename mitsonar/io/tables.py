@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import FilePath
+from .files import FilePath, check_readable
 
 __all__ = ["floats", "records"]
 
@@ -40,11 +40,7 @@ def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[
         If it is no text file, has no header, holds no record, or a record has too few fields or open quotation marks.
     """
     path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"cannot read the {what} {path}: there is no such file; check the name.")
-    if not path.is_file():
-        raise ValueError(f"cannot read the {what} {path}: it is not a text file, but a folder or a device; give a CSV "
-                         "file.")
+    check_readable(path, f"the {what}", "a CSV file")
     try:
         text = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:

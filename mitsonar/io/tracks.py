@@ -25,7 +25,7 @@ import numpy as np
 from ..sonar.track import Track
 from ..units import radians_from_deg
 from . import navigation_xtf, tables
-from .files import FilePath
+from .files import FilePath, check_readable
 from .navigation import Frame, Navigation, Waypoints, unrepeated
 
 __all__ = ["load", "read", "waypoints"]
@@ -92,15 +92,12 @@ def load(path: FilePath) -> Navigation | Waypoints:
         If a column is missing or doubled, a field is not a finite number (the line is named), time does not increase,
         a position lies above the sea surface or on no globe, or nothing is there; for XTF as `navigation_xtf.read`.
     """
-    if os.path.isfile(path):
-        if navigation_xtf.recognised(path):
-            return navigation_xtf.read(path)
-        if os.path.getsize(path) > LARGEST_FILE:
-            raise ValueError(f"cannot read the track {path}: it has {os.path.getsize(path) / 1e6:.0f} MB, more than "
-                             f"{LARGEST_FILE / 1e6:g}; thin it out or split it.")
-    elif os.path.exists(path):
-        raise ValueError(f"cannot read the track {path}: it is not a text file, but a folder or a device; give a CSV "
-                         "or XTF file.")
+    check_readable(path, "the track", "a CSV or XTF file")
+    if navigation_xtf.recognised(path):
+        return navigation_xtf.read(path)
+    if os.path.getsize(path) > LARGEST_FILE:
+        raise ValueError(f"cannot read the track {path}: it has {os.path.getsize(path) / 1e6:.0f} MB, more than "
+                         f"{LARGEST_FILE / 1e6:g}; thin it out or split it.")
     numbers, columns = _columns(path)
     values = {name: tables.floats(path, numbers, name, column) for name, column in columns.items() if name != "time"}
     for name, limit in LARGEST_DEG.items():

@@ -114,6 +114,16 @@ def _unused(match):
     return f"the scene has no parameter {', '.join(names)}; parameters are its <default name=...> entries."
 
 
+def _spectrum(match):
+    """A table in a file, without what Mitsuba quotes of it: the file may be any that its reader may open."""
+    what = match["what"]
+    if line := re.search(r" in line (\d+) of spectrum file", what):
+        return f'the file "{match["file"]}", line {line[1]}, is no table; expected two numbers a line, such as 10 1490.5.'
+    if "increasing order" in what or "at least two" in what:
+        return f'the file "{match["file"]}": {_sentence(_strip_tag(what))}'
+    return f'the file "{match["file"]}" cannot be read as a table; expected two numbers a line, such as 10 1490.5.'
+
+
 def _unparsable(match):
     kind, value = match["kind"], match["value"]
     try:
@@ -138,6 +148,7 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
      r"\"(.*?)\"", lambda m: f'"{m[1]}" is a {m[2]}; expected a {m[3]}.'),
     (r"undefined parameter: \$(\w+)",
      lambda m: f'the parameter "{m[1]}" has no value; give one, or a <default name="{m[1]}" value="..."/>.'),
+    (r"failed to load spectrum from file \"(?P<file>.*?)\": (?P<what>.*)", _spectrum),
     (r"could not parse (?P<kind>[\w -]+?) value \"(?P<value>.*?)\"", _unparsable),
     (r"unresolved reference to \"(.*?)\"", lambda m: f'no object has the id "{m[1]}".'),
     (r"The property \"(.*?)\" has the wrong type \(expected (.*?), got (.*?)\)",

@@ -16,7 +16,7 @@ from . import placement
 __all__ = ["MOST_PINGS", "Passage", "Route"]
 
 ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
-MOST_PINGS = 10_000_000
+MOST_PINGS = 1_000_000             # more than a day at ten a second; a track of them is laid in ten seconds
 
 _log = logging.getLogger(__name__)
 

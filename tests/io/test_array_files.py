@@ -66,5 +66,5 @@ def test_bad_files_are_refused_in_one_sentence(text, words, tmp_path):
 def test_what_is_no_text_file_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="cannot read the array .*: there is no such file"):
         arrays.read(tmp_path / "missing.csv")
-    with pytest.raises(ValueError, match="not a text file"):
+    with pytest.raises(ValueError, match="it is a folder; give the path of a CSV file"):
         arrays.read(tmp_path)

@@ -19,6 +19,11 @@ def test_the_middle_of_long_words_is_left_out(text):
     assert len(said) < 520 and said.startswith(text[:60]) and said.endswith(text[-5:]) and "..." in said
 
 
+def test_the_middle_of_long_lists_is_left_out():
+    said = shortened("table is the string " + "1, " * 1_000_000 + "; expected 2 numbers")
+    assert len(said) < 700 and said.startswith("table is the string 1, 1") and said.endswith("; expected 2 numbers")
+
+
 @pytest.mark.parametrize("depth", [1e7, 1e30, 1e300, np.inf])
 def test_depths_of_a_profile(depth):
     with pytest.raises(ValueError, match=r"depth\[1\] "):

@@ -12,15 +12,18 @@ READERS = {"array": arrays.read, "bathymetry": bathymetry.read, "cast": casts.re
            "picture": pictures.check, "volume": pictures.check_volume, "scene": scenes.root, "signals": signals.read,
            "table": lambda path: tables.records(path, "table"), "track": tracks.read,
            "line": survey_lines.read}
+KERNEL = "/proc/self/status"       # as its log, which has no end, but safe to read
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
 @pytest.mark.parametrize("read", READERS.values(), ids=READERS)
-@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", pytest.param("kernel", marks=pytest.mark.skipif(
+    not os.path.exists(KERNEL), reason="no files of the kernel here"))])
 def test_readers_refuse_what_is_no_ordinary_file(tmp_path, read, kind):
     path = tmp_path / "it.ply"
-    {"pipe": os.mkfifo, "device": lambda path: path.symlink_to("/dev/zero"), "folder": os.mkdir}[kind](path)
-    with pytest.raises(ValueError, match=r"it\.ply.*(folder|device|pipe|not a file)"):
+    {"pipe": os.mkfifo, "device": lambda path: path.symlink_to("/dev/zero"), "folder": os.mkdir,
+     "kernel": lambda path: path.symlink_to(KERNEL)}[kind](path)
+    with pytest.raises(ValueError, match=r"it\.ply.*(folder|device|pipe|not a file|file of the kernel)"):
         read(path)
 
 

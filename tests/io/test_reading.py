@@ -1,5 +1,6 @@
 """`mitsonar.read` knows by its content any file that mitsonar wrote, and says what it is if it is none."""
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -57,6 +58,13 @@ def test_an_image_of_every_kind_of_attribute(tmp_path):
     image.to_netcdf(tmp_path / "a.nc")
     assert json.dumps(mitsonar.read(tmp_path / "a.nc").attrs) == json.dumps(image.attrs)
     assert image.isel(ping=slice(2)).to_netcdf().tobytes()[:4] == b"\x89HDF"        # parts of it, and without a name
+
+
+def test_json_that_no_memory_holds_is_refused(tmp_path):
+    (tmp_path / "a.json").touch()
+    os.truncate(tmp_path / "a.json", 50 * 10**9)           # sparse: it takes no room
+    with pytest.raises(ValueError, match="a.json: it has 50,000,000,000 bytes, and JSON of at most 1,000,000,000"):
+        mitsonar.read(tmp_path / "a.json")
 
 
 def test_rooms_of_files_need_no_import_of_their_own():

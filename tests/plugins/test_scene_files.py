@@ -159,6 +159,26 @@ def test_damaged_scenes_load_or_say_why(load, tmp_path, rng):
             assert "\n" not in str(error) and "Traceback" not in str(error) and len(str(error)) < 2000
 
 
+@pytest.mark.parametrize("content, sentence", [
+    ("root:secret\n", "the file .*table.txt., line 1, is no table; expected two numbers a line, such as 10 1490.5"),
+    ("0 1500\n9 secret\n", "the file .*table.txt., line 2, is no table"),
+    ("9 1500\n0 1500\n", "the file .*table.txt.: the first numbers of a table .* must increase"),
+    ("9 1500\n", "the file .*table.txt.: a table needs at least two entries"),
+])
+def test_files_that_are_no_tables_are_not_quoted(load, tmp_path, content, sentence):
+    (tmp_path / "table.txt").write_text(content)
+    with pytest.raises(ValueError, match=sentence) as error:
+        load('<bsdf type="diffuse"><spectrum name="reflectance" filename="table.txt"/></bsdf>')
+    assert "secret" not in str(error.value) and "cpp" not in str(error.value)
+
+
+def test_a_list_of_a_million_numbers_is_refused_in_a_sentence(load):
+    body = '<shape type="point_target"><point name="position" value="0"/><string name="nothing" value="{}"/></shape>'
+    with pytest.raises(ValueError, match="point_target: .* ... ") as error:
+        load(body.format("1, " * 1_000_000))
+    assert len(str(error.value)) < 1000
+
+
 def blends(levels, first):
     """A blend of a blend of ... of one material with itself: 2^levels ways lead down to it."""
     ends = '<bsdf type="diffuse" id="m0"/>'

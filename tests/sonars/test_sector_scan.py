@@ -371,3 +371,17 @@ def test_refusals(attributes, words):
     with pytest.raises(Exception) as caught:
         sector_scan({"seabed": bed(20)}, sensor=attributes)
     assert words in str(caught.value)
+
+
+def test_large_smooth_surfaces_are_announced_and_reported_ping_by_ping(monkeypatch):
+    """Over a bed of metres such a ping takes minutes: here over one of a metre."""
+    from mitsonar.echoes.smooth import targets
+
+    monkeypatch.setattr(targets, "WORTH_SAYING", 1)
+    slow = {"frequency_khz": 100.0, "bandwidth_khz": 0.0, "pulse_ms": 0.1, "pings": 3, "speed_knots": 0.05}
+    scene = sector_scan({"seabed": bed(6.0, {"type": "rigid"}, size=1.0)}, integrator={"cell": 4.0, "rays": 500},
+                        sensor={**slow, "depth": 5.0, "start": None}, film={"range": 2.0, "bins": 20})
+    done = []
+    with pytest.warns(UserWarning, match="smooth surfaces within reach take .* cells each time they are ensonified"):
+        mitsonar.render(scene, progress=lambda now, total: done.append(now))
+    assert done == sorted(done) and len({now for now in done if now < 1}) >= 3 and done[-1] == pytest.approx(3)

@@ -20,6 +20,7 @@ facets by way of that (`bed_mirror`).
 """
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -53,6 +54,8 @@ BEHIND = 1.0                       # of a facet's side that the source may lie b
 NEAREST = 0.05                     # [m] range that cells are cut for at least
 MOST_CUTS = 32768
 MOST_CELLS = 10 ** 8               # of a ping: minutes of connecting
+WORTH_SAYING = 10 ** 7             # cells of a ping
+LIT = 2.5e-7                       # [s] of one core for a cell
 # sides of the cells that tubes start from, in wavelengths, if there are not more such cells to a ping than about this:
 FLAT_CELLS = 0.25, 1 << 18         # edges cut footprints that finely
 BENT_CELLS = 0.125, 1 << 19        # tubes of bent surfaces widen
@@ -119,6 +122,7 @@ class SmoothTargets:
         self.facets = SmoothFacets(self.geometry, self.wavelength)
         self.turn_rate = dr.opaque(mi.Float, 2 * np.pi * self.frequency)
         self.longest = dr.opaque(self.lib.Float64, self.farthest / slowest)
+        self._said = False
 
     def __bool__(self) -> bool:
         return len(self.facets) > 0
@@ -210,6 +214,11 @@ class SmoothTargets:
                 raise ValueError(f"smooth surfaces within reach of a ping take {cells:.2g} cells, of half a wavelength "
                                  f"where they are bent, and {MOST_CELLS:.0e} is the most; make large surfaces rough, "
                                  "or take a shorter range or a lower frequency")
+            if cells >= WORTH_SAYING and not self._said:
+                self._said = True
+                warnings.warn(f"smooth surfaces within reach take {cells:.2g} cells each time they are ensonified, which "
+                              f"is at least once a ping: about {LIT * cells:.0f} s of one core; make large surfaces "
+                              "rough, or take a shorter range, less bandwidth or a lower frequency", stacklevel=2)
             runs.append(np.stack([np.full(len(seen), number), seen, n, parts], 1))
             if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
                 yield from _listed(np.concatenate(runs))

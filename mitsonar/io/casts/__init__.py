@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..files import FilePath
+from ..files import FilePath, check_readable
 from . import aml, caris, castaway, hypack, kongsberg, seabird, table, text, valeport
 from .completion import EXTENSIONS, SOUND_SPEEDS, completed
 from .records import Cast, Cleaning, Samples
@@ -71,10 +71,7 @@ def read(path: FilePath, section: int = 0, *, sound_speed: str = "file", extensi
         if choice not in choices:
             raise ValueError(f"{what} of a cast: {choice!r} is unknown; use one of {', '.join(choices)}.")
     path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"cannot read the cast {path}: there is no such file; check the name.")
-    if not path.is_file():
-        raise ValueError(f"cannot read the cast {path}: it is not a file; give the file of one cast.")
+    check_readable(path, "the cast", "the file of one cast")
     try:
         lines = text.read_lines(path)
         content = [line for line in lines or () if line.partition("#")[0].strip()]

@@ -74,21 +74,21 @@ class StepSignals:
         total = self._survey.track.pings
         for first in range(0, total, ROWS):
             ping = np.arange(first, min(first + ROWS, total))
-            yield self._block(ping)
+            yield self._block(ping, progress)
             if progress is not None:
                 progress(int(ping[-1]) + 1, total)
 
-    def _block(self, ping: np.ndarray) -> np.ndarray:
+    def _block(self, ping: np.ndarray, progress: Callable[[float, float], None] | None) -> np.ndarray:
         survey, grid = self._survey, self._signals.grid(len(ping))
         receiver = StepReceiver(survey, self._beam, self._underway, ping)
-        for pairs in self._pairs(ping):
+        for pairs in self._pairs(ping, progress):
             receiver.add(grid, pairs)
         keys = np.array([ping_key(self._seed, int(one)) for one in ping], np.uint32)
         noise = NoiseDensity.of(survey.noise, survey.source_level_db) if self._by_chance else None
         signals = self._signals.form(grid, doppler=receiver.doppler, keys=keys, noise=noise)
         return signals * np.float32(amplitude_from_db(survey.source_level_db))
 
-    def _pairs(self, ping: np.ndarray) -> Iterator[Pairs]:
+    def _pairs(self, ping: np.ndarray, progress: Callable[[float, float], None] | None) -> Iterator[Pairs]:
         """Yield the echoes that pings of a block hear."""
         if self._fixed:
             if self._around is None:
@@ -97,6 +97,8 @@ class StepSignals:
             yield from self._around.heard(self._looks[ping, :, 0])
         for row, number in enumerate(ping.tolist()):
             if not self._fixed:
+                if progress is not None:           # echoes of large smooth surfaces take minutes a ping
+                    progress(number, self._survey.track.pings)
                 for echoes in self._heard_at(number, everywhere=False):
                     yield Pairs.all_of(echoes, row)
             if not self._by_chance:
