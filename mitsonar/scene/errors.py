@@ -118,7 +118,8 @@ def _spectrum(match):
     """A table in a file, without what Mitsuba quotes of it: the file may be any that its reader may open."""
     what = match["what"]
     if line := re.search(r" in line (\d+) of spectrum file", what):
-        return f'the file "{match["file"]}", line {line[1]}, is no table; expected two numbers a line, such as 10 1490.5.'
+        return (f'the file "{match["file"]}", line {line[1]}, is no table; expected two numbers a line, such as 10 '
+                '1490.5.')
     if "increasing order" in what or "at least two" in what:
         return f'the file "{match["file"]}": {_sentence(_strip_tag(what))}'
     return f'the file "{match["file"]}" cannot be read as a table; expected two numbers a line, such as 10 1490.5.'

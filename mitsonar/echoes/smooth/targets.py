@@ -216,9 +216,9 @@ class SmoothTargets:
                                  "or take a shorter range or a lower frequency")
             if cells >= WORTH_SAYING and not self._said:
                 self._said = True
-                warnings.warn(f"smooth surfaces within reach take {cells:.2g} cells each time they are ensonified, which "
-                              f"is at least once a ping: about {LIT * cells:.0f} s of one core; make large surfaces "
-                              "rough, or take a shorter range, less bandwidth or a lower frequency", stacklevel=2)
+                warnings.warn(f"smooth surfaces within reach take {cells:.2g} cells each time they are ensonified, at "
+                              f"least once a ping: about {LIT * cells:.2g} s of one core; make large surfaces rough, "
+                              "or take a shorter range, less bandwidth or a lower frequency", stacklevel=2)
             runs.append(np.stack([np.full(len(seen), number), seen, n, parts], 1))
             if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
                 yield from _listed(np.concatenate(runs))
