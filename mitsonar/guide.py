@@ -89,7 +89,7 @@ def scenes() -> SceneList:
     SceneList
         A dict of name to the first sentence about it.
     """
-    return SceneList({name: scene_words.described(scene_files.find(name))[0].partition(". ")[0].rstrip(".")
+    return SceneList({name: scene_words.described(scene_files.find(name))[0].partition("\n")[0].partition(". ")[0].rstrip(".")
                       for name in scene_files.shipped()})
 
 

@@ -100,6 +100,9 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
         As `mitsonar.render`, or if there are no raw echoes, fewer than two pings, or grid, windows, profile or
         trajectory do not fit them.
     """
+    if grid is not None and not isinstance(grid, Grid):
+        raise TypeError("a grid of mitsonar.synthetic_aperture.grids, or None, was wanted, got a "
+                        f"{type(grid).__name__}")
     if profile is not None and not isinstance(profile, (SoundSpeedProfile, int, float)):
         profile = casts.read(profile).profile
     how = {"profile": profile, "trajectory": trajectory}

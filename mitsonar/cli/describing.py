@@ -45,5 +45,6 @@ def _tell(heading, text):
     """Print a line and, below and further in, what it means."""
     width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
     announce(heading)
-    for line in textwrap.wrap(text, width, initial_indent="    ", subsequent_indent="    "):
-        announce(line)
+    for paragraph in text.split("\n"):
+        for line in textwrap.wrap(paragraph, width, initial_indent="    ", subsequent_indent="    "):
+            announce(line)

@@ -108,11 +108,16 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
 def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     """The image of a scene's echoes, made ping by ping, with its truth."""
     from ..io import scenes
+    from ..io.files import described
     from ..scene.loading import load_file
     from ..strip_verbs import raw_pings, strip_survey
     from ..survey.strip.image import with_truth
 
-    scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
+    path = scenes.find(arguments.scene)
+    if os.path.isfile(path) and (what := described(path)):
+        raise ValueError(f"{path} is {what}; focus needs a scene (.xml), or raw echoes (.nc or .h5) that mitsonar "
+                         "signals writes.")
+    scene = load_file(path, **parameters(arguments))
     survey = strip_survey(scene, sensor=arguments.sensor)
     first, last = _pings(arguments, survey.track.pings)
     made = raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=first)

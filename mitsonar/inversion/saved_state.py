@@ -79,7 +79,9 @@ def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
                 raise ValueError(f"cannot go on with {path}: it is the state of another fit, of another record, start "
                                  "or prior; remove it, or name another file")
             arrays = {name: found[name] for name in ARRAYS}
-    except (OSError, KeyError, EOFError, zipfile.BadZipFile, ValueError) as error:
+    except MemoryError:
+        raise
+    except Exception as error:                         # of many kinds, by where the archive is damaged
         if str(error).startswith("cannot go on"):
             raise
         raise ValueError(wrong) from None

@@ -56,12 +56,22 @@ def read_values(path: FilePath, rows: int, columns: int) -> np.ndarray:
                 raise ValueError(f"there are more numbers than the {rows} x {columns} of the header; repair it.")
             try:
                 values[filled:filled + len(words)] = words
-            except ValueError as error:
-                raise ValueError(f"among the heights, {' '.join(str(error).split())}; repair the file.") from None
+            except ValueError:
+                word = next((word for word in words if not _is_number(word)), "a word")
+                raise ValueError(f"among the heights stands {word[:40]!r}, which is no number; repair the file."
+                                 ) from None
             filled += len(words)
     if filled < count:
         raise ValueError(f"there are {filled} numbers, and the header names {rows} x {columns}; the file is cut off.")
     return values.reshape(rows, columns)
+
+
+def _is_number(word):
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _blocks(file):

@@ -4,7 +4,7 @@ import re
 __all__ = ["sentence", "shortened"]
 
 LONGEST_WORD = 300                 # characters; paths are seldom longer
-LONGEST_TEXT = 3000                # and a list of every attribute of a plugin is not
+LONGEST = 3000                     # characters of a sentence; lists of known names are shorter
 
 
 def sentence(error: BaseException) -> str:
@@ -27,9 +27,7 @@ def sentence(error: BaseException) -> str:
 
 
 def shortened(text: str) -> str:
-    """Return a text without the middle of every word of more than 300 characters, and of what is still too long.
-
-    Numbers of thousands of digits are such words, and lists of a million numbers such texts.
+    """Leave out the middle of long words, such as a number of thousands of digits, and of a text that is still long.
 
     Parameters
     ----------
@@ -40,4 +38,4 @@ def shortened(text: str) -> str:
     str
     """
     text = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)
-    return text if len(text) <= LONGEST_TEXT else f"{text[:300]} ... {text[-300:]}"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST - 500]} ... {text[-400:]}"

@@ -14,6 +14,11 @@ from pathlib import Path
 FilePath = str | os.PathLike[str]        # what names a file or a folder
 FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
         errno.EFBIG: "the file grew past the largest size allowed here"}
+BEGINNINGS = ((b"\x76\x2f\x31\x01", "an OpenEXR image"), (b"\x89HDF", "a netCDF or HDF5 file"),
+              (b"CDF", "a netCDF file"), (b"\x89PNG", "a PNG picture"),
+              (b"\xff\xd8\xff", "a JPEG picture"), (b"II*\0", "a TIFF picture"),
+              (b"MM\0*", "a TIFF picture"), (b"PK\3\4", "a ZIP archive"), (b"%PDF", "a PDF document"),
+              (b"\x93NUMPY", "a NumPy array"), (b"ply", "a PLY mesh"))
 
 
 def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> None:
@@ -53,6 +58,21 @@ def is_of_the_kernel(path: FilePath) -> bool:
     """Return True for a file that the kernel makes while it is read, as in /proc: its log is read without end."""
     # their file systems have no blocks, and the files no size
     return hasattr(os, "statvfs") and os.path.getsize(path) == 0 and os.statvfs(path).f_blocks == 0
+
+
+def described(path: FilePath) -> str:
+    """Return what a binary file is by its first bytes, such as "an OpenEXR image"; an empty text if they say nothing.
+
+    Parameters
+    ----------
+    path : str or path
+        Of an ordinary file.
+    """
+    with open(path, "rb") as file:
+        head = file.read(8)
+    if head[:1] == b"{" and str(path).lower().endswith(".xtf"):
+        return "an XTF record"
+    return next((what for start, what in BEGINNINGS if head.startswith(start)), "")
 
 
 def check_writable(path: FilePath) -> Path:

@@ -19,6 +19,7 @@ SAID = {"ply": "PLY file of triangles", "obj": "OBJ file of triangles", "seriali
 LARGEST_UNPACKED = 4e9             # [bytes] of a serialized mesh
 MOST = 1 << 30                     # vertices or faces: thrice as many are still counted in 32 bits
 WORDS = 1 << 20                    # at a time
+OBJ_LINES = ("vertices", rb"(?m)^[ \t\r]*v[ \t]"), ("faces", rb"(?m)^[ \t\r]*f[ \t]")
 # of an OBJ file: what corners may have, a line that gives one, and a face with a corner that has none
 OBJ_CORNERS = tuple((what, rb"(?m)^[ \t\r]*%b[ \t]" % kind,
                      rb"(?m)^[ \t\r]*f[ \t](?:[^\n]*?[ \t])??\d+%b(?=\s|\Z)" % rest)
@@ -109,6 +110,9 @@ def _check_obj(path):
     """Mitsuba checks the numbers of vertices itself, but takes what is in the memory for what corners leave out."""
     _check_end(path)
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+        for what, line in OBJ_LINES:
+            if not re.search(line, text):
+                raise ValueError(f"it has no {what}")
         for what, given, left_out in OBJ_CORNERS:
             if re.search(given, text) and re.search(left_out, text):
                 raise ValueError(f"some corners of its faces have {what} and others have none")

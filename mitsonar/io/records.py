@@ -74,12 +74,13 @@ def not_all_nan(record: Record) -> Record:
     ------
     ValueError
     """
-    for array in [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]:
+    arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
+    for array in arrays:
         values = array.values
         # few records begin with NaN: of the others only one number is looked at
         if values.dtype.kind in "fc" and values.size and np.isnan(values.flat[0]) and np.isnan(values).all():
-            raise ValueError(f"all numbers of {array.name or 'the signals'} are NaN, so the record holds nothing; check "
-                             "the largest and smallest numbers of the scene")
+            raise ValueError(f"all numbers of {array.name or 'the signals'} are NaN, so the record holds nothing; "
+                             "check the largest and smallest numbers of the scene")
     return record
 
 

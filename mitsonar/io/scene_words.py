@@ -65,9 +65,20 @@ def described(path: FilePath) -> tuple[str, list[Parameter]]:
                     for name in re.findall(r"(?<!\\)\$(\w+)", value):
                         uses.setdefault(name, []).append((element.get("type"), element.get("id", ""),
                                                           child.get("name", "")))
-    return _line(heading[1]) if heading else "", [
+    return _heading(heading[1]) if heading else "", [
         Parameter(name=name, default=value, comment=comment, uses=tuple(uses.get(name, ())))
         for name, (value, comment) in found.items()]
+
+
+def _heading(text):
+    """Return a heading's paragraphs, a line each: a command stands alone."""
+    paragraphs = [""]
+    for line in map(str.strip, text.splitlines()):
+        if line.startswith("mitsonar "):
+            paragraphs += [line, ""]
+        else:
+            paragraphs[-1] = f"{paragraphs[-1]} {line}".strip()
+    return "\n".join(filter(None, paragraphs))
 
 
 def _line(text):

@@ -71,6 +71,8 @@ def root(path: FilePath) -> ElementTree.Element:
     try:
         return ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
+        if what := files.described(path):
+            raise ValueError(f"{path} is {what}, not a scene; give a Mitsuba XML file") from None
         what = str(error).partition(": line ")[0]
         raise ValueError(f"{path}, line {error.position[0]}: the XML is broken: {what}") from None
 

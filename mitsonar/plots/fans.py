@@ -3,6 +3,7 @@
 A sample at time t of the beam at angle α lies r = c t / 2 from the array, r sin α aside and r cos α along the fan's
 middle: to starboard and ahead for a level fan, whose α is the azimuth; to starboard and below for one that looks down.
 """
+import numbers
 import os
 from collections.abc import Iterable, Sequence
 
@@ -184,7 +185,10 @@ def words_of(dataset: xr.Dataset, ping: int) -> str:
     if "ping_time" in dataset.coords:
         parts.append(f"{float(dataset['ping_time'][ping]):.2f} s")
     if "frequency" in dataset.attrs:
-        parts.append(f"{khz_from_hertz(float(dataset.attrs['frequency'])):g} kHz")
+        frequency = dataset.attrs["frequency"]
+        if not isinstance(frequency, numbers.Real):
+            raise ValueError(f"the attribute frequency is {frequency!r}, not a number [Hz]; mend it.")
+        parts.append(f"{khz_from_hertz(float(frequency)):g} kHz")
     return ", ".join([*parts, f"{dataset.sizes['beam']} {'steps' if turns else 'beams'}"])
 
 
@@ -195,6 +199,10 @@ def looks_down(dataset: xr.Dataset) -> bool:
 
 def _directions(dataset):
     """Of the beams (B, 3), body frame."""
+    lacking = [f"beam_{axis}" for axis in "xyz" if f"beam_{axis}" not in dataset.variables]
+    if lacking:
+        raise ValueError(f"the record has no {lacking[0]}, the direction of its beams: it is neither a whole image of "
+                         "a fan nor a whole line of soundings; give what mitsonar render or mitsonar soundings writes.")
     return np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
 
 

@@ -23,6 +23,7 @@ _WRAPPERS = (
 _SYNTAX = re.compile(r"(?:Parsing of XML file \"(?P<file>.*?)\"|XML parsing) failed: (?P<what>.*?) "
                      r"\(line (?P<line>\d+), col \d+\)")
 _RAISED = re.compile(r"^(?P<kind>[A-Za-z_][\w.]*?)(?:: (?P<what>.*))?$", re.DOTALL)
+WANTED = {"integrator": "sonar_path", "film": "sonar_film"}        # the only ones that sonars work with
 _USER_ERRORS = ("ValueError", "RuntimeError")
 
 
@@ -106,7 +107,11 @@ def _unreferenced(match):
     if all(name.startswith("_arg_") for _, name in names):                 # nested without a name of its own
         return f"{match['plugin']}: something is nested that a {match['kind']} of this type does not take."
     listed = ", ".join(f'"{name}" ({kind})' for kind, name in names)
-    return f"{match['plugin']}: there is no attribute {listed} in a {match['kind']} of this type."
+    wanted = WANTED.get(match["kind"], match["plugin"])
+    if match["plugin"] != wanted:
+        return f'{match["plugin"]}: sonars need <{match["kind"]} type="{wanted}">, which takes {listed}.'
+    article = "an" if match["kind"][0] in "aeiou" else "a"
+    return f"{match['plugin']}: there is no attribute {listed} in {article} {match['kind']} of this type."
 
 
 def _unused(match):
@@ -139,6 +144,10 @@ def _unparsable(match):
     return f'the value "{value}" cannot be set: is the attribute written twice?'  # how Mitsuba words a repetition
 
 
+def _not_pairs(match):
+    return f'the table holds "{match[1]}"; expected pairs with a colon, such as depth:speed in 0:1490.5, 10:1485.'
+
+
 _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
     (r"Found \d+ unreferenced propert\w+ in (?P<kind>\S+) plugin of type \"(?P<plugin>.*?)\":\n(?P<list>.*)",
      _unreferenced),
@@ -156,6 +165,9 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
      lambda m: f"{m[1]} is a {m[3]}; expected {m[2]}."),
     (r"Property \"(.*?)\" cannot be found!", lambda m: f"attribute {m[1]} is missing."),
     (r"Property \"(.*?)\" was specified multiple times", lambda m: f"attribute {m[1]} is written twice."),
+    (r"Invalid spectrum value \"(.*?)\" \(expected", _not_pairs),
+    (r"failed to load spectrum from file \"(.*?)\"",
+     lambda m: f'the table "{m[1]}" holds a line that is no pair of numbers; write such as "0 1490.5" on each line.'),
     (r"Wavelengths must be specified in increasing order",
      lambda m: "the first numbers of a table (such as depths) must increase."),
     (r"Spectrum must have at least two entries", lambda m: "a table needs at least two entries."),
@@ -163,8 +175,7 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
     (r"(?:Bitmap: Unknown file format|Fatal lib\w+ error|\"[^\"]*\": I/O error while attempting to read)",
      lambda m: "the file is cut short, or no picture or mesh of its kind."),
     (r"\"(.*?)\": file does not exist!", lambda m: f'there is no file "{m[1]}".'),
-    (r"Could not parse wavelength:value pair \"(.*?)\"",
-     lambda m: f'the table holds "{m[1]}"; expected pairs of numbers such as 0:1490.5, 10:1485.'),
+    (r"Could not parse wavelength:value pair \"(.*?)\"", _not_pairs),
     (r"Error while loading (\w+) file \"(.*?)\": .*I/O error while attempting to read",
      lambda m: f'the file "{m[2]}" is cut short, or no {m[1]} file.'),
     (r"[Mm]issing version attribute in root element <scene>",

@@ -80,6 +80,8 @@ def lines_up(geometry: Geometry, *, heading: float | None, altitude: float, ping
     x, y = np.meshgrid(*(a + (b - a) * (np.arange(SOUNDINGS) + 0.5) / SOUNDINGS for a, b in ((x0, x1), (y0, y1))))
     covered = _wet(geometry, x, y)
     if not covered.any():
+        if np.any((depth := soundings(geometry, x, y)) < 0):
+            raise ValueError(_dry(np.nanmin(depth)))
         raise ValueError("the scene has no seabed below z = 0 to lay a track over; give the sensor a start or a track")
     points = np.stack([x[covered], y[covered]], -1)
     centre = points.mean(0)
@@ -218,6 +220,8 @@ def check(geometry: Geometry, track: Track) -> np.ndarray:
     below = _below(geometry, track.position)
     if np.any(np.isnan(below)):
         ping = int(np.argmax(np.isnan(below)))
+        if depth[ping] < 0:
+            raise ValueError(f"at ping {ping} {_dry(depth[ping])}")
         raise ValueError(f"sonar below the seabed: at ping {ping} it is {-z[ping]:.2f} m deep, the seabed "
                          f"{depth[ping]:.2f} m; raise the track or the altitude")
     return below
@@ -238,3 +242,9 @@ def _met_below(geometry: Geometry, position: np.ndarray) -> np.ndarray:
     ray = mi.Ray3f(mi.Point3f(x, y, z), mi.Vector3f(0, 0, -1))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
     return np.where(pi.is_valid().numpy(), pi.t.numpy(), np.nan)
+
+
+def _dry(depth: float) -> str:
+    """Return what is wrong with a seabed that rises above the sea surface."""
+    return (f"the seabed is {-depth:.2f} m above the sea surface; depths are positive down: write the bed's depth as a "
+            "number above 0, or move the bathymetry below z = 0")

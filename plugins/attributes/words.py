@@ -2,12 +2,13 @@
 from dataclasses import dataclass
 from typing import Any
 
+from mitsonar.sonar.presets import TABLES, presets
 from mitsonar.spelling import meant
 
 from .declaration import REQUIRED, Attribute, Unfit
 from .input_files import found_file
 
-__all__ = ["Boolean", "Choice", "File", "Files", "Text", "TextOrFile"]
+__all__ = ["Boolean", "Choice", "File", "Files", "Preset", "Text", "TextOrFile"]
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,17 @@ class Choice(Text):
         if value not in self.choices:
             raise Unfit(hint=meant(value, self.choices))
         return value
+
+
+@dataclass(frozen=True)
+class Preset(Choice):
+    """The name of one of a sonar's own presets."""
+
+    def read(self, value: Any, written_as: str) -> str:
+        others = [kind for kind in TABLES if value in presets(kind)]
+        if value not in self.choices and others:
+            raise Unfit(hint=f" ({value!r} is a preset of {' and '.join(others)})".replace("'", '"'))
+        return super().read(value, written_as)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from mitsonar.sonar import Array, element_array, length_for_beam_width, planar_a
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, SameAs
+from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs
 from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed
 from .element_keys import ElementKeys
@@ -52,7 +52,7 @@ OF_ELEMENTS = ("receive_failed", "receive_jitter", "receive_jitter_seed")
 OF_ARRAYS = {one.name: one for one in ARRAYS.named("receive")}
 
 ATTRIBUTES = (
-    Choice("preset", default="multibeam_750khz", choices=tuple(PRESETS),
+    Preset("preset", default="multibeam_750khz", choices=tuple(PRESETS),
            text="where the defaults marked *preset* come from"),
     Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="carrier"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",

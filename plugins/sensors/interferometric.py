@@ -31,7 +31,7 @@ from mitsonar.sonar.array_makers import element_array
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Choice, FromTable, Number, Numbers
+from ..attributes import Angle, Attributes, Choice, FromTable, Number, Numbers, Preset
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
@@ -43,7 +43,7 @@ MOST_ROWS = 64
 FARTHEST = 100.0                   # [wavelengths], [m]: of a row or a face from the others
 
 ATTRIBUTES = (
-    Choice("preset", default="four_rows_250khz", choices=tuple(PRESETS),
+    Preset("preset", default="four_rows_250khz", choices=tuple(PRESETS),
            text="where the defaults marked *preset* come from"),
     Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",

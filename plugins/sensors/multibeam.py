@@ -37,7 +37,7 @@ from mitsonar.sonar.sectors import SPACINGS, Sector, beam_angles, elements_for_b
 from mitsonar.sonar.track import mounting_matrix
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Text
+from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Preset, Text
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
@@ -53,7 +53,7 @@ FARTHEST = 1000.0                  # [m] of a line from the sonar: longer than a
 LISTS = ("source_level_db", "pulse_ms", "bandwidth_khz", "sector_tilt_deg", "sector_delay_ms")
 
 ATTRIBUTES = (
-    Choice("preset", default="shallow_400khz", choices=tuple(PRESETS),
+    Preset("preset", default="shallow_400khz", choices=tuple(PRESETS),
            text="where the defaults marked *preset* come from"),
     Numbers("frequency_khz", default=PRESET, unit="kHz", text="carriers of the sectors"),
     Numbers("source_level_db", default=PRESET, unit="dB re 1 µPa @ 1 m", text="on the axis of each transmission"),

@@ -28,7 +28,7 @@ from mitsonar.sonar.pulses import cw, lfm
 from mitsonar.sonar.rotating_head import MOUNTS, Head, Sweep
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number
+from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
 from .platform import MOST_PINGS, ROUTE
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
@@ -37,7 +37,7 @@ PRESET = FromTable(table=PRESETS, by="preset")
 WINDOW = ("tukey", 0.2)            # over sweeps: without it their ends ring
 
 ATTRIBUTES = (
-    Choice("preset", default="head_750khz", choices=tuple(PRESETS), text="where the defaults marked *preset* come "
+    Preset("preset", default="head_750khz", choices=tuple(PRESETS), text="where the defaults marked *preset* come "
                                                                          "from"),
     Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",

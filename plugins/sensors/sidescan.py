@@ -19,7 +19,7 @@ import mitsuba as mi
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
-from ..attributes import Angle, Attributes, Boolean, Choice, Number, SameAs
+from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs
 from .platform import ROUTE, pings
 from .sidescan_attributes import FACES, PRESET, RECORDER, read_faces, read_recorder, read_self_noise_db
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
@@ -28,7 +28,7 @@ NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals 
 SHORTEST_MS, LOWEST_KHZ = 1e-6, 0.001
 
 ATTRIBUTES = (
-    Choice("preset", default="towed_400khz", choices=tuple(presets()), text="where the defaults marked *preset* come "
+    Preset("preset", default="towed_400khz", choices=tuple(presets()), text="where the defaults marked *preset* come "
                                                                            "from"),
     Number("frequency_khz", default=PRESET, minimum=LOWEST_KHZ, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",

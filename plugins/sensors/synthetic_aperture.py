@@ -36,7 +36,7 @@ from mitsonar.sonar.presets import presets
 from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz, power_from_db
 
-from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Text
+from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, Text
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .element_keys import GEOMETRY, ElementKeys
@@ -51,7 +51,7 @@ GRIDS = ("ground", "slant")
 WINDOW_TRIED = 64
 
 ATTRIBUTES = (
-    Choice("preset", default="minehunting_300khz", choices=tuple(PRESETS),
+    Preset("preset", default="minehunting_300khz", choices=tuple(PRESETS),
            text="where the defaults marked *preset* come from"),
     Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="carrier"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",

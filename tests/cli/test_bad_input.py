@@ -9,6 +9,9 @@ import re
 import numpy as np
 import pytest
 from small_scene import TEXT, spoilt
+from synthetic_sidescan import sidescan
+
+import mitsonar
 
 HEADER = "time,x,y,z,roll,pitch,heading\n"
 PINGS = '<integer name="pings" value="$pings"/>'
@@ -57,6 +60,20 @@ SCENES = {
     "no value": ([sensor('<float name="speed_knots"/>')], 'missing required attribute "value" in <float>'),
     "unknown preset": ([sensor('<string name="preset" value="towed_40khz"/>')],
                        '"auv_850khz", "auv_900khz" (did you mean "towed_400khz"?)'),
+    "preset of another sonar": ([sensor('<string name="preset" value="multibeam_750khz"/>')],
+                                '"auv_900khz" ("multibeam_750khz" is a preset of forward_looking).'),
+    "integrator of light with rays": ([('"sonar_path"', '"path"')],
+                                      'path: sonars need <integrator type="sonar_path">, which takes "rays"'),
+    "film of light": ([('"sonar_film"', '"hdrfilm"')], 'hdrfilm: sonars need <film type="sonar_film">, which takes'),
+    "seabed above the water": ([(DEPTH, DEPTH.replace("30", "-12"))],
+                               "the seabed is 12.00 m above the sea surface; depths are positive down: write the"),
+    "seabed above the sonar and the water": (
+        [(DEPTH, DEPTH.replace("30", "-12")), sensor('<point name="start" x="0" y="0" z="-9"/>')],
+        "depths are positive down"),
+    "table without colons": ([water(WATER + '<spectrum name="absorption" value="0,1508; 3,1507"/>')],
+                             'the table holds "0"; expected pairs with a colon, such as depth:speed in 0:1490.5'),
+    "table in a foreign file": ([water(WATER + '<spectrum name="absorption" filename="scene.xml"/>')],
+                                'the table "scene.xml" holds a line that is no pair of numbers; write such as'),
     "ping rate too high": ([sensor('<float name="ping_rate_hz" value="50"/>')], "use at most 12.500 Hz"),
     "frequency": ([sensor('<float name="frequency_khz" value="0"/>')], "expected a number [kHz] at least 0.001"),
     "beam without width": ([sensor('<float name="beam_width_deg" value="0"/>')], "at least 0.01 and at most 180"),
@@ -153,7 +170,7 @@ SCENES = {
     "altitude above the surface": ([sensor('<float name="altitude" value="31"/>')],
                                    "above the sea surface: the seabed is 30.0 m deep; lower the altitude"),
     "negative altitude": ([sensor('<float name="altitude" value="-5"/>')], "altitude is the float -5.0"),
-    "seabed in the air": ([(DEPTH, DEPTH.replace("30", "-30"))], "no seabed below z = 0 to lay a track over"),
+    "seabed in the air": ([(DEPTH, DEPTH.replace("30", "-30"))], "depths are positive down"),
     "record beyond the memory": ([sensor('<float name="speed_knots" value="0"/>'), ("$pings", "300000"),
                                   ('value="50"', 'value="1000000"'), ("$range", "2000")],
                                  "of 300000 pings with 2 x 1000000 bins takes 61800 GB, more than"),
@@ -177,7 +194,7 @@ FILES = {
     "track without records": ("track", "t.csv", HEADER, "a header but no records"),
     "empty track": ("track", "t.csv", "", "no header and no records"),
     "missing track": ("track", None, "", 'track names the file "missing.csv", which is not there'),
-    "BAG that is not a BAG": ("filename", "area.bag", b"\x89HDF\r\n\x1a\nrubbish" * 20, "not a bathymetry grid that"),
+    "BAG that is not a BAG": ("filename", "area.bag", b"\x89HDF\r\n\x1a\nrubbish" * 20, "the HDF5 file is damaged"),
     "text for a BAG": ("filename", "area.bag", "hello", "not a bathymetry grid that GDAL can read"),
     "strengths without a header": ("strengths", "b.csv", "5,-38\n45,-24\n", "line 1: numbers where the names of"),
     "strengths with a word": ("strengths", "b.csv", "grazing,dB\n5,high\n", "line 2: db is 'high', which is no"),
@@ -268,6 +285,17 @@ def test_spoilt_files(folder, refusal, attribute, name, content, words):
             "filename": (END, f'<shape type="bathymetry">{file}</shape></scene>')}[attribute]
     (folder / "scene.xml").write_text(spoilt(edit), encoding="utf-8")
     assert words in refusal(*RENDER)
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["focus", "a.exr", "-o", "b.exr"], "a.exr is an OpenEXR image; focus needs a scene (.xml), or raw echoes"),
+    (["render", "a.exr", "-o", "b.exr"], "a.exr is an OpenEXR image, not a scene; give a Mitsuba XML file"),
+    (["describe", "a.exr"], "a.exr is an OpenEXR image, not a scene"),
+    (["grid", "a.exr", "-o", "b.tif"], "cannot read a.exr: it is an OpenEXR image, not a line of soundings"),
+    (["labels", "a.exr", "-o", "b"], "Choose at least one output: --coco, --yolo or --masks.")])
+def test_files_of_another_kind_are_called_what_they_are(folder, refusal, arguments, words):
+    mitsonar.write(sidescan(2, 3), folder / "a.exr")
+    assert words in refusal(*arguments)
 
 
 @pytest.mark.parametrize("arguments, words", COMMANDS.values(), ids=COMMANDS)

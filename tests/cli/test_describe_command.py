@@ -59,6 +59,11 @@ def test_a_comment_comes_first(folder, said):
     assert "-D range=60 m, as far as -D speckle=true" in out
 
 
+def test_a_command_in_the_heading_stands_on_a_line_of_its_own(said):
+    lines = [line.strip() for line in said("describe", "multibeam").splitlines()]
+    assert "mitsonar soundings multibeam -o line.nc" in lines and "mitsonar render multibeam -o column.exr" in lines
+
+
 def test_a_comment_on_the_next_line_is_of_something_else(folder, said):
     text = TEXT.replace('<default name="range" value="60"/>', '<default name="range" value="60"/>\n<!-- The rest -->')
     (folder / "mine.xml").write_text(text, encoding="utf-8")

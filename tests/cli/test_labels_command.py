@@ -73,7 +73,7 @@ def test_classes_are_numbered_as_they_are_given_also_those_that_no_image_has(ima
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (["a.exr"], "nothing to write was asked for; take COCO"),
+    (["a.exr"], "Choose at least one output: --coco, --yolo or --masks."),
     (["a.exr", "--coco", "--threshold", "2"], "the threshold is 2; give a share of at least 0 and below 1"),
     (["a.exr", "--coco", "--threshold", "nan"], "the threshold is nan"),
     (["a.exr", "--coco", "--threshold", "much"], "invalid float value"),

@@ -67,7 +67,7 @@ def test_a_state_of_other_classes_is_refused(tmp_path):
             state_file=tmp_path / "s.npz")
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "text", "huge"])
+@pytest.mark.parametrize("damage", ["cut", "empty", "text", "huge", "version"])
 def test_damaged_states_are_refused(damage, tmp_path):
     model, likelihood = _problem()
     path = tmp_path / "s.npz"
@@ -75,6 +75,9 @@ def test_damaged_states_are_refused(damage, tmp_path):
     whole = path.read_bytes()
     if damage == "huge":
         np.savez_compressed(path, z=np.zeros(5_000_000))
+    elif damage == "version":                          # of the format, in the archive's list of files
+        place = whole.index(b"PK\1\2") + 6
+        path.write_bytes(whole[:place] + b"\xff" + whole[place + 1:])
     else:
         path.write_bytes({"cut": whole[:len(whole) // 2], "empty": b"", "text": b"nothing"}[damage])
     with pytest.raises(ValueError, match="no whole state of a fit"):

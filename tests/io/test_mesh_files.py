@@ -92,6 +92,12 @@ def test_obj_that_ends_with_its_last_page(checked):
     checked(text[:-1], "obj")
 
 
+@pytest.mark.parametrize("text, lacking", [("Some words\nabout vertices.\n", "vertices"), ("v 0 0 0\n", "faces")])
+def test_text_that_is_no_obj(checked, text, lacking):
+    with pytest.raises(ValueError, match=f"no OBJ file of triangles: it has no {lacking}; export it again"):
+        checked(text.encode(), "obj")
+
+
 @pytest.mark.parametrize("given, face, what", [
     ("vt 0 0", "1/1 2/1 3", "texture coordinates"), ("vt 0 0", "1//1 2/1 3/1", "texture coordinates"),
     ("vt 0 0", "1/0 2/1 3/1", "texture coordinates"), ("vn 0 0 1", "1//1 2//1 3", "normals"),

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mitsonar
 from mitsonar.io.survey_lines import reading
 from tests.inputs.all_file import all_file, wcd_file
+from tests.inputs.soundings_line import soundings_line
 
 MEASURED = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam"
 REAL = ("em2042_os01.kmall", "em2042_os01.kmwcd", "gsf_3_08.gsf")
@@ -64,7 +66,8 @@ def test_a_damaged_line_is_read_or_refused_in_one_sentence(tmp_path, name):
 
 @pytest.mark.parametrize("name, content, sentence", [
     ("a.all", b"", "it is empty"),
-    ("a.kmall", b"#IIP", "it is no .all, .kmall or .gsf file"),
+    ("a.kmall", b"#IIP", "it is another file, not a line of soundings; give an .all, .kmall or .gsf file"),
+    ("a.exr", b"\x76\x2f\x31\x01\2\0\0\0", "it is an OpenEXR image, not a line of soundings"),
     ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0", "it has no pings of soundings"),
     ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0" + b"\0\0\0\x40\0\0\0\2", "it is cut: its last record, at byte 20"),
     ("a.gsf", b"\0\0\0\x0c\0\0\0\1GSF-v03.09\0\0" + bytes(4000), "it is damaged at byte 20: there is no record"),
@@ -101,3 +104,15 @@ def test_a_huge_hole_is_refused_at_once(tmp_path):
             stream.truncate(1 << 40)
         with pytest.raises(ValueError, match="damaged"):
             reading.read(tmp_path / name)
+
+
+def test_a_cast_that_claims_more_points_than_it_has(tmp_path):
+    """What the record's reader says of it, such as "buffer is smaller than requested size", helps nobody."""
+    mitsonar.write(soundings_line(2, 6, column=False), tmp_path / "a.gsf")
+    raw, place = bytearray((tmp_path / "a.gsf").read_bytes()), 0
+    while raw[place + 4:place + 8] != b"\0\0\0\3":      # by sizes, to the cast
+        place += 8 + int.from_bytes(raw[place:place + 4], "big")
+    raw[place + 32:place + 36] = (1000).to_bytes(4, "big")
+    (tmp_path / "a.gsf").write_bytes(raw)
+    with pytest.raises(ValueError, match="a.gsf: a record of type 3 is damaged or cut short; export the line again"):
+        reading.read(tmp_path / "a.gsf")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
+from synthetic_fan import fan
 
 from mitsonar import plots
 from mitsonar.plots import fan_sheet
@@ -203,4 +204,12 @@ def test_what_is_no_fan_is_refused(tmp_path, spoil, sentence):
         plots.fan(spoil(beams(np.linspace(-60, 60, 31))), tmp_path / "a.png")
     with pytest.raises(ValueError, match="there is no ping 3"):
         plots.fan(beams(np.linspace(-60, 60, 31)), tmp_path / "a.png", ping=3)
+    assert not list(tmp_path.iterdir())
+
+
+def test_fans_that_lack_something_are_refused_in_a_sentence(tmp_path):
+    with pytest.raises(ValueError, match=r"the attribute frequency is \[\], not a number \[Hz\]"):
+        plots.preview(fan().assign_attrs(frequency=[]), tmp_path / "a.png")
+    with pytest.raises(ValueError, match="the record has no beam_x, the direction of its beams"):
+        plots.preview(fan().drop_vars("beam_x"), tmp_path / "a.png")
     assert not list(tmp_path.iterdir())

@@ -13,6 +13,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
+import mitsonar
 from mitsonar.sonar.pulses import cw, lfm
 from mitsonar.synthetic_aperture.focusing import Focuser, focus, overlap_shares
 from mitsonar.synthetic_aperture.grids import circle_grid, ground_grid
@@ -195,3 +196,8 @@ def test_the_share_of_points_that_no_ping_sees_is_said(near):
     grid = ground_grid((along - 0.1, along + 0.1), (across - 60.1, across + 0.1), (0.1, 30.0), BED)
     with pytest.warns(UserWarning, match=r"no ping sees [\d.]+ % of the grid's points: their level is -inf"):
         focus(raw, grid)
+
+
+def test_a_grid_that_is_none_is_a_type_error(near):
+    with pytest.raises(TypeError, match="a grid of mitsonar.synthetic_aperture.grids, or None, was wanted, got a str"):
+        mitsonar.focus(near[0], grid="x")

@@ -78,7 +78,7 @@ class Labels:
 
     def __post_init__(self):
         if not (self.coco or self.yolo or self.masks):
-            raise ValueError("nothing to write was asked for; take COCO, YOLO, masks or several of them.")
+            raise ValueError("Choose at least one output: --coco, --yolo or --masks.")
         if self.yolo not in (None, *FORMS):
             raise ValueError(f"YOLO's form is {self.yolo!r}; choose {' or '.join(FORMS)}.")
         if not 0 <= self.threshold < 1:

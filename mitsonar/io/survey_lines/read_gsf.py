@@ -115,8 +115,8 @@ class GsfFile:
                     if found is None:
                         return
                     yield found[2]
-        except (*DAMAGE, GSFError) as error:
-            raise ValueError(f"a record of type {kind} is damaged ({error}).") from None
+        except (*DAMAGE, GSFError):                        # in words of NumPy that mean nothing to a reader
+            raise ValueError(f"a record of type {kind} is damaged or cut short; export the line again.") from None
         finally:
             if file.FID is not None:
                 file.FID.close()

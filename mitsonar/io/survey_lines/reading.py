@@ -151,7 +151,10 @@ def _pair(path):
 def _kind(path):
     with open(path, "rb") as stream:
         kind = recognised(stream.read(8))
-    if kind is None:
-        raise ValueError(f"cannot read {path}: it is no .all, .kmall or .gsf file." if os.path.getsize(path) else
-                         f"cannot read {path}: it is empty.")
+    # an EXR image looks like the first bytes of an .all file
+    if kind is None or files.described(path):
+        if not os.path.getsize(path):
+            raise ValueError(f"cannot read {path}: it is empty.")
+        raise ValueError(f"cannot read {path}: it is {files.described(path) or 'another file'}, not a line of "
+                         "soundings; give an .all, .kmall or .gsf file.")
     return kind
