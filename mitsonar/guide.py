@@ -89,8 +89,8 @@ def scenes() -> SceneList:
     SceneList
         A dict of name to the first sentence about it.
     """
-    return SceneList({name: scene_words.described(scene_files.find(name))[0].partition("\n")[0].partition(". ")[0].rstrip(".")
-                      for name in scene_files.shipped()})
+    words = {name: scene_words.described(scene_files.find(name))[0] for name in scene_files.shipped()}
+    return SceneList({name: text.partition("\n")[0].partition(". ")[0].rstrip(".") for name, text in words.items()})
 
 
 def describe(name: FilePath) -> Description:
