@@ -263,7 +263,7 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 
 
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-                  sensor: int | str = 0, column: bool = False, snippets: int = 0,
+                  sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
                   count: Callable[[int], object] | None = None, **parameters: object) -> Iterator[SonarImage]:
     """Sound the bed ping by ping: what is kept does not grow with their number.
 
@@ -271,8 +271,10 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     ----------
     scene, seed, profile, sensor, column, snippets, parameters
         As of `soundings`.
+    start : int
+        Number of the first ping, from 0.
     count : callable(pings) or None
-        Called with their number before the first.
+        Called with the number of all pings before the first.
 
     Yields
     ------
@@ -298,7 +300,8 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     if count is not None:
         count(survey.track.pings)
     about = {**provenance(scene, sonar, survey), "seed": seed}
-    return (SonarImage.of(one.assign_attrs({**about, **one.attrs, "seed": seed})) for one in line.pings())
+    return (SonarImage.of(one.assign_attrs({**about, **one.attrs, "seed": seed}))
+            for one in line.pings(range(operator.index(start), survey.track.pings)))
 
 
 def _samples(snippets: int) -> int:

@@ -5,7 +5,7 @@ from ..io import scenes
 from .arguments import Commands, add_scene, number, parameters, set_up, whole
 from .completion import FILES, complete_with
 from .progress import Progress
-from .words import announce, warn
+from .words import Signals, announce, warn
 
 __all__ = ["add"]
 
@@ -44,12 +44,17 @@ def _soundings(arguments):
         raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in one of "
                          f"{', '.join(survey_lines.SUFFIXES)}.")
     place = None if arguments.place is None else tuple(arguments.place)
+    before = 0
     with Progress() as progress:
         words: list[str] = []
-        blocks = _recorded(arguments, words) if _is_recorded(arguments.scene) else _simulated(arguments, progress)
-        written = survey_lines.write(blocks, arguments.output, place=place, start=arguments.start)
+        if _is_recorded(arguments.scene):
+            written = survey_lines.write(_recorded(arguments, words), arguments.output, place=place,
+                                         start=arguments.start)
+        else:
+            before, written = _simulated(arguments, place, progress)
     announce(arguments.output)
-    warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words)))
+    kept = (f"{before} pings were there from before",) if before else ()
+    warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words, *kept)))
 
 
 def _is_recorded(path):
@@ -65,23 +70,39 @@ def _is_recorded(path):
     return not head.lstrip().startswith(b"<") and reading.recognised(head) is not None
 
 
-def _simulated(arguments, progress):
-    """Soundings of a scene, ping by ping."""
+def _simulated(arguments, place, progress):
+    """Write soundings of a scene; give the number of an interrupted command's pings, and what was written.
+
+    Pings go into a file beside the output, which the same command goes on with; at the end the output is made of it.
+    """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed is of a line that was recorded; a scene says head_speed_error in its sensor.")
-    from ..io import files
+    from ..io import files, ping_file, survey_lines
     from ..scene.loading import load_file
     from ..verbs import sounded_pings
 
-    files.check_writable(arguments.output)
+    part = ping_file.part_of(files.check_writable(arguments.output))
+    survey_lines.check_asked(place, arguments.start)
     set_up(arguments.threads)
     total: list[int] = []
-    made = sounded_pings(load_file(scenes.find(arguments.scene), **parameters(arguments)), arguments.seed,
-                         arguments.profile, sensor=arguments.sensor, column=arguments.column,
-                         snippets=arguments.snippets, count=total.append)
-    for done, one in enumerate(made, 1):
-        yield one
-        progress(done, total[0])
+    scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
+
+    def pings_from(number):
+        began.append(number)
+        return sounded_pings(scene, arguments.seed, arguments.profile, sensor=arguments.sensor, column=arguments.column,
+                             snippets=arguments.snippets, start=number, count=total.append)
+
+    began: list[int] = []
+    made = pings_from(0)
+    if Signals.active is not None:
+        Signals.active.left = part
+    ping_file.fill(lambda number: made if number == 0 else pings_from(number), part, count=total[0],
+                   check=lambda first: survey_lines.check_asked(place, arguments.start, first),
+                   progress=lambda done, all_of_them: progress(done - began[-1], all_of_them - began[-1]))
+    files.clear_left(arguments.output)
+    written = survey_lines.write(survey_lines.stored(part), arguments.output, place=place, start=arguments.start)
+    part.unlink()
+    return began[-1], written
 
 
 def _recorded(arguments, words):

@@ -7,6 +7,7 @@ was. `check_writable` asks the questions that can be asked before the work; `rep
 import contextlib
 import errno
 import os
+import re
 import secrets
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -168,7 +169,7 @@ def replacing(path: FilePath, *, anew: bool = False) -> Iterator[Path]:
     ['a.txt']
     """
     target = check_writable(path)
-    temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(4)}{target.suffix}")
+    temporary = target.with_name(f"{_hidden(target)}{os.getpid():x}-{secrets.token_hex(4)}{target.suffix}")
     try:
         # 0o666 lets the umask decide, as for a file opened in the ordinary way (mkstemp would hide it from others).
         with full_disk_said(path):
@@ -184,6 +185,15 @@ def replacing(path: FilePath, *, anew: bool = False) -> Iterator[Path]:
     finally:
         temporary.unlink(missing_ok=True)
     _flush(target.parent)
+
+
+def clear_left(path: FilePath) -> None:
+    """Remove what killed programs of this machine left of `replacing` beside ``path``; those that run keep theirs."""
+    target = check_writable(path)
+    left = re.compile(re.escape(_hidden(target)) + "([0-9a-f]+)-[0-9a-f]{8}" + re.escape(target.suffix))
+    for one in target.parent.iterdir():
+        if (found := left.fullmatch(one.name)) and not _runs(int(found[1], 16)):
+            one.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -209,6 +219,22 @@ def _link(temporary: Path, target: Path) -> None:
         if target.exists():
             raise FileExistsError(target) from None
         os.replace(temporary, target)
+
+
+def _hidden(target: Path) -> str:
+    """Beginning of the names that a file has while it is written."""
+    return f".{target.stem[:100]}."
+
+
+def _runs(process: int) -> bool:
+    """Return True if a process of that number runs, or cannot be asked."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        pass
+    return True
 
 
 def _flush(path):

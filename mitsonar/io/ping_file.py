@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import itertools
 import json
 import os
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -21,10 +23,10 @@ import xarray as xr
 
 from .files import FULL, replacing
 from .netcdf import BESIDE, WRITTEN, packing
-from .records import ENGINE, plain_value
+from .records import ENGINE, encoded, plain_value
 from .self_contained import DataElsewhere, check_hdf5
 
-__all__ = ["PingFile", "lay_out", "part_of"]
+__all__ = ["PingFile", "fill", "lay_out", "part_of", "size_of"]
 
 RUN = "run"                        # attribute: a digest of all that the pings have in common
 TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # what tells runs apart in words, in this order
@@ -33,6 +35,71 @@ TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # what t
 def part_of(path: Path) -> Path:
     """Give the name of a file while it is written."""
     return path.with_name(path.name + ".part")
+
+
+def size_of(first: xr.Dataset, count: int) -> int:
+    """Give the bytes that so many pings like the first take [bytes], to within some thousands."""
+    return sum(int(variable.nbytes) * (count if "ping" in variable.dims else 1)
+               for variable in first.variables.values())
+
+
+def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count: int,
+         check: Callable[[xr.Dataset], object], progress: Callable[[int, int], None] | None = None,
+         target: Path | None = None) -> int:
+    """Write pings to a file of `lay_out`, or go on where the writing of the same pings was interrupted.
+
+    Parameters
+    ----------
+    pings_from : callable(start) -> iterator of xarray.Dataset
+        The pings from that number on, each a record of one ping, all with the same variables without ``ping``.
+    path : pathlib.Path
+    count : int
+        Of all pings.
+    check : callable(ping)
+        Called with the first ping that is made, before anything is written; raises if the record is not wanted.
+    progress : callable(done, total) or None
+        Called after every ping.
+    target : pathlib.Path or None
+        The name that the file gets when it is whole; None: it keeps its own.
+
+    Returns
+    -------
+    int
+        Number of the first ping that was written now; above 0 if an earlier writing goes on.
+
+    Raises
+    ------
+    ValueError
+        If what is there is of other pings, or `pings_from` gives too few pings or unlike ones.
+    OSError
+        If the disk has not enough room; the pings that are whole stay.
+    """
+    start = 0
+    if path.exists():
+        with PingFile(path, count) as file:
+            # the last ping is made again where all are there: it tells whose they are
+            start = min(file.written, count - 1)
+    made = iter(pings_from(start))
+    first = next(made, None)
+    if first is None:
+        raise ValueError(f"there is no ping {start}, and {count} were announced")
+    check(first)
+    if not path.exists():
+        _check_room(first, count, path)
+        lay_out(path, encoded(first), count)
+    with PingFile(path, count) as file:
+        file.check_run(encoded(first))
+        for number, one in enumerate(itertools.chain([first], made), start):
+            if number == count:
+                raise ValueError(f"there are more pings than the {count} that were announced")
+            file.put(number, encoded(one[[name for name, some in one.variables.items() if "ping" in some.dims]]))
+            if progress is not None:
+                progress(number + 1, count)
+        if file.written < count:
+            raise ValueError(f"{count} pings were announced, and there were {file.written}")
+        if target is not None:
+            file.finish(target)
+    return start
 
 
 def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
@@ -67,11 +134,15 @@ def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
     with _alone(path), replacing(path, anew=True) as temporary:
         still.to_netcdf(temporary, engine=ENGINE, encoding=packing(still))
         with h5netcdf.File(temporary, "r+") as file:
-            file.dimensions["ping"] = count
+            for name, size in first.sizes.items():
+                if name not in file.dimensions:
+                    file.dimensions[str(name)] = count if name == "ping" else size
             for name in names:
                 variable = first.variables[name]
-                stored = file.create_variable(str(name), variable.dims, variable.dtype, dcpl=early.copy())
-                for key, value in variable.attrs.items():
+                dtype = _stored(variable)
+                stored = file.create_variable(str(name), variable.dims, dtype, dcpl=early.copy())
+                told = variable.attrs if dtype == variable.dtype else {**variable.attrs, "dtype": "bool"}
+                for key, value in told.items():
                     stored.attrs[key] = value
             counter = file.create_variable(WRITTEN, (), np.dtype(np.int64), dcpl=early.copy())
             counter[...] = 0
@@ -165,7 +236,7 @@ class PingFile:
         """
         for name in _moving(one):
             found, place = one.variables[name], self.file.get(str(name))
-            if place is None or found.shape != (1, *place.shape[1:]) or found.dtype != place.dtype:
+            if place is None or found.shape != (1, *place.shape[1:]) or _stored(found) != place.dtype:
                 there = "nothing" if place is None else f"{place.dtype} {place.shape[1:]}"
                 raise ValueError(f"{name} of ping {number} is {found.dtype} {found.shape[1:]}, and the file has room "
                                  f"for {there}")
@@ -207,6 +278,19 @@ class PingFile:
                 plain.errno = code
                 return plain
         return error
+
+
+def _stored(variable: xr.Variable) -> np.dtype:
+    """Type of a variable in the file: netCDF has no booleans, and xarray reads bytes that are said to be some."""
+    return np.dtype(np.int8) if variable.dtype == bool else variable.dtype
+
+
+def _check_room(first: xr.Dataset, count: int, path: Path) -> None:
+    """Refuse to begin what does not fit on the disk."""
+    needed, free = size_of(first, count), shutil.disk_usage(path.parent).free
+    if needed > free:
+        raise OSError(f"cannot write {path}: {count} pings take {needed / 1e9:.3g} GB, and the disk has "
+                      f"{free / 1e9:.3g} GB left; free some space or choose another disk.")
 
 
 def _moving(first: xr.Dataset) -> list[Any]:

@@ -13,18 +13,15 @@ finished file has the same bytes as if nothing had come between.
 from __future__ import annotations
 
 import contextlib
-import os
-import shutil
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import xarray as xr
 
 from ..synthetic_aperture.record import check_raw
 from . import netcdf
 from .files import FilePath, check_readable, check_writable
-from .ping_file import PingFile, lay_out, part_of
-from .records import SonarImage, SonarSignals, encoded
+from .ping_file import fill, part_of, size_of
+from .records import SonarImage, SonarSignals
 
 __all__ = ["opened", "part_of", "pings", "read", "size_of", "write", "written"]
 
@@ -61,28 +58,7 @@ def write(pings_from: Callable[[int], Iterator[xr.Dataset]], path: FilePath, *, 
     target = check_writable(path)
     if count < 1:
         raise ValueError(f"raw echoes have at least one ping, got {count}")
-    # the last ping is made again where only the new name is missing: it tells whose echoes these are
-    start = min(written(path), count - 1)
-    made = iter(pings_from(start))
-    first = next(made, None)
-    if first is None:
-        raise ValueError(f"there is no ping {start}, and {count} were announced")
-    check_raw(first)
-    if not part_of(target).exists():
-        _check_room(first, count, path)
-        lay_out(part_of(target), encoded(first), count)
-    with PingFile(part_of(target), count) as file:
-        file.check_run(encoded(first))
-        for number, one in enumerate(_chained(first, made), start):
-            if number == count:
-                raise ValueError(f"there are more pings than the {count} that were announced")
-            file.put(number, encoded(one[[name for name, some in one.variables.items() if "ping" in some.dims]]))
-            if progress is not None:
-                progress(number + 1, count)
-        if file.written < count:
-            raise ValueError(f"{count} pings were announced, and there were {file.written}")
-        file.finish(target)
-    return start
+    return fill(pings_from, part_of(target), count=count, check=check_raw, progress=progress, target=target)
 
 
 def written(path: FilePath) -> int:
@@ -104,12 +80,6 @@ def written(path: FilePath) -> int:
     except ValueError as error:
         why = str(error).rstrip(".")
         raise ValueError(f"cannot go on with {part}: {why}; remove it, or give another name.") from None
-
-
-def size_of(first: xr.Dataset, count: int) -> int:
-    """Give the bytes that so many pings like the first take [bytes], to within some thousands."""
-    return sum(int(variable.nbytes) * (count if "ping" in variable.dims else 1)
-               for variable in first.variables.values())
 
 
 @contextlib.contextmanager
@@ -171,16 +141,3 @@ def _checked(record: SonarImage | SonarSignals, path: FilePath) -> SonarImage:
     except ValueError as error:
         raise ValueError(f"{path} holds no raw echoes: {error}.") from None
     return record
-
-
-def _check_room(first: xr.Dataset, count: int, path: FilePath) -> None:
-    """Refuse to begin what does not fit on the disk."""
-    needed, free = size_of(first, count), shutil.disk_usage(Path(os.path.realpath(path)).parent).free
-    if needed > free:
-        raise OSError(f"cannot write {path}: {count} pings take {needed / 1e9:.3g} GB, and the disk has "
-                      f"{free / 1e9:.3g} GB left; free some space or choose another disk.")
-
-
-def _chained(first: xr.Dataset, rest: Iterator[xr.Dataset]) -> Iterator[xr.Dataset]:
-    yield first
-    yield from rest

@@ -1,9 +1,9 @@
 """Levels and depths of a level bed do not depend on how far apart the transmitting and receiving arrays stand.
 
-Lambert bed 5 m below the head, uniform water. With both arrays at one place each sounding's strength is that of the bed,
--20 dB at normal incidence. An offset of 0.3 m turns the directions from either array by up to 3.4 degrees: beams of half
-a degree miss each other's place, but their footprint is the transmit beam's all the same. The instrument's formula takes
-one incidence angle for both, which is worth 0.3 dB at 0.3 m of height.
+Lambert bed 5 m below the head, uniform water. With both arrays at one place each sounding's strength is that of the
+bed, -20 dB at normal incidence. An offset of 0.3 m turns the directions from the arrays by up to 3.4 degrees: beams of
+half a degree miss each other's place, but their footprint is the transmit beam's all the same. The instrument's formula
+takes one incidence angle for both, which is worth 0.3 dB at 0.3 m of height.
 
 Strengths of 90 soundings scatter by 0.3 dB (mean of intensities, footprints half overlapping), so that a difference of
 two is known to 0.45 dB: 1.2 dB are allowed. Before, 0.23 m ahead took 9 to 14 dB away.

@@ -18,9 +18,10 @@ import xarray as xr
 
 from ...hydrography.record import check
 from ..files import FilePath, check_readable, check_writable
+from . import lines
 from .lines import Blocks, Place, Written
 
-__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "read_blocks", "sources", "write"]
+__all__ = ["SUFFIXES", "Blocks", "Place", "Written", "check_asked", "read_blocks", "sources", "stored", "write"]
 
 BLOCK = 64                         # pings
 _WRITERS = {".gsf": "gsf", ".kmall": "kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
@@ -105,6 +106,28 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
             record = record.drop_vars([name for name in record.variables if str(name).startswith("column_")])
         for start in range(0, record.sizes["ping"], size):
             yield record.isel(ping=slice(start, start + size)).load()
+
+
+def check_asked(place: Place | None, start: str | None, first: xr.Dataset | None = None) -> None:
+    """Check ``place`` and ``start`` as `write` does, before the pings are made; with the first, also against it.
+
+    Raises
+    ------
+    ValueError
+        As `write`.
+    """
+    lines.check_asked(place, start)
+    if first is not None:
+        lines.line_of(first, place=place, start=start)
+
+
+def stored(path: FilePath) -> Iterator[xr.Dataset]:
+    """Give the pings of a line that was made ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
+    from .. import netcdf
+
+    with netcdf.opened(path, unfinished=True) as record:
+        for number in range(record.sizes["ping"]):
+            yield record.isel(ping=slice(number, number + 1)).load()
 
 
 def sources(path: FilePath) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ import xarray as xr
 from ...hydrography.record import VARIABLES, check
 from ..navigation import Frame
 
-__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "line_of", "left_out", "lost", "pings", "rated",
+__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "check_asked", "line_of", "left_out", "lost", "pings", "rated",
            "rotation"]
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
@@ -91,6 +91,14 @@ class Line:
         return f"written by mitsonar {__version__}; {said}"
 
 
+def check_asked(place: Place | None, start: str | None) -> None:
+    """Check that ``place`` lies on Earth and ``start`` is a date; raises `ValueError` as `line_of`."""
+    if place is not None:
+        _checked(place)
+    if start is not None:
+        _seconds(start)
+
+
 def line_of(blocks: Blocks, *, place: Place | None = None,
             start: str | None = None) -> tuple[Line, Iterator[xr.Dataset]]:
     """Open a line of soundings that comes block by block.
@@ -116,10 +124,7 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
         If there is no ping, a block is no line of soundings or not of the same beams as the first, ``start`` is no
         date, or ``place`` is nowhere on Earth or beside a coordinate system.
     """
-    if place is not None:
-        _checked(place)
-    if start is not None:              # before a ping is made
-        _seconds(start)
+    check_asked(place, start)          # before a ping is made
     some = iter([blocks] if isinstance(blocks, xr.Dataset) else blocks)
     for first in some:
         check(first)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import mitsuba as mi
 import numpy as np
+from scipy import ndimage
 
 from ...device.chance import Salt, ping_key, sonar_seed
 from ...imaging.energy_record import EnergyRecord
@@ -19,6 +20,9 @@ from ..beam_domain.truth import FrameTruth
 from .survey import SectorRun, SwathSurvey
 
 __all__ = ["Halves", "SectorBeams", "sector_beams"]
+
+MAIN_LOBE = 0.25                   # of its axis: half the amplitude
+FINER = 8                          # steps of a side lobe
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +79,9 @@ class SectorBeams:
         self._gain = np.abs(flawed).sum(1) / np.abs(halves).sum(1)
         #: between the phase centres of the halves [wavelengths]
         self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
-        self._width = half_power_width(line.place, line.weight) * survey.wavelength
+        #: of beams at right angles to the line, at -3 dB [sine]
+        self.lobe_width = half_power_width(line.place, line.weight) * survey.wavelength
+        self._lobes = _side_lobes(line.place / survey.wavelength, flawed.sum(0))
         self._beams = LineBeams(
             mi.Float, position=line.place, weight=flawed, pulse=survey.pulse, samples=survey.samples,
             sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start,
@@ -86,7 +92,12 @@ class SectorBeams:
 
     def beam_width(self, sines: np.ndarray) -> np.ndarray:
         """Widths of beams at sines (B,), at -3 dB [rad]."""
-        return self._width / np.sqrt(np.maximum(1 - sines ** 2, 1e-3))
+        return self.lobe_width / np.sqrt(np.maximum(1 - sines ** 2, 1e-3))
+
+    def side_lobes(self, sines: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Power pattern (B, J) of beams at sines (B,) towards others (J,), 0 within their main lobes."""
+        gap, level = self._lobes
+        return np.interp(np.abs(sines[:, None] - others), gap, level)
 
     @property
     def transmit_width(self) -> float:
@@ -152,3 +163,19 @@ def _line(run: SectorRun) -> LineArray:
     sines = np.array([-0.5, 0.0, 0.5])
     fan = sines[:, None] * along + np.sqrt(1 - sines ** 2)[:, None] * normal
     return LineArray.of(receive, fan, run.survey.wavelength)
+
+
+def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Power pattern of a line (N,) [wavelengths] against the gap of sines, peaks of its side lobes joined.
+
+    It is 0 where it is above `MAIN_LOBE`, that of beams that hear the same bed, and nowhere more than that: two beams
+    that are each other's grating lobe are not told apart.
+    """
+    step = 1 / (FINER * np.ptp(place))
+    gap = np.arange(0.0, 2.0 + step, step)
+    level = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(some, place)) @ weight) ** 2
+                            for some in np.array_split(gap, -(-len(gap) // 1024))])
+    level = level / np.abs(weight).sum() ** 2
+    main = np.flatnonzero(level < MAIN_LOBE)[0]
+    joined = ndimage.maximum_filter1d(level, FINER + 1, mode="nearest")
+    return gap, np.where(np.arange(len(gap)) < main, 0.0, np.minimum(joined, MAIN_LOBE))

@@ -1,12 +1,15 @@
 """What a multibeam echo sounder measures of a ping: a time, two angles and a level for every beam."""
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...hydrography.bottom_track import reduced
 from ...hydrography.detection import Detections, Head, detect
+from ...hydrography.side_lobes import mean_between, through_side_lobes
 from ...signal.matched_filter import compression
+from ...units import power_from_db
 from ..limits import check_soundings
 from .beams import Halves, SectorBeams, sector_beams
 from .survey import SwathSurvey
@@ -81,12 +84,11 @@ class SwathBeams:
 
     def measure(self, ping: int) -> Measurement:
         """Measure a ping."""
-        rows, beams = [], []
-        for number, sector in enumerate(self.sectors):
-            halves = sector.halves(ping, self._seed)
-            found = self._detected(sector, halves, ping, self._lengths[number])
-            rows.append(self._said(number, found, ping))
-            beams.append((halves, sector.time))
+        beams = [(sector.halves(ping, self._seed), sector.time) for sector in self.sectors]
+        detected = [self._detected(sector, halves, ping, length)
+                    for sector, (halves, _), length in zip(self.sectors, beams, self._lengths)]
+        rows = [self._said(number, found, ping)
+                for number, found in enumerate(self._of_main_lobes(detected, beams, ping))]
         columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
         return Measurement(halves=beams, pulse_length=self._lengths, **columns)
 
@@ -100,6 +102,29 @@ class SwathBeams:
                     (2 * gate[0] / speed, float(sector.time[-1])))
         found = detect((halves.port, halves.starboard), time=sector.time, sines=sines, head=head)
         return found if gate is None else _within(found, sines, speed, gate)
+
+    def _of_main_lobes(self, detected: list[Detections], beams: list[tuple[Halves, np.ndarray]],
+                       ping: int) -> list[Detections]:
+        """Detections, of which those that side lobes may have brought are not valid.
+
+        A sector sends across the whole swath, and its beams receive by side lobes what another sector's beams look at.
+        """
+        echoes = [reduced((halves.port, halves.starboard), time, length)
+                  for (halves, time), length in zip(beams, self._lengths)]
+        level = [sector.run.survey.source_level_db for sector in self.sectors]
+        checked = []
+        for number, (found, sector) in enumerate(zip(detected, self.sectors)):
+            sines, time = sector.run.sines[ping], sector.time
+            begin, end = time[found.begin], time[np.maximum(found.end - 1, found.begin)]
+            brought = np.zeros(len(sines))
+            for other, (seen, run) in enumerate(zip(echoes, self.sectors)):
+                intensity = mean_between(seen, begin, end) * power_from_db(level[number] - level[other])
+                others = run.run.sines[ping]
+                share = np.minimum(np.gradient(others) / sector.lobe_width, 1.0) if len(others) > 1 else np.ones(1)
+                brought = np.maximum(brought, through_side_lobes(sector.side_lobes(sines, others), intensity, share))
+            own = np.diagonal(mean_between(echoes[number], begin, end))
+            checked.append(replace(found, valid=found.valid & (own > brought)))
+        return checked
 
     def _said(self, number: int, found: Detections, ping: int) -> dict[str, np.ndarray]:
         """Angles as the instrument has them, by the head's own sound speed."""
@@ -147,5 +172,4 @@ def _pulse_length(sector: SectorBeams) -> float:
 def _within(found: Detections, sines: np.ndarray, speed: float, gate: tuple[float, float]) -> Detections:
     """Detections of which those deeper than the gate are none."""
     depth = 0.5 * speed * found.time * np.sqrt(1 - np.minimum(sines ** 2, 1))
-    values = {one.name: getattr(found, one.name) for one in fields(found)}
-    return Detections(**{**values, "valid": found.valid & (depth >= gate[0]) & (depth <= gate[1])})
+    return replace(found, valid=found.valid & (depth >= gate[0]) & (depth <= gate[1]))

@@ -1,0 +1,50 @@
+"""What side lobes bring a beam, and whether a sounding stands out of it.
+
+Where no bed lies in its main lobe, a beam still receives the bed that other beams look at, through side lobes. That
+echo is as long, and as coherent, as one of a bed of its own. At the time of a sounding the beams themselves say how
+strong echoes are from all other directions, I_j. With P_ij the power pattern of beam i towards the axis of beam j, 0
+within the main lobe, and n_j the share of a beam's width that lies between the axes, a sounding of level I is of its own
+beam where
+
+    I > 2 max_j P_ij I_j            and            I > 4 sum_j P_ij I_j n_j, over side lobes alone
+
+The first is for the skirts of the main lobe, at the edge of a bed. 2 and 4 because levels of single pings scatter: the
+side lobes' echoes are few and do not overlap. A bed that is weaker than that cannot be told from side lobes.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from .bottom_track import Echoes
+
+__all__ = ["mean_between", "through_side_lobes"]
+
+BY_SKIRT, BY_SIDE_LOBES = 2.0, 4.0
+HIGHEST = 0.05                     # of the pattern: -13 dB, the highest side lobe of a line without shading
+
+
+def mean_between(echoes: Echoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the mean intensities (J, B) [µPa²] of J beams between times (B,) [s]."""
+    whole = (echoes.power + echoes.common) / 2
+    total = np.concatenate([np.zeros((len(whole), 1)), np.cumsum(whole, axis=1)], axis=1)
+    blocks = whole.shape[1]
+    first = np.clip(((begin - echoes.start) / echoes.step).astype(int), 0, blocks - 1)
+    last = np.clip(np.ceil((end - echoes.start) / echoes.step).astype(int), first + 1, blocks)
+    return (total[:, last] - total[:, first]) / (last - first)
+
+
+def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return the level (B,) [µPa²] that a sounding has to exceed to be of its own beam.
+
+    Parameters
+    ----------
+    pattern : float (B, J)
+        Of each beam towards the axes of others, intensity relative to its own axis, 0 within the main lobe.
+    intensity : float (J, B) [µPa²]
+        Of the others at the time of each beam's sounding.
+    share : float (J,)
+        Steps from beam to beam over the width of the main lobe.
+    """
+    brought = pattern * intensity.T
+    far = np.where(pattern < HIGHEST, brought, 0.0) @ share
+    return np.maximum(BY_SKIRT * brought.max(axis=1), BY_SIDE_LOBES * far)
