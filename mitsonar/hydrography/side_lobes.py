@@ -3,24 +3,27 @@
 Where no bed lies in its main lobe, a beam still receives the bed that other beams look at, through side lobes. That
 echo is as long, and as coherent, as one of a bed of its own. At the time of a sounding the beams themselves say how
 strong echoes are from all other directions, I_j. With P_ij the power pattern of beam i towards the axis of beam j, 0
-within the main lobe, and n_j the share of a beam's width that lies between the axes, a sounding of level I is of its own
-beam where
+within the main lobe, and n_j the share of a beam's width that lies between the axes, side lobes may have brought
 
-    I > 2 max_j P_ij I_j            and            I > 4 sum_j P_ij I_j n_j, over side lobes alone
+    max( max_j P_ij I_j,   4 sum_j P_ij I_j n_j over P_ij < 0.01 )
 
-The first is for the skirts of the main lobe, at the edge of a bed. 2 and 4 because levels of single pings scatter: the
-side lobes' echoes are few and do not overlap. A bed that is weaker than that cannot be told from side lobes.
+The first is for the skirts of the main lobe, at the edge of a bed. 4 because levels of single pings scatter. A sounding
+is of its own beam where most of the beams around have more: one beam alone may fade, or stand out, by chance. A
+bed that is weaker cannot be told from side lobes.
 """
 from __future__ import annotations
 
 import numpy as np
 
+from scipy import ndimage
+
 from .bottom_track import Echoes
 
-__all__ = ["mean_between", "through_side_lobes"]
+__all__ = ["mean_between", "of_main_lobes", "through_side_lobes"]
 
-BY_SKIRT, BY_SIDE_LOBES = 2.0, 4.0
-HIGHEST = 0.05                     # of the pattern: -13 dB, the highest side lobe of a line without shading
+MARGIN = 4.0
+AROUND = 5                         # beams that decide together
+HIGHEST = 0.01                     # of the pattern: nearer side lobes hear much the same bed near normal incidence
 
 
 def mean_between(echoes: Echoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -34,7 +37,7 @@ def mean_between(echoes: Echoes, begin: np.ndarray, end: np.ndarray) -> np.ndarr
 
 
 def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return the level (B,) [µPa²] that a sounding has to exceed to be of its own beam.
+    """Return the level (B,) [µPa²] that side lobes may have brought.
 
     Parameters
     ----------
@@ -47,4 +50,10 @@ def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.nda
     """
     brought = pattern * intensity.T
     far = np.where(pattern < HIGHEST, brought, 0.0) @ share
-    return np.maximum(BY_SKIRT * brought.max(axis=1), BY_SIDE_LOBES * far)
+    return np.maximum(brought.max(axis=1), MARGIN * far)
+
+
+def of_main_lobes(own: np.ndarray, brought: np.ndarray) -> np.ndarray:
+    """Return where soundings of levels `own` (B,), in the order of beams, are above what side lobes brought (B,)."""
+    ratio = own / np.maximum(brought, np.finfo(float).tiny)
+    return ndimage.median_filter(ratio, AROUND, mode="nearest") > 1

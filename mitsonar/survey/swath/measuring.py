@@ -7,7 +7,7 @@ import numpy as np
 
 from ...hydrography.bottom_track import reduced
 from ...hydrography.detection import Detections, Head, detect
-from ...hydrography.side_lobes import mean_between, through_side_lobes
+from ...hydrography.side_lobes import mean_between, of_main_lobes, through_side_lobes
 from ...signal.matched_filter import compression
 from ...units import power_from_db
 from ..limits import check_soundings
@@ -123,7 +123,7 @@ class SwathBeams:
                 share = np.minimum(np.gradient(others) / sector.lobe_width, 1.0) if len(others) > 1 else np.ones(1)
                 brought = np.maximum(brought, through_side_lobes(sector.side_lobes(sines, others), intensity, share))
             own = np.diagonal(mean_between(echoes[number], begin, end))
-            checked.append(replace(found, valid=found.valid & (own > brought)))
+            checked.append(replace(found, valid=found.valid & of_main_lobes(own, brought)))
         return checked
 
     def _said(self, number: int, found: Detections, ping: int) -> dict[str, np.ndarray]:

@@ -1,0 +1,36 @@
+"""Beams that look past the bed's edge have no sounding: what side lobes bring them is not flagged valid.
+
+A bed 70 m wide, 25 m below: its edges are at 54.5 degrees. Beams of 60 to 68 degrees receive the bed by side lobes alone,
+35 dB and more below what other beams receive at that time. Before, 97 % and more of them were valid, metres off and with
+an uncertainty of centimetres.
+"""
+import functools
+
+import numpy as np
+
+import mitsonar
+from mitsonar.validation.scenes import bed, multibeam, sediment
+
+SONAR, H, EDGE = 2.0, 25.0, np.arctan(35.0 / 25.0)
+
+
+@functools.cache
+def line():
+    return mitsonar.soundings(multibeam(
+        {"seabed": bed(SONAR + H, sediment("medium sand"), size=70.0)}, depth=SONAR, film={"range": 70.0},
+        sensor={"preset": "shallow_300khz_three_sectors", "noise": True, "pings": 3, "ping_rate_hz": 4.0, "beams": 96,
+                "speed_knots": 5.0, "swath_deg": 136.0, "receive_beam_width_deg": 1.5,
+                "transmit_beam_width_deg": 1.5}))
+
+
+def test_beams_beyond_the_edge_are_not_valid():
+    off = np.abs(line()["angle"].values) > EDGE + np.deg2rad(5.0)
+    assert off.sum() > 40
+    assert line()["valid"].values[off].mean() < 0.05
+
+
+def test_beams_on_the_bed_stay_valid_and_right():
+    on = np.abs(line()["angle"].values) < EDGE - np.deg2rad(3.0)
+    valid = line()["valid"].values
+    assert valid[on].mean() > 0.97
+    assert np.abs(line()["error"].values[on & valid]).max() < 0.02 * H
