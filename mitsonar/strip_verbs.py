@@ -91,7 +91,8 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
     -------
     SonarImage
         An `xarray.Dataset` over (bank, along_track, across_track): ``image``, complex, whose squared magnitude is the
-        target strength of a point on the elements' plane of look, less off it by their two-way beam, and ``level`` [dB re 1 m²]; of a scene with the truth of every point, see
+        target strength of a point on the elements' plane of look, less off it by their two-way beam, and ``level``
+        [dB re 1 m²]; of a scene with the truth of every point, see
         `mitsonar.synthetic_aperture.record`.
 
     Raises

@@ -57,6 +57,8 @@ class SummedEnergy:
     depth : (rows, bins) float32 [m]
         Mean, weighted by energy; NaN where no echo is.
     rays, rays_in_beam : (rows, bins) uint32
+    meets : (rows, labels, bins) bool
+        Whether a ray of the main lobe arrives from an instance.
     """
 
     intensity: np.ndarray
@@ -65,6 +67,7 @@ class SummedEnergy:
     depth: np.ndarray
     rays: np.ndarray
     rays_in_beam: np.ndarray
+    meets: np.ndarray
 
 
 class EchoSums:
@@ -92,6 +95,9 @@ class EchoSums:
         self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
         self.depth_and_count = dr.zeros(lib.UInt64, sum_size(2 * rows * bins))
         self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
+        # a bit for each label
+        self.words = -(-labels // 64)
+        self.met = dr.zeros(lib.UInt64, sum_size(rows * self.words * bins))
 
     def add(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray, depth: DrJitArray,
             in_beam: DrJitArray, active: DrJitArray, path: DrJitArray | None = None, counted: bool = True) -> None:
@@ -127,13 +133,16 @@ class EchoSums:
         # a quarter: depths must not overflow before the energies they are divided by
         depth_share = U(units * lib.Float64(height) * 0.25 + 0.5)
         if counted:
+            words, number = dr.opaque(lib.UInt32, self.words), label - 1
+            word = (row * words + (number >> 6)) * bins + bin
+            dr.scatter_reduce(dr.ReduceOp.Or, self.met, U(1) << U(number & 63), word, active & in_beam)
             add_words(self.depth_and_count, (depth_share, dr.select(in_beam, U((1 << 32) + 1), U(1))), place, active)
         else:
             dr.scatter_add(self.depth_and_count, depth_share, 2 * place, active)
 
     def sums(self) -> list[DrJitArray]:
         """Arrays to evaluate."""
-        return [array for array in (self.energy, self.depth_and_count, self.path_energy) if array is not None]
+        return [array for array in (self.energy, self.depth_and_count, self.met, self.path_energy) if array is not None]
 
     def read(self, unit: np.ndarray) -> SummedEnergy:
         """Give the sums as physical arrays.
@@ -156,8 +165,11 @@ class EchoSums:
         path_intensity = None
         if self.path_energy is not None:
             path_intensity = values(self.path_energy, self.rows, self.paths, self.bins) * unit
+        met = values(self.met, self.rows, self.words, self.bins).astype("<u8")
+        bits = np.unpackbits(met[..., None].view(np.uint8), axis=-1, bitorder="little")       # (rows, words, bins, 64)
+        meets = np.moveaxis(bits, -1, 2).reshape(self.rows, -1, self.bins)[:, :self.labels].astype(bool)
         return SummedEnergy(
             intensity=total * unit[None], label_intensity=energy * unit, path_intensity=path_intensity,
             depth=np.where(total > 0, top + height * (bottom - top), np.nan).astype(np.float32),
             rays=(count & np.uint64(0xFFFFFFFF)).astype(np.uint32),
-            rays_in_beam=(count >> np.uint64(32)).astype(np.uint32))
+            rays_in_beam=(count >> np.uint64(32)).astype(np.uint32), meets=meets)

@@ -25,7 +25,8 @@ class BinTruth:
     Attributes
     ----------
     label : (..., bins) uint32
-        Number of the instance, from 1, that brings most of what arrives in the bin; 0 where nothing does.
+        Number of the instance, from 1, that brings most of what arrives in the bin, an object only where its main lobe
+        meets the bin; 0 where nothing does.
     share : (..., L, bins) float32
         Of every instance in the bin's energy, as the picture shows it.
     hidden : (..., bins) float32
@@ -138,7 +139,7 @@ def variables(known: BinTruth, label: np.ndarray, class_of: Mapping[int, int], d
         return dims, values, {"units": units, "long_name": long_name}
 
     return {
-        "label": entry(label, "1", "shape that brings most of the echo"),
+        "label": entry(label, "1", "shape that brings most of the echo, objects by the main lobe"),
         "class": entry(np.array([0, *class_of.values()], np.uint32)[label], "1", "class of that shape"),
         "share": entry(np.moveaxis(known.share, -2, 0), "1", "share of each shape in the echo", ("shape", *dims)),
         "hidden": entry(known.hidden, "1", "share of the seabed's echo that objects hide"),

@@ -6,8 +6,8 @@ dark. Records that do not say where the bed is seen, or what is noise, are shown
 gain of recorders, which do not raise it either.
 
 Faces look aside: below the sonar their lobes leave the bed some 10 dB weaker than it is abreast, behind a first return
-that is the strongest of any. With the gain of recorders that strip would be black. Up to twice the altitude, medians over
-the record are raised to the middle of the window, in steps of range that are wider than the first return is.
+that is the strongest of any. With the gain of recorders that strip would be black. Up to twice the altitude, medians
+over the record are raised to the middle of the window, in steps of range that are wider than the first return is.
 """
 import numpy as np
 import xarray as xr

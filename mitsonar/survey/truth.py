@@ -12,7 +12,7 @@ from ..imaging import truth
 from ..imaging.energy_record import CoherentSums
 from ..imaging.truth import BinTruth
 from ..scene.geometry import Geometry
-from ..scene.labels import SEABED
+from ..scene.labels import OBJECT, SEABED
 from ..tracing.hits import Hits
 from .places import Place
 from .rows import Rays, RowResponse, Rows
@@ -41,7 +41,8 @@ class TruthSums:
         self._lower, self._upper = np.array([x0, y0, top]), np.array([x1, y1, max(bottom, top + 1e-6)])
         self._corner = [dr.opaque(mi.Float64, v) for v in self._lower]
         self._per_metre = [dr.opaque(mi.Float64, v) for v in 1 / (self._upper - self._lower)]
-        self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
+        kinds = geometry.named.label_kinds()
+        self._objects, self._kinds = np.flatnonzero(kinds == OBJECT) - 1, upload(mi.UInt32, kinds)
         self._farthest = dr.opaque(mi.Float, rows.bins.farthest)
         dr.eval(self._kinds)
 
@@ -85,6 +86,12 @@ class TruthSums:
             hidden, object_shadow = truth.shadows(
                 known.hidden_intensity, known.seabed_intensity, energy.intensity, shown,
                 0.0 if coherent is None else coherent.record.intensity)
-        return BinTruth(label=np.where(arriving.any(1), arriving.argmax(1) + 1, 0).astype(np.uint32),
+        meets = energy.meets
+        if coherent is not None:
+            meets = meets | ((coherent.record.in_beam > 0)[:, None] & (coherent.label_power > 0))
+        # side lobes bring an object's echo to bins that are not its own: in a shadow they may be the most of all
+        own = arriving.copy()
+        own[:, self._objects] *= meets[:, self._objects]
+        return BinTruth(label=np.where(own.any(1), own.argmax(1) + 1, 0).astype(np.uint32),
                         share=truth.shares(energy.label_intensity, shown, *with_phase), hidden=hidden,
                         object_shadow=object_shadow, layover=known.layover, seabed_place=known.seabed_place)

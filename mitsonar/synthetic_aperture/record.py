@@ -13,8 +13,8 @@ the scene's origin, depth positive down from the surface; body x forward, y star
 Of a focused image the dimensions are ``bank`` (groups of receivers that were focused apart), ``along_track`` and
 ``across_track``: metres in the plane of the grid from its origin, along its heading and to starboard of it. ``image``
 is the complex strength of what lies at a point: a point target of the target strength TS on the elements' plane of look
-has |image|² = 10^(TS/10) at its peak; its phase is that of the target's own echo. Beams across the track are not undone:
-off that plane |image|² is less by the two-way beam of the elements.
+has |image|² = 10^(TS/10) at its peak; its phase is that of the target's own echo. Beams across the track are not
+undone: off that plane |image|² is less by the two-way beam of the elements.
 """
 from __future__ import annotations
 
