@@ -7,20 +7,26 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.colorbar import Colorbar
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb, to_rgba, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.typing import ColorType
 from scipy import ndimage
 
 from ..io.files import FilePath, replacing
 from .grid import ONLY_SIDE, Grid
 
 DPI = 110
+EDGE = 12                            # picture elements between words and the end of the paper
+BAND = 0.25                          # opacity of bands behind curves there
+VISIBLE = 0.45                       # luminance of lines and words on the dark sheet, at least
 PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
 KEY_HEIGHT = 24  # picture elements of a line of the legend
 BAR_FOOT, BAR_RISE = 18, 40  # picture elements: of the scale bars above the sheet's edge, and at most along the track
@@ -48,9 +54,49 @@ def colours_of(name: str) -> Colormap:
     return COLOURS[name]
 
 
+def darkened(figure: Figure) -> Figure:
+    """Give a light sheet the paper and ink of the waterfalls, in place; colours that the paper hides get lighter."""
+    if to_hex(figure.get_facecolor()) == PAPER:
+        return figure
+    figure.set_facecolor(PAPER)
+    for axes in figure.findobj(Axes):
+        if to_hex(axes.get_facecolor()) == "#ffffff":
+            axes.set_facecolor(PAPER)
+        axes.tick_params(which="both", color=INK, labelcolor=INK)
+        for spine in axes.spines.values():
+            spine.set_edgecolor(FAINT)
+    for text in figure.findobj(Text):
+        text.set_color(_lighter(text.get_color()))
+    for line in figure.findobj(Line2D):
+        line.set_color(_lighter(line.get_color()))
+        line.set_markerfacecolor(_lighter(line.get_markerfacecolor()))
+        line.set_markeredgecolor(_lighter(line.get_markeredgecolor()))
+    for band in [*figure.findobj(PolyCollection), *(part for part in figure.findobj(Patch) if part.get_alpha())]:
+        band.set_facecolor([_lighter(colour) for colour in np.atleast_2d(to_rgba_array(band.get_facecolor()))][0])
+        if band.get_alpha():
+            band.set_alpha(max(band.get_alpha(), BAND))
+    for key in figure.findobj(Legend):
+        key.get_frame().set(facecolor=PAPER, edgecolor=FAINT)
+    return figure
+
+
+def _lighter(colour: ColorType) -> ColorType:
+    """Return a colour that stands out from the paper: ink for black and dark grey, a tint of what is dark."""
+    if isinstance(colour, str) and colour in ("none", "auto", "inherit"):
+        return colour
+    red, green, blue, alpha = to_rgba(colour)
+    bright = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    if bright >= VISIBLE:
+        return colour
+    if max(red, green, blue) - min(red, green, blue) < 0.1:
+        return (*to_rgb(INK), alpha)
+    white = (VISIBLE - bright) / (1 - bright)
+    return (*(part + white * (1 - part) for part in (red, green, blue)), alpha)
+
+
 def save(figure: Figure, path: FilePath) -> None:
-    """Write a figure, whole or not at all; a PNG has no date in it."""
-    kind = file_format(path)
+    """Write a figure on dark paper, whole or not at all; a PNG has no date in it."""
+    figure, kind = darkened(figure), file_format(path)
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
     with replacing(path) as temporary:
         figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata, facecolor=figure.get_facecolor())
@@ -90,6 +136,8 @@ def picture(grid: Grid, image: np.ndarray, title: str, *, subtitle: str = "", co
     left, right, bottom, top = 84, 128 if bar else 30, 90, 86
     if keys:
         right += legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
+    # words above a narrow picture need their room
+    right = max(right, _words_width(title, subtitle) + EDGE - grid.width)
     figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
     axes = figure.add_axes(shares_of(figure, left, bottom, grid.width, grid.height), facecolor=PAPER)
     low, high = limits or (None, None)
@@ -104,6 +152,13 @@ def picture(grid: Grid, image: np.ndarray, title: str, *, subtitle: str = "", co
         key = colour_bar(drawn, axes, bar, bar_extend)
         key.outline.set_edgecolor(FAINT)               # pyright: ignore[reportCallIssue]  declared as any artist
     return figure, axes
+
+
+def _words_width(title: str, subtitle: str) -> float:
+    """Return how wide the wider of both titles is [picture elements]."""
+    paper = sheet(1, 1, PAPER)
+    second = headings(paper, 0, title, subtitle)
+    return max(text.get_window_extent().width for text in (second, *paper.texts))
 
 
 def shares_of(figure: Figure, left: float, bottom: float, width: float,

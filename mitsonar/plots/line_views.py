@@ -28,6 +28,7 @@ __all__ = ["LINE_VIEWS", "LineView", "draw_line", "is_line", "line_figure"]
 WIDE = 1200                        # picture elements
 LONGER, SHORTER = 1000, 330        # of a map, the former its longer side, the latter the least of the other
 LEAST_WIDE = 800                   # that the words above need
+FLAT = 1.6                         # of a panel's sides in metres: beyond it equal scales leave most of the paper empty
 HEAD_ROOM = 62                     # picture elements above what is drawn
 OF_A_PING, OF_LEVELS = ("column", "rays", "overview"), ("column", "curtain", "overview")
 
@@ -139,7 +140,7 @@ def line_figure(line: xr.Dataset, what: str = "overview", *, ping: int | None = 
                              hspace=0.06, wspace=0.04)
     words = f", ping {options.ping}" if what in OF_A_PING[:2] else ""
     headed(figure, f"{line_title(line)}: {view.words}{words}", line_words(line))
-    return figure
+    return canvas.darkened(figure)
 
 
 def _refuse_idle(what: str, given: bool, of: tuple[str, ...], name: str, remedy: str) -> None:
@@ -248,9 +249,18 @@ def _overview(figure: Figure, line: xr.Dataset, options: Options) -> None:
             axes.remove()
             said = said or str(error)
         else:
+            _fill(axes)
             drawn += 1
     if not drawn:
         raise ValueError(said)
+
+
+def _fill(axes: Axes) -> None:
+    """Let a panel of equal scales fill its room by other scales across and up, if it is flat or narrow."""
+    across, up = (abs(end - start) for start, end in (axes.get_xlim(), axes.get_ylim()))
+    if axes.get_aspect() != "auto" and not 1 / FLAT < across / up < FLAT:
+        axes.set_aspect("auto")
+        axes.text(0.02, 0.02, "scales differ across and up", transform=axes.transAxes, fontsize=9)
 
 
 LINE_VIEWS = {

@@ -94,3 +94,9 @@ def test_north_is_0_degrees_from_either_side(drawn):
 def test_one_point_and_long_strips_are_drawn(drawn):
     assert drawn(focused_image(1, 1, banks=1)).axes
     assert drawn(focused_image(2000, 30, banks=1)).axes[0].images[0].get_array().shape[0] <= 4000
+
+
+def test_words_above_a_narrow_strip_stay_on_the_paper(drawn):
+    figure = drawn(focused_image(2000, 20, spacing=0.0123))
+    figure.canvas.draw()
+    assert all(text.get_window_extent().x1 <= figure.bbox.x1 for text in figure.texts)

@@ -9,6 +9,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.text import Text
 from drawn_line import HEAD, line, smile
 from soundings_line import soundings_line
 
@@ -17,7 +19,7 @@ from mitsonar.cli import main as cli
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.resounding import resounded
 from mitsonar.io import netcdf
-from mitsonar.plots import angle_curves, line_maps, line_sheet, ray_paths, ray_plot, water_column
+from mitsonar.plots import angle_curves, canvas, line_maps, line_sheet, ray_paths, ray_plot, water_column
 from mitsonar.propagation import eigenray
 from mitsonar.water import SoundSpeedProfile
 
@@ -398,3 +400,18 @@ def test_a_video_has_a_frame_a_ping_with_its_bed_in_the_same_place(tmp_path):
     with pytest.raises(ValueError, match="no ping with a water column"):
         plots.video(line(2, 5), tmp_path / "a.gif")
     assert not (tmp_path / "a.gif").exists()
+
+
+def test_an_overview_of_a_few_pings_fills_its_dark_paper():
+    """Maps of a narrow strip are stretched, and no panel's words run into the next one's."""
+    line = soundings_line(pings=2)
+    figure = plots.line_figure(line, "overview")
+    figure.canvas.draw()
+    assert to_hex(figure.get_facecolor()) == canvas.PAPER
+    boxes = [axes.get_tightbbox() for axes in figure.axes]
+    drawn, paper = (sum(one.width * one.height for one in some) for some in (
+        [axes.bbox for axes in figure.axes], [figure.bbox]))
+    assert drawn > 0.35 * paper
+    assert not any(one.overlaps(other) for number, one in enumerate(boxes) for other in boxes[:number])
+    words = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert words and all(sum(to_rgb(text.get_color())) > 1.2 for text in words)

@@ -16,7 +16,8 @@ SCENE = """<scene version="3.0.0">
     <sensor type="sidescan" id="sonar">
         <integer name="pings" value="21"/> <point name="start" x="0" y="-10" z="-4"/>
         <float name="ping_rate_hz" value="5"/>
-        <float name="speed_knots" value="9.72"/> <float name="beam_width_deg" value="2"/> <float name="sidelobe_db" value="-20"/>
+        <float name="speed_knots" value="9.72"/> <float name="beam_width_deg" value="2"/>
+        <float name="sidelobe_db" value="-20"/>
         <medium type="seawater"><float name="sound_speed" value="1500"/></medium>
         <film type="sonar_film"><float name="range" value="30"/> <integer name="bins" value="150"/></film>
     </sensor>
