@@ -91,7 +91,8 @@ def _lighter(colour: ColorType) -> ColorType:
     if max(red, green, blue) - min(red, green, blue) < 0.1:
         return (*to_rgb(INK), alpha)
     white = (VISIBLE - bright) / (1 - bright)
-    return (*(part + white * (1 - part) for part in (red, green, blue)), alpha)
+    red, green, blue = (part + white * (1 - part) for part in (red, green, blue))
+    return red, green, blue, alpha
 
 
 def save(figure: Figure, path: FilePath) -> None:

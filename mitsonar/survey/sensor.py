@@ -141,7 +141,7 @@ def head_speed(sensor: Sensor, depth: np.ndarray | float) -> float:
     It is that of the scene as loaded: what changes the water or the track later must not move the window's times, which
     gradients hold.
     """
-    return sensor.sound_speed or float(np.mean(sensor.water.loaded_profile.at(depth)))
+    return sensor.sound_speed or float(np.mean(sensor.water.loaded_profile.at(np.asarray(depth, float))))
 
 
 def slowest_speed(sensor: Sensor) -> float:
