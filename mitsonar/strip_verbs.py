@@ -54,7 +54,8 @@ def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str =
     """
     total: list[int] = []
     made = []
-    for done, one in enumerate(raw_pings(scene, seed, sensor=sensor, count=total.append, **parameters), 1):
+    scene = opened(scene, sensor, parameters)[0]
+    for done, one in enumerate(raw_pings(scene, seed, sensor=sensor, count=total.append), 1):
         made.append(one)
         if progress is not None:
             progress(done, total[0])
@@ -107,15 +108,12 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
     if profile is not None and not isinstance(profile, (SoundSpeedProfile, int, float)):
         profile = casts.read(profile).profile
     how = {"profile": profile, "trajectory": trajectory}
-    is_record = isinstance(scene_or_signals, xr.Dataset)
-    # Mitsuba has no Scene before a variant is set, and files need none
-    is_file = isinstance(scene_or_signals, (str, os.PathLike)) and str(scene_or_signals).lower().endswith(RAW_FILES)
-    if parameters and (is_record or is_file):
-        raise TypeError(f"{', '.join(parameters)}: no argument has this name, and raw echoes have no parameters; give "
-                        "parameters with a scene")
     if isinstance(scene_or_signals, xr.Dataset):
+        _refuse(parameters)
         return _of_record(scene_or_signals, grid, progress, **how, **_windows(window, range_window))
-    if is_file:
+    # Mitsuba has no Scene before a variant is set, and files need none
+    if isinstance(scene_or_signals, (str, os.PathLike)) and str(scene_or_signals).lower().endswith(RAW_FILES):
+        _refuse(parameters)
         with raw_files.opened(scene_or_signals) as record:
             return _of_record(record, grid, progress, **how, **_windows(window, range_window))
     seed = checked_seed(seed)
@@ -128,6 +126,13 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
     image = focused(pings_of(survey, sonar.own_seed(seed)), survey.track.pings, progress, grid=grid, **how, **own)
     image = with_truth(image.assign_attrs(seed=seed), survey, seed)
     return SonarImage.of(image.assign_attrs({**about, **image.attrs}))
+
+
+def _refuse(parameters: dict[str, object]) -> None:
+    """Refuse parameters that are given with raw echoes."""
+    if parameters:
+        raise TypeError(f"{', '.join(parameters)}: no argument has this name, and raw echoes have no parameters; give "
+                        "parameters with a scene")
 
 
 def _of_record(record: xr.Dataset, grid: Grid | None, progress: Callable[[float, float], None] | None,
@@ -148,12 +153,12 @@ def _windows(window: str | tuple | None, range_window: str | tuple | None) -> di
 
 
 def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0, start: int = 0,
-              count: Callable[[int], object] | None = None, **parameters: object) -> Iterator[SonarImage]:
+              count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
     """Make raw echoes ping by ping: what is kept does not grow with their number.
 
     Parameters
     ----------
-    scene, seed, sensor, parameters
+    scene, seed, sensor
         As of `raw_echoes`.
     start : int
         The first ping that is made; it is the same wherever one starts.
@@ -171,7 +176,7 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
         As `raw_echoes`, or if there is no such ping to start at.
     """
     seed, start = checked_seed(seed), operator.index(start)
-    scene, sonar, integrator = opened(scene, sensor, parameters)
+    scene, sonar, integrator = opened(scene, sensor)
     survey, about = _planned(scene, sonar, integrator)
     if not 0 <= start <= survey.track.pings:
         raise ValueError(f"start is ping {start}, and the strip has {survey.track.pings}, counted from 0")

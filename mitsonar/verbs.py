@@ -254,8 +254,9 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     """
     total: list[int] = []
     pings = []
+    scene = opened(scene, sensor, parameters)[0]
     for done, one in enumerate(sounded_pings(scene, seed, profile, sensor=sensor, column=column, snippets=snippets,
-                                             count=total.append, **parameters), 1):
+                                             count=total.append), 1):
         pings.append(one)
         if progress is not None:
             progress(done, total[0])
@@ -264,12 +265,12 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
                   sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
-                  count: Callable[[int], object] | None = None, **parameters: object) -> Iterator[SonarImage]:
+                  count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
     """Sound the bed ping by ping: what is kept does not grow with their number.
 
     Parameters
     ----------
-    scene, seed, profile, sensor, column, snippets, parameters
+    scene, seed, profile, sensor, column, snippets
         As of `soundings`.
     start : int
         Number of the first ping, from 0.
@@ -289,7 +290,7 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     seed = checked_seed(seed)
     if profile is not None and not isinstance(profile, SoundSpeedProfile):
         profile = casts.read(profile).profile
-    scene, sonar, integrator = opened(scene, sensor, parameters)
+    scene, sonar, integrator = opened(scene, sensor)
     kind = sounder_kind_of(sonar)
     try:
         survey = integrator.survey(scene, sonar)

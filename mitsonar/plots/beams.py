@@ -4,10 +4,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from matplotlib.axes import Axes
 
-from ..io.files import FilePath, check_writable
+from ..io.files import FilePath
 from ..units import db_from_power
 from . import canvas
+from .onto import moved, sheets_for
 
 __all__ = ["beam_pattern"]
 
@@ -15,8 +17,9 @@ FLOOR_DB = -60.0                   # lowest level drawn
 COMPARED_DB = -40.0                # lowest closed form that a difference is drawn for
 
 
-def beam_pattern(beams: xr.DataArray, path: FilePath, *, expected: npt.ArrayLike | None = None, along: str = "azimuth",
-                 ping: int = 0, time: float | None = None, title: str = "") -> None:
+def beam_pattern(beams: xr.DataArray, path: FilePath | None = None, *, expected: npt.ArrayLike | None = None,
+                 along: str = "azimuth", ping: int = 0, time: float | None = None, title: str = "",
+                 axes: Axes | None = None) -> Axes:
     """Draw the levels of all beams at one time, relative to the highest.
 
     Parameters
@@ -24,7 +27,7 @@ def beam_pattern(beams: xr.DataArray, path: FilePath, *, expected: npt.ArrayLike
     beams : xarray.DataArray (ping, beam, sample)
         Of a point target, as beamformers give them.
     path : str or path
-        A .png, .pdf or .svg to write.
+        A .png, .pdf or .svg to write; None: no file.
     expected : array_like (beam,), optional
         The closed form: pressure in each beam, of any scale, such as `mitsonar.sonar.beam_pattern` gives. The
         difference is then drawn below, where the closed form is above -40 dB.
@@ -35,6 +38,13 @@ def beam_pattern(beams: xr.DataArray, path: FilePath, *, expected: npt.ArrayLike
     time : float [s], optional
         The nearest sample is drawn; by default that of the strongest echo.
     title : str
+    axes : matplotlib.axes.Axes, optional
+        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
 
     Raises
     ------
@@ -44,9 +54,15 @@ def beam_pattern(beams: xr.DataArray, path: FilePath, *, expected: npt.ArrayLike
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     angle, level, wanted = _levels(beams, expected, along, ping, time)
+    words = title or f"beam pattern, {beams.attrs.get('beamformer', 'beams')}"
+    with sheets_for(path, axes):
+        return moved(canvas.saved(_figure(angle, level, wanted, along, words), path), axes)
+
+
+def _figure(angle, level, wanted, along, title):
+    """Draw levels over angles [deg], beside those expected, and return the sheet."""
     figure = canvas.sheet(1200, 720)
     rows = 1 if wanted is None else 2
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=(3, 1)[:rows])[:, 0]
@@ -64,9 +80,9 @@ def beam_pattern(beams: xr.DataArray, path: FilePath, *, expected: npt.ArrayLike
         axes.set_xlim(angle[0], max(angle[-1], angle[0] + 1e-6))
         axes.tick_params(labelsize=10)
         axes.grid(alpha=0.25)
-    figure.suptitle(title or f"beam pattern, {beams.attrs.get('beamformer', 'beams')}", fontsize=14, fontweight="bold")
+    figure.suptitle(title, fontsize=14, fontweight="bold")
     figure.tight_layout()
-    canvas.save(figure, path)
+    return figure
 
 
 def _levels(beams, expected, along, ping, time):

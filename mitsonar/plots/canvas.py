@@ -1,5 +1,6 @@
 """The sheet a picture stands on: figures made without pyplot (no global state), colours, axes in metres, scale bar."""
 from collections.abc import Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Literal, cast
 
@@ -20,7 +21,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.typing import ColorType
 from scipy import ndimage
 
-from ..io.files import FilePath, replacing
+from ..io.files import FilePath, check_writable, replacing
 from .grid import ONLY_SIDE, Grid
 
 DPI = 110
@@ -37,6 +38,7 @@ COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
 GREY = LinearSegmentedColormap.from_list("sonar_grey", ["#000000", "#ffffff"]).with_extremes(bad=PAPER)
 COLOURS = {"copper": COPPER, "grey": GREY}
 FORMATS = ("png", "pdf", "svg")
+MANAGED: ContextVar[list[Figure] | None] = ContextVar("managed", default=None)     # sheets that pyplot is to show
 
 
 def file_format(path: FilePath) -> str:
@@ -45,6 +47,13 @@ def file_format(path: FilePath) -> str:
     if suffix not in FORMATS:
         raise ValueError(f"cannot draw {path}: its name must end in one of .{', .'.join(FORMATS)}.")
     return suffix
+
+
+def check_path(path: FilePath | None) -> None:
+    """Refuse a file that cannot be drawn, before the work; None is no file."""
+    if path is not None:
+        file_format(path)
+        check_writable(path)
 
 
 def colours_of(name: str) -> Colormap:
@@ -95,6 +104,15 @@ def _lighter(colour: ColorType) -> ColorType:
     return red, green, blue, alpha
 
 
+
+
+def saved(figure: Figure, path: FilePath | None) -> Figure:
+    """Return a figure on dark paper, written to a file if one is named."""
+    if path is not None:
+        save(figure, path)
+    return darkened(figure)
+
+
 def save(figure: Figure, path: FilePath) -> None:
     """Write a figure on dark paper, whole or not at all; a PNG has no date in it."""
     figure, kind = darkened(figure), file_format(path)
@@ -105,6 +123,12 @@ def save(figure: Figure, path: FilePath) -> None:
 
 def sheet(width: float, height: float, colour: str = "white") -> Figure:
     """Make an empty figure of that many picture elements."""
+    managed = MANAGED.get()
+    if managed is not None:
+        from matplotlib import pyplot
+
+        managed.append(pyplot.figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=colour))
+        return managed[-1]
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=colour)
     FigureCanvasAgg(figure)
     return figure

@@ -1,8 +1,9 @@
 """Labels of one ping of an array, the same way up as its fan."""
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
-from ..io.files import FilePath, check_writable
+from ..io.files import FilePath
 from . import canvas
 from .fan_sheet import FanSheet
 from .fans import check_ping, fan_view, name_of, words_of
@@ -11,7 +12,7 @@ from .label_key import label_key
 __all__ = ["fan_labels"]
 
 
-def fan_labels(dataset: xr.Dataset, path: FilePath, *, ping: int = 0) -> None:
+def fan_labels(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0) -> Figure:
     """Draw which shape brings most of the echo of every bin of a ping.
 
     Parameters
@@ -34,8 +35,7 @@ def fan_labels(dataset: xr.Dataset, path: FilePath, *, ping: int = 0) -> None:
     if dataset.sizes["beam"] == 1:
         raise ValueError("labels are drawn on a fan; this array has a single beam.")
     check_ping(ping, dataset.sizes["ping"])
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     label, view = dataset["label"].transpose("ping", "beam", "range").values[ping], fan_view(dataset)
     key = label_key(dict(zip(*(found.tolist() for found in np.unique(label, return_counts=True)), strict=True)),
                     dataset.attrs.get("labels", {}))
@@ -43,4 +43,4 @@ def fan_labels(dataset: xr.Dataset, path: FilePath, *, ping: int = 0) -> None:
                      limits=key.limits, keys=key.keys)
     inside = view.map.labels(np.ones(label.shape, bool))
     sheet.show(np.where(inside, view.map.labels(key.rank(label)), np.nan))
-    canvas.save(sheet.figure, path)
+    return canvas.saved(sheet.figure, path)

@@ -4,6 +4,7 @@ from collections import Counter
 import numpy as np
 import xarray as xr
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ..imaging.objects import object_bins
@@ -15,7 +16,7 @@ from .truth import LEGEND, SHADOW_COLOUR, SPECK, class_colours
 __all__ = ["fan_objects"]
 
 
-def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg = "seabed") -> None:
+def fan_objects(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tvg: Tvg = "seabed") -> Figure:
     """Draw one ping of what `mitsonar.render` gives of an array, with outlines of objects and of their shadows.
 
     Parameters
@@ -43,5 +44,5 @@ def fan_objects(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg 
         marks += shown
     keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})")
             for name, count in sorted(counts.items()) if count]
-    fan_picture(one, path, tvg=tvg, what="objects", marks=marks,
-                keys=[*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])
+    return fan_picture(one, path, tvg=tvg, what="objects", marks=marks,
+                       keys=[*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])

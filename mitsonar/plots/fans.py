@@ -10,14 +10,17 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import xarray as xr
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
-from ..io.files import FilePath, check_writable
+from ..io.files import FilePath
 from ..units import khz_from_hertz
 from . import canvas
 from .fan_sheet import WAYS, FanSheet, FanView, view_of
 from .gain import Tvg, display_gain, heard_to
+from .onto import moved, sheets_for
 
 __all__ = ["check_ping", "fan", "fan_heard", "fan_levels", "fan_picture", "fan_view", "fan_window", "looks_down",
            "name_of", "words_of"]
@@ -27,9 +30,9 @@ BED, BED_DB = 75.0, 16.0           # the first is at most so far below this perc
 BRIGHT_BED, TARGET_DB = 90.0, 10.0             # skirts and shadows may be far darker; likewise, targets far brighter
 
 
-def fan(beams: xr.DataArray, path: FilePath, *, ping: int = 0, tvg: bool = True,
+def fan(beams: xr.DataArray, path: FilePath | None = None, *, ping: int = 0, tvg: bool = True,
         limits: tuple[float, float] | None = None, title: str = "", subtitle: str = "",
-        colours: str = "copper") -> None:
+        colours: str = "copper", axes: Axes | None = None) -> Axes:
     """Draw the levels of a fan of beams: from above where they are level, from the end where they look down.
 
     Parameters
@@ -38,7 +41,7 @@ def fan(beams: xr.DataArray, path: FilePath, *, ping: int = 0, tvg: bool = True,
         As beamformers give them [µPa]; with ``azimuth`` [rad] over the beams, rising or falling. Where ``beam_z`` says
         that they look down, the angles from below replace the azimuths.
     path : str or path
-        A .png, .pdf or .svg to write.
+        A .png, .pdf or .svg to write; None: no file.
     ping : int
         By position.
     tvg : bool
@@ -48,6 +51,13 @@ def fan(beams: xr.DataArray, path: FilePath, *, ping: int = 0, tvg: bool = True,
     title, subtitle : str
     colours : str
         One of `canvas.COLOURS`.
+    axes : matplotlib.axes.Axes, optional
+        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
 
     Raises
     ------
@@ -59,20 +69,20 @@ def fan(beams: xr.DataArray, path: FilePath, *, ping: int = 0, tvg: bool = True,
     """
     shades = canvas.colours_of(colours)
     angle, slant_range, level, facing, right = _levels(beams, ping)
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     gain, words = display_gain(xr.Dataset(coords={"range": slant_range}), "seabed" if tvg else None)
     view = view_of(angle, slant_range, facing, right)
     image = view.map.levels(level + gain)
-    sheet = FanSheet(view, title=title or "fan of beams", subtitle=subtitle, colours=shades,
-                     limits=limits or fan_window(image), bar=f"level{words}  [dB re 1 µPa]")
-    sheet.show(image)
-    canvas.save(sheet.figure, path)
+    with sheets_for(path, axes):
+        sheet = FanSheet(view, title=title or "fan of beams", subtitle=subtitle, colours=shades,
+                         limits=limits or fan_window(image), bar=f"level{words}  [dB re 1 µPa]")
+        sheet.show(image)
+        return moved(canvas.saved(sheet.figure, path), axes)
 
 
-def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg = "seabed", what: str = "",
+def fan_picture(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tvg: Tvg = "seabed", what: str = "",
                 marks: Iterable[tuple[np.ndarray, ColorType]] = (), keys: Sequence[Artist] = (),
-                colours: str = "copper") -> None:
+                colours: str = "copper") -> Figure:
     """Draw one ping of what `mitsonar.render` gives of an array: its `fan`, or the levels of a single beam over range.
 
     Parameters
@@ -102,10 +112,8 @@ def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg 
     if dataset.sizes["beam"] == 1:
         if what:
             raise ValueError(f"the {what} are outlined on a fan; this array has a single beam.")
-        _draw_beam(dataset, path, ping)
-        return
-    canvas.file_format(path)
-    check_writable(path)
+        return _draw_beam(dataset, path, ping)
+    canvas.check_path(path)
     view = fan_view(dataset)
     level, words = fan_levels(dataset, ping, tvg)
     image = view.map.levels(level)
@@ -118,7 +126,7 @@ def fan_picture(dataset: xr.Dataset, path: FilePath, *, ping: int = 0, tvg: Tvg 
         sheet = FanSheet(view, title=name_of(dataset), subtitle=subtitle, colours=shades, limits=limits,
                          bar=f"level{words}  [dB re 1 µPa]")
         sheet.show(image)
-    canvas.save(sheet.figure, path)
+    return canvas.saved(sheet.figure, path)
 
 
 def fan_view(dataset: xr.Dataset) -> FanView:
@@ -207,8 +215,7 @@ def _directions(dataset):
 
 
 def _draw_beam(dataset, path, ping):
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     figure = canvas.sheet(1100, 500)
     axes = figure.subplots()
     axes.plot(dataset["range"].values, dataset["level"].values[ping, 0], color="#1f4e79", linewidth=0.8)
@@ -217,7 +224,7 @@ def _draw_beam(dataset, path, ping):
     axes.grid(alpha=0.25)
     axes.set_title(f"{name_of(dataset)}, ping {int(dataset['ping'][ping])}, one beam", fontsize=13)
     figure.tight_layout()
-    canvas.save(figure, path)
+    return canvas.saved(figure, path)
 
 
 def _marked(view, grey, marks):

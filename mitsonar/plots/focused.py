@@ -18,7 +18,7 @@ from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from ..io.files import FilePath, check_writable
+from ..io.files import FilePath
 from ..spelling import meant
 from ..units import db_from_power, power_from_db
 from . import canvas
@@ -62,8 +62,8 @@ def is_focused(dataset: xr.Dataset) -> bool:
     return set(GROUND) <= set(dataset.dims)
 
 
-def draw_focused(image: xr.Dataset, what: str, path: FilePath, *, bank: int | None = None,
-                 colours: str = "copper") -> None:
+def draw_focused(image: xr.Dataset, what: str, path: FilePath | None, *, bank: int | None = None,
+                 colours: str = "copper") -> Figure:
     """Draw a view of a focused image.
 
     Parameters
@@ -73,7 +73,7 @@ def draw_focused(image: xr.Dataset, what: str, path: FilePath, *, bank: int | No
     what : str
         One of `FOCUSED_VIEWS`, or the name of any other variable over (along_track, across_track).
     path : str or path
-        A .png, .pdf or .svg to write.
+        A .png, .pdf or .svg to write; None: no file.
     bank : int or None
         Whose level is drawn; None: the first.
     colours : {"copper", "grey"}
@@ -91,8 +91,7 @@ def draw_focused(image: xr.Dataset, what: str, path: FilePath, *, bank: int | No
     if what != "image" and (colours != "copper" or bank is not None):
         raise ValueError(f"{'a bank is' if bank is not None else 'colours are'} of the view image of a focused image, "
                          f"and the plot is {what!r}; leave {'it' if bank is not None else 'them'} out.")
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     banks = image.sizes.get("bank", 1)
     if not 0 <= (bank or 0) < banks:
         raise ValueError(f"there is no bank {bank}; the image has {banks}, the first is 0.")
@@ -102,7 +101,8 @@ def draw_focused(image: xr.Dataset, what: str, path: FilePath, *, bank: int | No
     rows = shown[[name]].transpose(*GROUND).rename_dims(dict(zip(GROUND, ("ping", "range"), strict=True)))
     rows = rows.drop_vars(list(rows.coords)).expand_dims(side=[""])
     of = f"bank {bank or 0} of {banks}" if banks > 1 and what == "image" else ""
-    canvas.save(draw(Sheet(grid=_grid(image), rows=rows, image=image, words=_words(image, of), colours=shades)), path)
+    sheet = Sheet(grid=_grid(image), rows=rows, image=image, words=_words(image, of), colours=shades)
+    return canvas.saved(draw(sheet), path)
 
 
 def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]:

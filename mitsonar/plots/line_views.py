@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ..hydrography.record import check
 from ..imaging.gain import Tvg
-from ..io.files import FilePath, check_writable
+from ..io.files import FilePath
 from ..spelling import meant
 from ..water import SoundSpeedProfile
 from . import angle_curves, canvas
@@ -71,12 +71,11 @@ def is_line(dataset: xr.Dataset) -> bool:
     return {"travel_time", "angle"} <= set(map(str, dataset.variables))
 
 
-def draw_line(line: xr.Dataset, what: str, path: FilePath, *, ping: int | None = None, tvg: Tvg = "recorder",
-              colours: str = "copper") -> None:
-    """Write a view of a line of soundings to a file; arguments and errors as of `line_figure` and `plot`."""
-    canvas.file_format(path)
-    check_writable(path)
-    canvas.save(line_figure(line, what, ping=ping, tvg=tvg, colours=colours), path)
+def draw_line(line: xr.Dataset, what: str, path: FilePath | None, *, ping: int | None = None, tvg: Tvg = "recorder",
+              colours: str = "copper") -> Figure:
+    """Draw a view of a line of soundings, to a file if there is a path; arguments and errors as of `plot`."""
+    canvas.check_path(path)
+    return canvas.saved(line_figure(line, what, ping=ping, tvg=tvg, colours=colours), path)
 
 
 def line_figure(line: xr.Dataset, what: str = "overview", *, ping: int | None = None, tvg: Tvg = "recorder",

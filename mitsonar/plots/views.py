@@ -8,8 +8,10 @@ from collections import Counter
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from ..io.files import FilePath, check_writable
+from ..io.files import FilePath
 from ..spelling import meant
 from ..units import db_from_power, power_from_db
 from . import canvas
@@ -22,6 +24,7 @@ from .grid import make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import NOTHING_DB, in_the_water, shown_levels
 from .line_views import LINE_VIEWS, draw_line, is_line
+from .onto import moved, sheets_for
 from .phase_views import PHASES
 from .scans import is_scan, turn_of
 from .titles import subtitle, title
@@ -30,7 +33,8 @@ from .truth import TRUTH
 FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}  # the plots of an array's beams
 
 
-def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> None:
+def preview(dataset: xr.Dataset, path: FilePath | None = None, *, tvg: Tvg = "recorder",
+            axes: Axes | None = None) -> Axes:
     """Draw the waterfall of a sidescan, or of a row a ping, the fan of an array's first ping, or a line's overview.
 
     Parameters
@@ -39,9 +43,16 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> No
         As made by ``mitsonar.render``: level over (ping, side, range), (ping, beam, range) or (ping, range); or a line
         of soundings.
     path : str or path
-        A .png (or .pdf, .svg) to write.
+        A .png (or .pdf, .svg) to write; None: no file.
     tvg : {'seabed', 'target', 'recorder', None}
         Gain for display (see `mitsonar.plots.gain`); the data are not changed.
+    axes : matplotlib.axes.Axes, optional
+        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
 
     Raises
     ------
@@ -50,7 +61,7 @@ def preview(dataset: xr.Dataset, path: FilePath, *, tvg: Tvg = "recorder") -> No
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    plot(dataset, usual_plot(dataset), path, tvg=tvg)
+    return plot(dataset, None, path, tvg=tvg, axes=axes)
 
 
 def usual_plot(dataset: xr.Dataset) -> str:
@@ -58,22 +69,23 @@ def usual_plot(dataset: xr.Dataset) -> str:
     return "overview" if is_line(dataset) else "image" if is_focused(dataset) else "waterfall"
 
 
-def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder", ping: int | None = None,
-         colours: str = "copper", bank: int | None = None) -> None:
+def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = None, *, tvg: Tvg = "recorder",
+         ping: int | None = None, colours: str = "copper", bank: int | None = None, axes: Axes | None = None) -> Axes:
     """Draw one of the plots named in `PLOTS`, of a line of soundings one of `LINE_VIEWS`, of a focused image one of
     `FOCUSED_VIEWS`.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-    what : str
-        ``waterfall``, of an array the fan of one ping, of a rotating head a turn; ``ping``: the levels of one ping;
+    what : str, optional
+        By default the `usual_plot`. ``waterfall``, of an array the fan of one ping, of a rotating head a turn;
+        ``ping``: the levels of one ping;
         ``mean``: levels against range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``,
         ``share``, ``hidden``, ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with
         objects and their shadows outlined. Of a line of soundings as `line_figure`, of a focused image as
         `focused.draw_focused`.
     path : str or path
-        A .png, .pdf or .svg to write.
+        A .png, .pdf or .svg to write; None: no file.
     tvg : {'seabed', 'target', 'recorder', None}
         Gain of the waterfall, and under ``objects``.
     ping : int, optional
@@ -82,27 +94,40 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
         Of the waterfall, the fan, or a focused image: ``copper`` or ``grey``.
     bank : int, optional
         Of a focused image, the first by default.
+    axes : matplotlib.axes.Axes, optional
+        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
 
     Raises
     ------
     ValueError
-        If the dataset lacks sides, beams or the variable, or an argument is not as above.
+        If the dataset lacks sides, beams or the variable, an argument is not as above, or a plot of several panels is
+        to be drawn into axes.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
+    with sheets_for(path, axes):
+        return moved(_figure(dataset, what or usual_plot(dataset), path, tvg, ping, colours, bank), axes)
+
+
+def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, ping: int | None, colours: str,
+            bank: int | None) -> Figure:
+    """Draw a plot, write it if there is a path, and return its sheet; arguments as of `plot`."""
     if bank is not None and not is_focused(dataset):
         raise ValueError("banks are of focused images, and this dataset is none; leave the bank out.")
     if is_line(dataset):
-        draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
-        return
+        return draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
     if is_focused(dataset):
         if ping is not None:
             raise ValueError("a focused image is of all its pings; leave the ping out.")
         if tvg != "recorder":
             raise ValueError("a focused image has no gain over range: its levels are of what lies there; leave the "
                              "gain out.")
-        draw_focused(dataset, what, path, bank=bank, colours=colours)
-        return
+        return draw_focused(dataset, what, path, bank=bank, colours=colours)
     if what in FOCUSED_VIEWS and what not in PLOTS:
         raise ValueError(f"the plot {what!r} is of a focused image, over along_track and across_track; this dataset "
                          f"has {', '.join(map(str, dataset.dims))}.")
@@ -114,8 +139,7 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
     if what != "waterfall" and colours != "copper":
         raise ValueError(f"colours are those of a waterfall or a fan, and the plot is {what!r}; leave them out.")
     shades = canvas.colours_of(colours)
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     if what in FANS and is_scan(dataset):
         dataset, ping = turn_of(dataset, ping or 0), 0
     if "beam" in dataset.dims:
@@ -123,15 +147,14 @@ def plot(dataset: xr.Dataset, what: str, path: FilePath, *, tvg: Tvg = "recorder
             raise ValueError(f"the plot {what!r} is of a sidescan; of an array's beams there are waterfall, their fan, "
                              "labels, and objects.")
         options = {"tvg": tvg, "colours": colours} if what == "waterfall" else {"tvg": tvg} if what == "objects" else {}
-        FANS[what](dataset, path, ping=ping or 0, **options)
-        return
+        return FANS[what](dataset, path, ping=ping or 0, **options)
     draw, needed = PLOTS[what]
     if needed not in dataset.data_vars:
         raise ValueError(f"the plot {what!r} needs the variable {needed!r}; this dataset has "
                          f"{', '.join(map(str, dataset.data_vars))}.")
     dataset = with_sides(dataset)
     options = {"waterfall": {"tvg": tvg, "shades": shades}, "objects": {"tvg": tvg}, "ping": {"ping": ping}}
-    canvas.save(draw(dataset, make_grid(dataset), **options.get(what, {})), path)
+    return canvas.saved(draw(dataset, make_grid(dataset), **options.get(what, {})), path)
 
 
 def _waterfall(dataset, grid, *, tvg, shades):

@@ -115,7 +115,7 @@ def _hit(geometry: Geometry, origin: np.ndarray, direction: np.ndarray, farthest
     """Tell which straight rays (R, 3) meet anything but the sea surface within a distance [m]."""
     points, ways = ((upload(mi.Float, column.astype(np.float32)) for column in np.asarray(rows, float).T)
                     for rows in (origin, direction))
-    ray = mi.Ray3f(mi.Point3f(*points), mi.Vector3f(*ways))
+    ray: Any = mi.Ray3f(mi.Point3f(*points), mi.Vector3f(*ways))
     ray.maxt = dr.opaque(mi.Float, float(farthest))
     found = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(False))
     label = dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(found), found.is_valid())
