@@ -44,7 +44,7 @@ def left(folder):
 
 def complaints(err):
     """What was said beside progress, which a slow machine shows."""
-    return re.sub(r"^\d+ of \d+ renders, .* left(, \d+ failed)?\n", "", err, flags=re.M)
+    return re.sub(r"^\d+ of \d+ renders, (.* left|timing the next)(, \d+ failed)?\n", "", err, flags=re.M)
 
 
 @pytest.mark.slow
