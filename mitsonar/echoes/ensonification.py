@@ -37,9 +37,8 @@ from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 from .surface_ghosts import ArrayGhosts
 
-__all__ = ["METHODS", "Ensonification"]
+__all__ = ["Ensonification"]
 
-METHODS = ("scatterers", "rays")
 CELLS_PER_BLOCK = 1 << 19
 WORTH_ASKING = 0.2                 # share of cells that beams may make negligible from which on each is asked
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
@@ -58,7 +57,7 @@ class Ensonification:
     margin : float [m]
         How far the elements lie, and move, from the sources.
     method : str
-        One of METHODS.
+        ``scatterers`` or ``rays``.
     rays : int
         Per source, for "rays".
     beams : ElementBeams or None

@@ -3,7 +3,23 @@
     picture = mitsonar.imaging.cartesian(image, cell=0.05)                  (ping, y, x)
     chart = mitsonar.imaging.mosaic([north, south], cell=0.25)              (y, x), eastings and northings
 """
-from .mosaics import mosaic
-from .raster import cartesian
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .mosaics import mosaic
+    from .raster import cartesian
 
 __all__ = ["cartesian", "mosaic"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the two functions when they are asked for: xarray takes a third of a second, and scenes load without."""
+    if name == "mosaic":
+        from .mosaics import mosaic
+
+        return mosaic
+    if name == "cartesian":
+        from .raster import cartesian
+
+        return cartesian
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -19,12 +19,12 @@ from ..signal.matched_filter import matched_filter
 from ..signal.reception import delayed
 from ..sonar.array import Array
 from ..sonar.pulses import Pulse
+from ..sonar.sectors import STEPS
 from . import truth
 from .energy_record import EnergyRecord
 
 __all__ = ["NOTHING_DB", "SHORTEST_SHADOW", "STEPS", "fan_directions", "formed", "image", "levels", "runs_of"]
 
-STEPS = ("angle", "sine")          # what grows by equal steps from beam to beam
 NOTHING_DB = -200.0                # level of a sample without any echo or noise
 SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..device.lookups import held
 from ..device.types import ArrayTypes, Float, Upload
@@ -29,6 +28,8 @@ ROWS = LAST - FIRST + 3
 @lru_cache(maxsize=ROWS)
 def _row(index: int) -> np.ndarray:
     """Cubics of ln F over a step of ln q, as float32 (COLUMNS, 4), lowest power first."""
+    from scipy.interpolate import CubicSpline
+
     alpha = 1 / (1 + np.exp(-(MIDDLE + (FIRST + index) * STEP_Y)))
     log_q = LOW + STEP * np.arange(COLUMNS + 1)
     slopes: Any = (1, 1 + 1 / alpha), (1, 0.0)

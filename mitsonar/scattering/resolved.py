@@ -22,8 +22,6 @@ from types import ModuleType
 
 import numpy as np
 from scipy import fft
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import map_coordinates
 from scipy.special import j0, j1
 
 from ..device.types import Numbers
@@ -86,6 +84,8 @@ def log_ratio(gamma: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
     def look_up(log_m: np.ndarray, log_width: np.ndarray) -> np.ndarray:
         place = np.broadcast_arrays((log_m - LOW_M) / STEP, (log_width - LOW_T) / STEP)
+        from scipy.ndimage import map_coordinates
+
         found = map_coordinates(table, [axis.ravel() for axis in place], order=1, mode="nearest")
         return found.reshape(place[0].shape) + np.minimum(log_m - LOW_M, 0)
 
@@ -133,6 +133,8 @@ def _left(gamma: float, log_x: np.ndarray) -> np.ndarray:
     left = np.empty_like(x)
     left[near] = 1 - np.exp(_log_structure(np, alpha)) * x[near] ** (2 * alpha) - series
     f = x[~near] ** (2 - gamma) * j0(x[~near])
+    from scipy.interpolate import CubicSpline
+
     total = CubicSpline(log_x[~near], f).antiderivative()(log_x[~near])
     end = -x[-1] ** (1 - gamma) * j1(x[-1])
     left[~near] = (gamma - 2) * x[~near] ** (gamma - 2) * (total[-1] - total + end)

@@ -11,11 +11,11 @@ In between it is computed on u = s e^(iφ), where both factors decay, as Re ∫ 
 (the trapezoidal rule in ln s), once per α at nodes in ln q. A cubic spline through ln I runs between the nodes and
 straight lines, the two limits, run on from its ends, so that I has continuous slopes everywhere.
 """
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.special import gamma as gamma_function
 from scipy.special import hankel1
 
@@ -59,8 +59,10 @@ def log_lobe(log_q: Real, alpha: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _table(alpha: float) -> tuple[CubicSpline, float, float]:
+def _table(alpha: float) -> tuple[Callable, float, float]:
     """The spline of ln I over ln q, and its ends."""
+    from scipy.interpolate import CubicSpline
+
     # The lobe's first correction, relative, is Γ(2/α) / 4 Γ(1/α) q^(-1/α); the table ends where it is 1e-9.
     largest = (2.5e8 * gamma_function(2 / alpha) / gamma_function(1 / alpha)) ** alpha
     low, high = np.log(SMALLEST_Q), np.log(largest)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from .sphere_series import WATER_DENSITY, SphereBody, sphere_form
 
@@ -167,6 +166,8 @@ class ScatteringTable:
             total += weight[:, None] * still[index]
         found = total[:, :1]
         if len(self.frequency) > 1:
+            from scipy.interpolate import make_interp_spline
+
             found = make_interp_spline(self.frequency, total, k=min(3, len(self.frequency) - 1), axis=1)(
                 np.clip(frequency, *self.covered))
         return found * np.exp(-2j * np.pi * total_late[:, None] * frequency)

@@ -16,8 +16,6 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.signal import czt
 
 from ..device.types import Numbers
 from .shading import window_weights
@@ -155,6 +153,8 @@ def _half_power(window, sag):
     if last == FINE - 1:
         raise ValueError(f'a line with the window "{window}" and a sag of {sag:g} wavelengths has no beam; take a '
                          "wider window or a smaller sag")
+    from scipy.optimize import brentq
+
     return float(brentq(lambda x: float(_line(np.array([x]), window, sag, SEGMENTS)[0]) ** 2 - 0.5, x[last],
                         x[last + 1]))
 
@@ -168,6 +168,8 @@ def _line(x: np.ndarray, window: str, sag: float, segments: int) -> np.ndarray:
         # windows are symmetric, so that the sum of phases is that of cosines
         sums = np.cos(2 * np.pi * x[:, None] * place) @ weights
     else:
+        from scipy.signal import czt
+
         # the same at even steps of x, without the phase of the first segment
         turns = (x[-1] - x[0]) / (len(x) - 1) / segments
         sums = czt(weights * np.exp(-2j * np.pi * x[0] * place), len(x), np.exp(-2j * np.pi * turns))

@@ -15,7 +15,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import fftfreq, fftshift, ifftshift
-from scipy.signal import ZoomFFT, get_window
 
 __all__ = ["DESCRIBED", "Pulse", "Window"]
 
@@ -224,6 +223,8 @@ class Pulse:
 @lru_cache(maxsize=16)
 def _window_table(window: Window) -> np.ndarray:
     try:
+        from scipy.signal import get_window
+
         return np.asarray(get_window(window, WINDOW_NODES, fftbins=False))
     except (TypeError, ValueError) as error:
         raise ValueError(f"pulse window {window!r} is not one scipy can make ({error}); give a name such as 'hann', or "
@@ -243,6 +244,8 @@ def _spectrum(pulse: Pulse, sampling_rate: float, samples: int, doppler: float) 
     time = own / doppler
     values = pulse._shape(own) * np.exp(2j * np.pi * pulse.frequency * (doppler - 1.0) * time) * (weight / doppler)
     lowest = -(samples // 2) * sampling_rate / samples
+    from scipy.signal import ZoomFFT
+
     zoom = ZoomFFT(len(time), [lowest, lowest + sampling_rate], samples, fs=1 / time[1], endpoint=False)
     result = ifftshift(sampling_rate * zoom(values))
     result.flags.writeable = False

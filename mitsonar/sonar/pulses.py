@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
-from scipy.signal import resample_poly
 
 from .pulse import Pulse, Window
 
@@ -120,6 +118,9 @@ def sampled(frequency: float, samples: ArrayLike, sampling_rate: float) -> Pulse
                          "numbers in one dimension.")
     if not (np.isfinite(sampling_rate) and sampling_rate > 0):
         raise ValueError(f"sampled pulse: sampling_rate is {sampling_rate} Hz; give a finite number above 0.")
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import resample_poly
+
     fine = resample_poly(samples, FINER, 1, window=("kaiser", 9.0), padtype="line")
     count = FINER * (len(samples) - 1) + 1
     spline = CubicSpline(np.arange(count) / (FINER * sampling_rate), fine[:count])

@@ -4,16 +4,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from .array import Array
 from .pulses import Pulse
 from .shading import window_weights
 
-__all__ = ["SPACINGS", "Sector", "beam_angles", "elements_for_beam_width", "half_power_width",
+__all__ = ["SPACINGS", "STEPS", "Sector", "beam_angles", "elements_for_beam_width", "half_power_width",
            "pattern_integral"]
 
 SPACINGS = ("angle", "distance")
+STEPS = ("angle", "sine")          # what grows by equal steps from beam to beam of a fan
 STEEPEST = np.deg2rad(85.0)        # of beams at even distances
 TRIED = 256                        # elements of the line on which a window's beam is measured
 
@@ -88,6 +88,8 @@ def half_power_width(place: np.ndarray, weight: np.ndarray) -> float:
         return float((weight @ np.cos(2 * np.pi * (place - middle) * sine) / weight.sum()) ** 2 - 0.5)
 
     length = float(np.ptp(place)) or 1.0
+    from scipy.optimize import brentq
+
     return 2 * float(brentq(above_half, 0.05 / length, 3.0 / length))
 
 

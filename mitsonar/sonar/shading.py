@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from ..spelling import meant
 from ..units import db_from_power
@@ -57,6 +56,8 @@ def window_weights(window: str | tuple, elements: int) -> np.ndarray:
     name, *numbers = (window.split() if isinstance(window, str) else window) or ("",)
     if name not in WINDOWS:
         raise ValueError(f'window is "{name}"{meant(name, WINDOWS)}; give one of {", ".join(WINDOWS)}.')
+    from scipy.signal import get_window
+
     takes, said = WINDOWS[name], " ".join(map(str, (name, *numbers)))
     needs = f"the numbers ({', '.join(takes)})" if takes else "no numbers"
     if not sum("=" not in number for number in takes) <= len(numbers) <= len(takes):
@@ -74,7 +75,7 @@ def window_weights(window: str | tuple, elements: int) -> np.ndarray:
             # SciPy's advice on spectra below 45 dB of attenuation does not concern arrays.
             warnings.simplefilter("ignore")
             asked: Any = (name, *numbers) if numbers else name
-            weights = signal.get_window(asked, elements, fftbins=False)
+            weights = get_window(asked, elements, fftbins=False)
     except (ValueError, TypeError, ArithmeticError):
         weights = np.full(elements, np.nan)
     if not (np.isfinite(weights).all() and np.max(weights) > 0):

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from ..device.types import Numbers
 from .directivity import Aperture
@@ -104,6 +103,8 @@ class Sidescan:
 
     def _over_directions(self, along: Callable[[Numbers], Numbers], across: Callable[[Numbers], Numbers]) -> float:
         """Integrate along(u) across(v) du dφ over the half space of a face, v = sqrt(1 - u²) sin(φ - depression)."""
+        from scipy.integrate import trapezoid
+
         phi = np.linspace(-np.pi / 2, np.pi / 2, 8001) - self.depression_angle
         sine = np.sin(phi)
         w = np.linspace(0, 1, 129)

@@ -22,8 +22,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from .motion import RandomMotion
 from .track import Track, rotation_matrix
@@ -50,6 +48,8 @@ class Smooth:
     """
 
     def __init__(self, time: np.ndarray, values: np.ndarray):
+        from scipy.interpolate import CubicSpline
+
         time, values = np.asarray(time, float), np.asarray(values, float)
         self.first, self.last = float(time[0]), float(time[-1])
         if len(time) == 1:
@@ -343,6 +343,8 @@ def _fitted(powers: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _rotation_vector(matrix: np.ndarray) -> np.ndarray:
     """Rotation vectors (..., 3) of matrices (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     vector = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec().reshape(matrix.shape[:-1])
     # equal attitudes must not turn by a rounding error
     return np.where(np.abs(vector) < 1e-15, 0.0, vector)

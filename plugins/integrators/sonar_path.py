@@ -11,26 +11,27 @@ Meshes and rectangles carry scatterers.
 
     <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
 """
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import xarray as xr
 
-from mitsonar.echoes.ensonification import METHODS
-from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
-from mitsonar.gradients.level_products import LevelProducts, wants_gradients
-from mitsonar.scene.geometry import Geometry
-from mitsonar.survey.array_survey import ArraySurvey
-from mitsonar.survey.coverage import warn_of_window
-from mitsonar.survey.kinds import frame_kind_of, kind_of
 from mitsonar.survey.sensor import RunSettings
-from mitsonar.survey.survey import Survey
 
 from ..attributes import Attributes, Choice, Integer, Number
+
+if TYPE_CHECKING:                   # what renders is imported where it is asked for: a scene is loaded without it
+    import xarray as xr
+
+    from mitsonar.gradients.coherent_levels import CoherentLevels
+    from mitsonar.gradients.level_products import LevelProducts
+    from mitsonar.survey.array_survey import ArraySurvey
+    from mitsonar.survey.survey import Survey
 
 MOST_BOUNCES = 6
 MOST_RAYS = 50_000_000             # of a ping: they are one kernel, of a quarter of a minute, that Ctrl-C waits for
@@ -44,7 +45,7 @@ ATTRIBUTES = (
     Integer("max_depth", default=1, minimum=1, maximum=MOST_BOUNCES,
             text="bounces an echo may have made, the surface's among them; 2: ghosts by way of the seabed or the "
                  "surface, 3: surface multiples"),
-    Choice("ensonification", default=METHODS[0], choices=METHODS, formerly="lighting",
+    Choice("ensonification", default="scatterers", choices=("scatterers", "rays"), formerly="lighting",
            text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
                 "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
     Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",
@@ -82,6 +83,9 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             If the sensor is no sonar, or sensor and scene do not fit together: no seabed, a track outside it, ...
         """
+        from mitsonar.survey.coverage import warn_of_window
+        from mitsonar.survey.kinds import kind_of
+
         survey = kind_of(sensor).plan(scene, sensor, self.settings)
         warn_of_window(survey, sensor)
         return survey
@@ -99,6 +103,9 @@ class SonarPath(mi.SamplingIntegrator):
         ValueError
             As `survey`, or if the samples are too few for the pulse.
         """
+        from mitsonar.survey.coverage import warn_of_window
+        from mitsonar.survey.kinds import kind_of
+
         survey = kind_of(sensor).plan_elements(scene, sensor, self.settings, lead)
         warn_of_window(survey, sensor)
         return survey
@@ -107,12 +114,16 @@ class SonarPath(mi.SamplingIntegrator):
                 progress: Callable[[float, float], None] | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
         """Render a planned run; see `mitsonar.render`."""
+        from mitsonar.survey.kinds import kind_of
+
         sonar: Any = sensor
         image = kind_of(sonar).picture(survey, sonar, sonar.own_seed(seed), progress, say)
         return image if sonar.leader is None else image.assign_attrs(seed=int(seed))
 
     def frames(self, survey: Survey, sensor: mi.Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
         """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
+        from mitsonar.survey.kinds import frame_kind_of
+
         sonar: Any = sensor
         images = frame_kind_of(sonar).frames(survey, sonar, sonar.own_seed(seed))
         return images if sonar.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
@@ -133,6 +144,11 @@ class SonarPath(mi.SamplingIntegrator):
 
     def _levels(self, scene: mi.Scene, sonar: Any, seed: int) -> np.ndarray:
         """Levels (rows, columns)."""
+        from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
+        from mitsonar.gradients.level_products import wants_gradients
+        from mitsonar.scene.geometry import Geometry
+        from mitsonar.survey.kinds import kind_of
+
         if wants_gradients(scene) and is_coherent(scene, sonar):
             return CoherentLevels(scene, sonar, seed).levels
         survey = self.survey(scene, sonar)
@@ -152,6 +168,9 @@ class SonarPath(mi.SamplingIntegrator):
         self._products(scene, sensor, seed).backward(weights[..., 0])
 
     def _products(self, scene: mi.Scene, sensor: mi.Sensor | int, seed: int) -> LevelProducts | CoherentLevels:
+        from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
+        from mitsonar.gradients.level_products import LevelProducts
+
         sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         if is_coherent(scene, sonar):
             return CoherentLevels(scene, sonar, int(np.ravel(seed)[0]))

@@ -31,9 +31,9 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.imaging.fan import STEPS
 from mitsonar.sonar import Array, element_array, length_for_beam_width, planar_array
 from mitsonar.sonar.presets import presets
+from mitsonar.sonar.sectors import STEPS
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs

@@ -38,7 +38,6 @@ import numpy as np
 import mitsuba as mi
 
 from mitsonar.device.arrays import upload
-from mitsonar.io import scattering_tables
 from mitsonar.scattering.scattering_functions import ScatteringFunction, SphereScattering
 from mitsonar.scattering.sphere_series import MATERIALS, Solid, SphereBody
 
@@ -121,6 +120,8 @@ def _scattering(attributes: Attributes) -> ScatteringFunction | None:
         if kind == "constant":
             return None
         if kind == "table":
+            from mitsonar.io import scattering_tables          # with xarray, a third of a second
+
             return scattering_tables.read(attributes.table)
         if kind not in FILLED:
             return SphereScattering(radius=attributes.radius, body=SphereBody(inside=kind.removesuffix("_sphere")))

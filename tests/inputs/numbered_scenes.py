@@ -73,7 +73,8 @@ def numbered(kind, rng):
     if kind in ("forward_looking", "array_sonar", "synthetic_aperture"):
         film["range_min"] = drawn(5, 6) if kind != "synthetic_aperture" else far - 4
     if kind == "multibeam":
-        sensor |= {name: str(sensor[name]) for name in ("frequency_khz", "pulse_ms", "bandwidth_khz", "source_level_db")}
+        sectors = "frequency_khz", "pulse_ms", "bandwidth_khz", "source_level_db"
+        sensor |= {name: str(sensor[name]) for name in sectors}
         sensor |= {"receive_place": f"{drawn(0.02, 0.1)}, 0.02, 0.01"}
     if kind == "interferometric":
         sensor["rows"] = f"0, {drawn(0.4, 0.55)}, 1.5, 4"

@@ -6,7 +6,6 @@ number differs from those of all others. A number that stood in a kernel would m
 import gc
 
 import drjit as dr
-import numpy as np
 import pytest
 from numbered_scenes import KINDS, numbered
 
