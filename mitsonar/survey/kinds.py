@@ -9,22 +9,41 @@ To add one, write its file and a line here; its sensor plugin says which kind it
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
-import mitsuba as mi
-import numpy as np
-import xarray as xr
+if TYPE_CHECKING:
+    import mitsuba as mi
+    import numpy as np
+    import xarray as xr
 
-from ..water.profile import SoundSpeedProfile
-from . import array, forward_looking, interferometric, multibeam, sector_scan, sidescan, synthetic_aperture
-from .array_survey import ArraySurvey
-from .sensor import RunSettings
-from .survey import Survey
-from .swath.soundings import SoundingLine
+    from ..water.profile import SoundSpeedProfile
+    from .array_survey import ArraySurvey
+    from .sensor import RunSettings
+    from .survey import Survey
+    from .swath.soundings import SoundingLine
 
 __all__ = ["FRAMES", "KINDS", "SOUNDERS", "FrameKind", "Kind", "SounderKind", "frame_kind_of", "kind_of",
            "sounder_kind_of"]
+
+
+class _Files(Mapping[str, Any]):
+    """Files of this room by their names, each imported when it is asked for: a sidescan needs no synthetic aperture."""
+
+    def __init__(self, *names: str):
+        self._names = names
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._names:
+            raise KeyError(name)
+        return importlib.import_module(f"{__package__}.{name}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 class Kind(Protocol):
@@ -48,9 +67,8 @@ class Kind(Protocol):
         ...
 
 
-KINDS: dict[str, Kind] = {"sidescan": sidescan, "array": array, "forward_looking": forward_looking,
-                          "sector_scan": sector_scan, "multibeam": multibeam,
-                          "synthetic_aperture": synthetic_aperture, "interferometric": interferometric}
+KINDS: Mapping[str, Kind] = _Files("sidescan", "array", "forward_looking", "sector_scan", "multibeam",
+                                   "synthetic_aperture", "interferometric")
 
 
 class FrameKind(Kind, Protocol):
@@ -61,7 +79,7 @@ class FrameKind(Kind, Protocol):
         ...
 
 
-FRAMES: dict[str, FrameKind] = {"array": array, "forward_looking": forward_looking, "multibeam": multibeam}
+FRAMES: Mapping[str, FrameKind] = _Files("array", "forward_looking", "multibeam")
 
 
 class SounderKind(Kind, Protocol):
@@ -73,7 +91,7 @@ class SounderKind(Kind, Protocol):
         ...
 
 
-SOUNDERS: dict[str, SounderKind] = {"multibeam": multibeam, "interferometric": interferometric}
+SOUNDERS: Mapping[str, SounderKind] = _Files("multibeam", "interferometric")
 
 
 def sounder_kind_of(sensor: Any) -> SounderKind:

@@ -12,7 +12,6 @@ Mitsuba's own `cylinder` is an open tube. Normals at the vertices are those of t
     </shape>
 """
 import numpy as np
-from scipy.spatial import Delaunay
 
 import mitsuba as mi
 
@@ -105,6 +104,8 @@ def _cap(facets):
 
     Rings grow coarser inwards, so that no triangle is much longer than wide.
     """
+    from scipy.spatial import Delaunay
+
     radius, side, rings = 1.0, 2 * np.pi / facets, []
     count = facets
     while count >= 6:
