@@ -40,7 +40,7 @@ LATTICES = 16                      # orientations over half a turn
 PER_BEAM = 5.0                     # scatterers that lie along the equivalent width of a footprint, at least
 COLUMNS = 256                      # cells that a gate's footprint is long at most
 FLOOR = 1e-4                       # part of a scatterer that every gate has for itself, should it find none
-OWN = FLOOR ** 0.5                 # its root: of that part's amplitude
+OWN = float(np.sqrt(FLOOR))        # its root: of that part's amplitude
 COEFFICIENTS = 20                  # numbers of a ping's way: six quadratics in time, two to fill up rows of four
 
 
@@ -133,7 +133,7 @@ class GroundSpeckle:
         dr.eval(self._beam, self._edge, self._of_gate)
 
     def of(self, ping: np.ndarray) -> np.ndarray:
-        """Give the speckle of pings (B,): complex64 (B, 2, gates), port and starboard."""
+        """Give the speckle of pings (B,): complex128 (B, 2, gates), port and starboard."""
         thread = dr.arange(mi.UInt32, 2 * len(ping) * self._gates)
         table, place = self._pings(ping)
         real, imaginary = self._speckle(thread, table, place)
@@ -158,7 +158,7 @@ class GroundSpeckle:
         return upload(mi.Float, rows), upload(mi.UInt32, number)
 
     def _speckle(self, thread, table, place):
-        """Real and imaginary part of g exp(-2ik r_j), Float (T,)."""
+        """Real and imaginary part of g exp(-2ik r_j), Float64 (T,)."""
         lib, U = self._lib, mi.UInt32
         row = thread // self._count
         gate = thread - row * self._count
@@ -172,7 +172,8 @@ class GroundSpeckle:
         real, imaginary, weight = self._summed(print_, cells, of_gate.y)
         own = gaussian(lib, *hashed_pair(lib, cells.key, words.x, words.y, row & 1, gate))
         scale = dr.rsqrt(weight + FLOOR)
-        return (real + OWN * own[0]) * scale, (imaginary + OWN * own[1]) * scale
+        wide = lib.Float64
+        return tuple((wide(part) + OWN * wide(chance)) * wide(scale) for part, chance in zip((real, imaginary), own))
 
     def _footprint(self, row, gate, table, beam):
         """Footprints of gates, and whether they lie in the water."""

@@ -177,16 +177,16 @@ class PingTravel:
     duration: float
 
     def trimmed(self) -> PingTravel:
-        """Leave out powers that stay below 1e-9 m and rad, as far as that leaves none, one, or a multiple of 6.
+        """Leave out the highest powers that stay below 1e-9 m and rad; a platform at rest has none.
 
-        Kernels are compiled for a number of powers: so there are few, of a platform at rest, one that goes straight
-        ahead, and one that does anything else.
+        Kernels are compiled for a number of powers. Therefore one that neither rests nor goes straight ahead keeps a
+        multiple of 6, of which those left out are 0.
         """
         worth = np.maximum(np.abs(self.displacement).max((0, 2)), np.abs(self.turn).max((0, 2)))
         count = int(np.max(np.flatnonzero(worth * self.duration ** np.arange(1, len(worth) + 1) > NEGLIGIBLE) + 1,
                            initial=0))
-        count = count if count < 2 else POWERS * -(-count // POWERS)
-        displacement, turn = (np.pad(powers, [(0, 0), (0, max(count - len(worth), 0)), (0, 0)])[:, :count]
+        spare = 0 if count < 2 else -count % POWERS
+        displacement, turn = (np.pad(powers[:, :count], [(0, 0), (0, spare), (0, 0)])
                               for powers in (self.displacement, self.turn))
         return replace(self, displacement=displacement, turn=turn)
 
