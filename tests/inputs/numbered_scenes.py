@@ -37,9 +37,9 @@ OWN = {
         "vertical_beam_width_deg": (40, 80), "row_vertical_width_deg": (80, 140), "tilt_deg": (20, 50),
         "looks": (4, 10)},
     "synthetic_aperture": {
-        "frequency_khz": (200, 320), "pulse_ms": (0.4, 0.6), "bandwidth_khz": (20, 40), "depression_deg": (15, 25),
+        "frequency_khz": (200, 320), "pulse_ms": (2, 2.5), "bandwidth_khz": (20, 40), "depression_deg": (15, 25),
         "receiver_length": (0.04, 0.06), "transmitter_length": (0.04, 0.06), "vertical_beam_width_deg": (30, 50),
-        "transmitter_forward": (-0.1, 0.1)},
+        "transmitter_forward": (0.05, 0.1), "speed_knots": (3.5, 4)},
     "array_sonar": {
         "frequency_khz": (80, 150), "pulse_ms": (0.3, 1), "bandwidth_khz": (5, 15), "fan_deg": (60, 120),
         "receive_pitch": (0.004, 0.01), "receive_element_length": (0.002, 0.008), "receive_jitter": (1e-5, 2e-5),
@@ -81,6 +81,8 @@ def numbered(kind, rng):
     speed = drawn(1480, 1520)
     water = {"profile": f"0:{speed}, {drawn(8, 12)}:{speed - drawn(0.5, 2)}, 30:{speed - drawn(2.5, 4)}",
              "volume_strength_db": drawn(-80, -60), "absorption_db_per_km": drawn(20, 60), "ph": drawn(7.5, 8.2)}
+    if kind == "synthetic_aperture":                       # close to the array, delays are found in two ways
+        del water["volume_strength_db"]
     to_world = mi.ScalarTransform4f().translate([*place, -bed]).scale([size] * 3)
     shapes = {"seabed": scenes.bed(bed, scenes.lambert(drawn(-30, -20)), size=60.0, tilt=drawn(-0.02, 0.02)),
               "box": {"type": "cube", "to_world": to_world, "bsdf": scenes.lambert(drawn(-20, -10))},
