@@ -33,8 +33,9 @@ Every file and number can be a `$parameter` with a `<default>`. Files are looked
 are.
 
 Any shape of Mitsuba is a target (`sphere`, `cylinder`, `cube`, `rectangle`, `ply`, `obj`, ...), placed by its
-`to_world`; its `cylinder` is an open tube, `capped_cylinder` is closed. A shape's `id` is its name in the labels, and
-shapes with the same id share a label. The seabed is a shape too: make it wider than twice the range.
+`to_world`; its `cylinder` is an open tube, `capped_cylinder` is closed. A shape's `id`, of at most 200 bytes, is its
+name in the labels, and shapes with the same id share a label. The seabed is a shape too: make it wider than twice
+the range.
 
 A Mitsuba material in place of `lambert` is taken at its value: `diffuse` of reflectance ρ is a Lambert bottom of µ =
 ρ/π. What mirrors only (`conductor`) is refused. So are the materials of this page within another (`twosided`, `mask`);
@@ -43,9 +44,10 @@ pixels) on shapes with texture coordinates, or a `mesh_attribute`, of which `fac
 faces of a PLY file have, `vertex_mud` that of its vertices.
 
 `mitsonar.load_file` refuses a mesh whose faces name vertices that are not there: Mitsuba's readers would write outside
-memory. It also refuses every plugin that is neither of this page nor of the Mitsuba package, because Mitsuba would run
-the library of that name beside the scene. `mi.load_file` checks neither, so load scenes that you do not trust by
-`mitsonar.load_file`.
+memory. It also refuses every plugin that is neither of this page nor of the Mitsuba package, and folders with a library
+of such a name: Mitsuba would run it. `mi.load_file` and `mi.load_dict` check nothing, so load scenes that you do not
+trust by `mitsonar.load_file`. In a folder that you do not trust, call `mitsonar`, or `python3 -P -m mitsonar`:
+`python3 -m` alone takes any Python file there for a package that it imports.
 """
 KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": "Rays", "bsdf": "Materials",
          "shape": "Shapes"}
