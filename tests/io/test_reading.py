@@ -1,4 +1,5 @@
 """`mitsonar.read` knows by its content any file that mitsonar wrote, and says what it is if it is none."""
+import errno
 import json
 import os
 import subprocess
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from raw_record import raw_record
+from soundings_line import soundings_line
 from synthetic_sidescan import sidescan
 
 import mitsonar
@@ -111,3 +113,18 @@ def test_signals_and_raw_echoes_of_nan_alone_are_refused_and_a_gap_is_not(tmp_pa
     signals[1, 2] = 1
     mitsonar.write(signals, tmp_path / "b.nc")
     assert mitsonar.read(tmp_path / "b.nc").identical(signals)
+
+
+@pytest.mark.parametrize("name, suffix", [("image", ".nc"), ("image", ".h5"), ("line", ".nc")])
+def test_a_full_disk_is_said_and_ends_no_process(tmp_path, capfd, name, suffix):
+    """Once the disk has filled up under HDF5, h5py ends the process where it closes the file a second time."""
+    if os.geteuid() != 0 or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24k", "none", tmp_path],
+                                           capture_output=True).returncode:
+        pytest.skip("only root may mount a small disk to fill up")
+    try:
+        with pytest.raises(OSError, match="the disk is full") as caught:
+            mitsonar.write(sidescan(100, 200) if name == "image" else soundings_line(4, 24), tmp_path / f"a{suffix}")
+        assert caught.value.errno == errno.ENOSPC and not list(tmp_path.iterdir())
+        assert capfd.readouterr().err == ""
+    finally:
+        subprocess.run(["umount", tmp_path], check=True)
