@@ -5,11 +5,11 @@ echo is as long, and as coherent, as one of a bed of its own. At the time of a s
 strong echoes are from all other directions, I_j. With P_ij the power pattern of beam i towards the axis of beam j, 0
 within the main lobe, and n_j the share of a beam's width that lies between the axes, side lobes may have brought
 
-    max( max_j P_ij I_j,   4 sum_j P_ij I_j n_j over P_ij < 0.01 )
+    4 sum_j P_ij I_j n_j over P_ij < 0.01
 
-The first is for the skirts of the main lobe, at the edge of a bed. 4 because levels of single pings scatter. A sounding
-is of its own beam where most of the beams around have more: one beam alone may fade, or stand out, by chance. A
-bed that is weaker cannot be told from side lobes.
+4 because levels of single pings scatter. A sounding is of its own beam where the levels of the beams around, over five
+widths of a beam, are on average (of dB) above that: one beam alone may fade, or stand out, by chance. A bed that is
+weaker cannot be told from side lobes, and what the skirt of a main lobe receives at the edge of a bed is not found.
 """
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .bottom_track import Echoes
 __all__ = ["mean_between", "of_main_lobes", "through_side_lobes"]
 
 MARGIN = 4.0
-AROUND = 5                         # beams that decide together
+AROUND = 5                         # widths of a beam over which beams decide together
 HIGHEST = 0.01                     # of the pattern: nearer side lobes hear much the same bed near normal incidence
 
 
@@ -48,12 +48,12 @@ def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.nda
     share : float (J,)
         Steps from beam to beam over the width of the main lobe.
     """
-    brought = pattern * intensity.T
-    far = np.where(pattern < HIGHEST, brought, 0.0) @ share
-    return np.maximum(brought.max(axis=1), MARGIN * far)
+    return MARGIN * np.where(pattern < HIGHEST, pattern * intensity.T, 0.0) @ share
 
 
-def of_main_lobes(own: np.ndarray, brought: np.ndarray) -> np.ndarray:
+def of_main_lobes(own: np.ndarray, brought: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return where soundings of levels `own` (B,), in the order of beams, are above what side lobes brought (B,)."""
-    ratio = own / np.maximum(brought, np.finfo(float).tiny)
-    return ndimage.median_filter(ratio, AROUND, mode="nearest") > 1
+    tiny = np.finfo(float).tiny
+    around = max(int(np.ceil(AROUND / np.median(share))), AROUND) | 1
+    return ndimage.uniform_filter1d(np.log(np.maximum(own, tiny) / np.maximum(brought, tiny)), around,
+                                    mode="nearest") > 0

@@ -1,7 +1,7 @@
-"""The command soundings of a scene that is ended on its way: the same command goes on, and the file has the same bytes.
+"""The command soundings of a scene that is ended on its way goes on, and the file has the same bytes.
 
-A command that is killed leaves what a finished ping has made: `fill` writes a ping before it is counted. So an exception
-between two pings leaves the same files as `kill -9`, but for the hidden one of the output's last write.
+A ping is written before it is counted. So an exception between two pings leaves the same files as `kill -9`, but for
+the hidden one of the output's last write.
 """
 import os
 

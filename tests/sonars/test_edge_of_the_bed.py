@@ -1,8 +1,8 @@
 """Beams that look past the bed's edge have no sounding: what side lobes bring them is not flagged valid.
 
-A bed 70 m wide, 25 m below: its edges are at 54.5 degrees. Beams of 60 to 68 degrees receive the bed by side lobes alone,
-35 dB and more below what other beams receive at that time. Before, 97 % and more of them were valid, metres off and with
-an uncertainty of centimetres.
+A bed 70 m wide, 25 m below: its edges are at 54.5 degrees. Beams of 60 to 68 degrees receive the bed by side lobes
+alone, some 30 dB below what other beams receive at that time. Before, 97 % and more of them were valid, metres off and
+with an uncertainty of centimetres.
 """
 import functools
 

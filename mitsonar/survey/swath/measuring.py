@@ -118,12 +118,13 @@ class SwathBeams:
             begin, end = time[found.begin], time[np.maximum(found.end - 1, found.begin)]
             brought = np.zeros(len(sines))
             for other, (seen, run) in enumerate(zip(echoes, self.sectors)):
-                intensity = mean_between(seen, begin, end) * power_from_db(level[number] - level[other])
                 others = run.run.sines[ping]
-                share = np.minimum(np.gradient(others) / sector.lobe_width, 1.0) if len(others) > 1 else np.ones(1)
-                brought = np.maximum(brought, through_side_lobes(sector.side_lobes(sines, others), intensity, share))
+                intensity = mean_between(seen, begin, end) * power_from_db(level[number] - level[other])
+                brought = np.maximum(brought, through_side_lobes(sector.side_lobes(sines, others), intensity,
+                                                                 _share(others, sector.lobe_width)))
             own = np.diagonal(mean_between(echoes[number], begin, end))
-            checked.append(replace(found, valid=found.valid & of_main_lobes(own, brought)))
+            seen = of_main_lobes(own, brought, _share(sines, sector.lobe_width))
+            checked.append(replace(found, valid=found.valid & seen))
         return checked
 
     def _said(self, number: int, found: Detections, ping: int) -> dict[str, np.ndarray]:
@@ -161,6 +162,11 @@ def _check_beams(survey: SwathSurvey) -> None:
             raise ValueError(f"at ping {ping} beam {run.first + beam} and the next cannot be told apart: they look the "
                              "same way, or aside or behind the array; narrow swath_deg, take fewer beams, or turn the "
                              "head less (mounting_deg, roll)")
+
+
+def _share(sines: np.ndarray, width: float) -> np.ndarray:
+    """Steps from beam to beam over the width of a beam, 1 at most (B,)."""
+    return np.minimum(np.gradient(sines) / width, 1.0) if len(sines) > 1 else np.ones(1)
 
 
 def _pulse_length(sector: SectorBeams) -> float:
