@@ -1,8 +1,8 @@
 """Pings that find out for their neighbours where rays are needed.
 
-The first pass of a ping tells which cells of its table lead into time bins that few rays reach (`ray_need`). Cells are
-equal shares of what a level bed below the ping would need, so that a neighbour of another attitude and height may use
-the answer: pings of a group ask one of them, the scout. It decides where rays go, never what they weigh.
+The first pass of a ping tells which cells of its table lead into time bins that few rays reach (`ray_need`). Pings of a
+group ask one of them, the scout. Its table is carried to their own roll and height (`side_launch.SideLaunch.carried`):
+far off, a degree of roll is worth the range over the height. It decides where rays go, never what they weigh.
 
     |x_i - x_s| + R |e_i - e_s| < w R
 

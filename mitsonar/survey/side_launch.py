@@ -2,6 +2,13 @@
 
 A direction of a side is (u, φ), as `sonar.sidescan` has it. The tables of u follow the beam along the platform,
 wherever it turns while echoes are under way (`underway`); those of φ follow the time axis, or the beam across.
+
+Rays aside of the core, |u| < u_c, are drawn by azimuth α and angle β below the plane of the body, u = cos β sin α:
+
+    ΔΩ = 2 (π/2 - α_c) cos β Δβ / w,    sin α_c = u_c,    β = φ + δ cos φ
+
+and those with |u| < u_c weigh nothing. w -> share of rays aside in the cell; δ(α) makes up for how the body is tilted
+towards α, so that a cell of φ is about one slant range on a level bed whatever α is.
 """
 from __future__ import annotations
 
@@ -17,17 +24,39 @@ from ..device.arrays import arrays_of, upload
 from ..device.chance import Salt, even_bits, hashed, other_pair, pair, salted, seeded, stratified, uniform
 from ..device.types import DrJitArray
 from ..tracing.launch import (
-    CELLS, WIDE_SHARE, Strata, across_quantiles, along_quantiles, draw, first_quantiles, one_way_quantiles,
+    CELLS, WIDE_SHARE, Strata, across_quantiles, along_quantiles, core_of, core_quantiles, draw, first_quantiles,
+    one_way_quantiles,
 )
 from .places import Place
 from .rows import Rays
 from .sidescan_survey import SidescanSurvey
 from .underway import Underway
 
-__all__ = ["SideLaunch", "SideRays", "drawn_across", "ray_grid", "strata_of"]
+__all__ = ["SideLaunch", "SideRays", "Tables", "drawn_across", "ray_grid", "strata_of"]
 
 TALL = 16                          # strata of φ in a tall tile
 BOUNCE_SHARE = 1 / 3               # of a pass's rays: as many more are drawn for paths of several bounces
+WIDEST_CORE = 0.5                  # u at which the core ends, at most
+MOST_TILT = 0.7                    # [rad] that angles below the body's plane are mended by: below 1 they stay in order
+LAYERS = 16                        # of the water, for the time that rays take to a level bed
+MANY_ASIDE, WAYS = 0.15, 8         # share of rays aside from which a tile sends them in so many directions, not in one
+FIRST_ASIDE = 0.25                 # of the rays of a first pass: what lies in shadows for the beam is to be found out
+
+
+@dataclass(frozen=True)
+class Tables:
+    """What the rays of rows are drawn through.
+
+    Attributes
+    ----------
+    phi : (rows, CELLS + 1) [rad]
+        Quantiles.
+    aside : (rows, CELLS)
+        Share of rays aside of the core in each cell.
+    """
+
+    phi: np.ndarray
+    aside: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +71,8 @@ class SideRays(Rays):
         -1 port, 1 starboard.
     cell : UInt32 (R,)
         Of the table of φ that the ray was drawn through, (rows, CELLS).
+    aside : Bool (R,)
+        Whether the ray was drawn aside of the core.
     u, v : Float (R,)
         Of the direction, see `face_beams`.
     strata : Strata
@@ -53,6 +84,7 @@ class SideRays(Rays):
     row: mi.UInt32
     side: mi.Float
     cell: mi.UInt32
+    aside: mi.Bool
     u: DrJitArray
     v: DrJitArray
     strata: Strata
@@ -79,8 +111,13 @@ class SideLaunch:
         self.largest_shift = max(float(np.abs(some).max()) for some in shifts)
         tables = np.stack([along_quantiles(sonar, some) for some in shifts])
         self._along = upload(mi.Float, tables.astype(np.float32))
+        core = min(core_of(sonar, self.largest_shift), WIDEST_CORE)
+        cores, outside = zip(*(core_quantiles(sonar, some, core) for some in shifts))
+        self._cores, self.aside = upload(mi.Float, np.stack(cores).astype(np.float32)), max(outside)
+        self._core, self._span = dr.opaque(mi.Float, core), dr.opaque(mi.Float, 0.5 * np.pi - float(np.arcsin(core)))
+        self.first_aside = max(FIRST_ASIDE, self.aside)
         self._across = upload(mi.Float, across_quantiles(sonar).astype(np.float32))
-        dr.eval(self._along, self._across)
+        dr.eval(self._along, self._across, self._cores)
 
     def grids(self) -> tuple[tuple[int, int] | None, tuple[int, int]]:
         """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
@@ -98,14 +135,45 @@ class SideLaunch:
         depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
         below = np.repeat(place.depth_below_of, 2)
         mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
+        depression = self._straight(depression, np.repeat(-place.position[:, 2], 2), below, mean_speed)
         above = None
         if survey.geometry.surface_label and not survey.geometry.surface_mirrors:
             above = np.repeat(-place.position[:, 2], 2)
         return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
 
-    def drawn(self, place: Place, quantiles: np.ndarray, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
-        """Draw the rays of a pass: `grid` strata in φ and u for each row, through tables of φ."""
-        return self._drawn(place, quantiles, grid, seed, salt, self._along)
+    def _straight(self, depression, depth, below, speed):
+        """Angles that straight rays of one speed would leave at to be back from the bed when rays at `depression` are.
+
+            1 / sin θ = <c̄ / (c sin θ(z))>,    cos θ(z) = cos θ₀ c(z) / c(z₀)
+        """
+        profile, layers = self._survey.profile, (np.arange(LAYERS) + 0.5) / LAYERS
+        there = profile.at(depth[:, None] + np.maximum(below, 0)[:, None] * layers)[:, None]
+        cosine = np.cos(depression)[..., None] * there / profile.at(depth)[:, None, None]
+        slower = speed / (there * np.sqrt(np.maximum(1 - cosine ** 2, 1e-12)))
+        straight = np.arcsin(np.minimum(1 / slower.mean(-1), 1))
+        return np.where(depression > 0, straight, depression)
+
+    def drawn(self, place: Place, tables: Tables, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
+        """Draw the rays of a pass: `grid` strata in φ and u for each row."""
+        return self._drawn(place, tables.phi, grid, seed, salt, self._cores,
+                           upload(mi.Float, tables.aside.astype(np.float32)))
+
+    def carried(self, tables: np.ndarray, asked: np.ndarray, ping: np.ndarray) -> np.ndarray:
+        """Carry tables of φ (B, 2, CELLS + 1) from the pings that they were found for to others, (B,) each.
+
+        The world does not roll: a table is one of depression angles in the athwart plane. Those of another height see
+        the same share of a level bed, and of the surface, at the same share of the record.
+        """
+        survey, side = self._survey, np.array([-1.0, 1.0])
+        rotation, depth = survey.track.rotation(), -survey.track.position[:, 2]
+        tilt = np.arctan2(-rotation[:, 2, 1, None] * side, -rotation[:, 2, 2, None])[..., None]
+        below, above = (_ratio(values[ping], values[asked])[:, None, None] for values in (survey.depth_below, depth))
+        depression = tables + tilt[asked]
+        ratio = np.where(depression > 0, below, above)
+        phi = np.arctan2(ratio * np.sin(depression), np.cos(depression)) - tilt[ping]
+        phi = np.maximum.accumulate(np.clip(phi, -np.pi / 2, np.pi / 2), -1)
+        phi[..., 0], phi[..., -1] = -np.pi / 2, np.pi / 2
+        return phi
 
     def one_way(self, place: Place, rays: SideRays, seed: int) -> SideRays:
         """Draw rays for paths of several bounces: across like those of a pass, along by the beams of single faces."""
@@ -121,10 +189,10 @@ class SideLaunch:
         dr.eval(along)
         return along
 
-    def _drawn(self, place, quantiles, grid, seed, salt, along):
+    def _drawn(self, place, quantiles, grid, seed, salt, along, aside=None):
         strata = strata_of(self._lib, place.rows, grid)
-        drawn = drawn_across(self._lib, place, strata, quantiles, seed, salt)
-        return self._rays(place, *drawn, strata, quantiles, along)
+        drawn = drawn_across(self._lib, place, strata, quantiles, seed, salt, aside)
+        return self._rays(place, *drawn, strata, quantiles, along, aside)
 
     def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
         """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
@@ -147,18 +215,38 @@ class SideLaunch:
         v = body.z * dr.cos(self._depression) - abs(body.y) * dr.sin(self._depression)
         row = 2 * ping + dr.select(side > 0, mi.UInt32(1), mi.UInt32(0))
         return SideRays(row=row, ping=ping, cell=mi.UInt32(0), direction=direction, side=side, u=body.x, v=v,
-                        strata=strata_of(self._lib, place.rows, grid), quantiles=None, solid_angle=solid_angle)
+                        aside=mi.Bool(False), strata=strata_of(self._lib, place.rows, grid), quantiles=None,
+                        solid_angle=solid_angle)
 
-    def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along):
-        """Rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1)."""
-        u, u_width, _ = draw(along, self._table_of(place, row), xi_u)
-        w = dr.sqrt(dr.maximum(1 - u * u, 0))
+    def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along, aside=None):
+        """Rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1).
+
+        Where cells have shares `aside`, those of the numbers at either end of [0, 1) go aside of the core: there φ is
+        the angle below the plane of the body, and the azimuth is even beyond |u| = core.
+        """
         sin_phi, cos_phi = dr.sincos(phi)
+        out, share = mi.Bool(False), None
+        if aside is not None:
+            share = dr.gather(mi.Float, aside, cell)
+            out, end, xi_u = _ends(xi_u, share)
+        u, width, _ = draw(along, self._table_of(place, row), xi_u)
+        w = dr.sqrt(dr.maximum(1 - u * u, 0))
+        across, down, v = w * cos_phi, w * sin_phi, w * dr.sin(phi - self._depression)
         side = mi.Float(row & 1) * 2 - 1
-        direction = place.scene(row >> 1, mi.Vector3f(u, side * w * cos_phi, w * sin_phi))
-        return SideRays(row=row, ping=row >> 1, cell=cell, direction=direction, side=side, strata=strata, u=u,
-                        v=w * dr.sin(phi - self._depression), quantiles=quantiles,
-                        solid_angle=phi_width * u_width / mi.Float(strata.per_row))
+        if share is not None:
+            sine, cosine = dr.sincos(dr.copysign(dr.fma(abs(end), -self._span, 0.5 * np.pi), end))
+            level = place.body(row >> 1, mi.Vector3f(0, 0, -1))
+            tilt = (level.y * side * (1 - cosine) - level.x * sine) / dr.maximum(level.z, 0.1)
+            tilt = dr.clip(tilt, -MOST_TILT, MOST_TILT)
+            sin_beta, cos_beta = dr.sincos(dr.fma(tilt, cos_phi, phi))
+            width = dr.select(out, 2 * self._span / share * cos_beta * (1 - tilt * sin_phi), width / (1 - share))
+            u = dr.select(out, cos_beta * sine, u)
+            width = dr.select(out & (abs(u) < self._core), 0, width)
+            across, down = dr.select(out, cos_beta * cosine, across), dr.select(out, sin_beta, down)
+            v = dr.select(out, down * dr.cos(self._depression) - across * dr.sin(self._depression), v)
+        direction = place.scene(row >> 1, mi.Vector3f(u, side * across, down))
+        return SideRays(row=row, ping=row >> 1, cell=cell, direction=direction, side=side, strata=strata, u=u, v=v,
+                        aside=out, quantiles=quantiles, solid_angle=phi_width * width / mi.Float(strata.per_row))
 
     def _table_of(self, place, row):
         """Number of the table of u that rays of a row are drawn through."""
@@ -167,9 +255,25 @@ class SideLaunch:
         return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
 
 
-def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.ndarray, seed: int,
-                 salt: int) -> tuple[mi.UInt32, mi.Float, mi.Float, mi.UInt32, mi.Float]:
+def _ratio(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Give values over others, 1 where either is not above 0."""
+    there = (values > 0) & (others > 0)
+    return np.where(there, values / np.where(there, others, 1), 1)
+
+
+def _ends(xi, share):
+    """Whether numbers of [0, 1) lie at its ends, how far from them with the sign of the end, and the rest on [0, 1)."""
+    half = 0.5 * share
+    low, high = xi < half, xi > 1 - half
+    end = dr.select(low, xi, 1 - xi) / half
+    return low | high, dr.select(low, -end, end), dr.clip((xi - half) / (1 - share), 0, 1)
+
+
+def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.ndarray, seed: int, salt: int,
+                 aside: DrJitArray | None = None) -> tuple[mi.UInt32, mi.Float, mi.Float, mi.UInt32, mi.Float]:
     """Draw φ of the rays of a pass through tables of it, (rows, CELLS + 1).
+
+    `aside` (rows CELLS,) are the shares of rays that leave aside of the beam, `WIDE_SHARE` where it is None.
 
     Returns
     -------
@@ -192,15 +296,16 @@ def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.nd
     within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
     xi_phi = stratified(lib, i_phi, within_phi, strata.first)
     phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
-    xi_u = stratified(lib, i_u, _within_u(lib, strata, key, i_phi, i_u, uniform(lib, b)), strata.second)
+    share = WIDE_SHARE if aside is None else dr.gather(mi.Float, aside, cell)
+    xi_u = stratified(lib, i_u, _within_u(lib, strata, key, i_phi, i_u, uniform(lib, b), share), strata.second)
     return mi.UInt32(row), mi.Float(phi), mi.Float(phi_width), mi.UInt32(cell), xi_u
 
 
-def _within_u(lib, strata, key, i_phi, i_u, chance):
+def _within_u(lib, strata, key, i_phi, i_u, chance, share):
     """Places of rays in [0, 1) within their strata of u.
 
     The rays of a tile in one stratum of u share it out, as those of a stratum of φ do. The outermost strata begin with
-    what is spread over all directions (`WIDE_SHARE`). A ray aside of the beam costs as much as a packet of rays that
+    what leaves aside of the beam, a `share` of the rays. A ray aside of the beam costs as much as a packet of rays that
     stay together, so those of a tile leave it in one direction, drawn evenly from tile to tile.
     """
     tile, key = i_phi >> strata.high_bits, salted(key, Salt.TAILS)
@@ -208,12 +313,12 @@ def _within_u(lib, strata, key, i_phi, i_u, chance):
     # neighbours lie nearly half a stratum apart: a time bin may hold only a few strata of φ
     slice_u = (7 * i_phi + hashed(lib, key, tile, i_u)) & (high - 1)
     place = (mi.Float(slice_u) + chance) / mi.Float(high)
-    aside = dr.minimum(mi.Float(strata.second) * (0.5 * WIDE_SHARE), 1)
-    last = i_u == strata.second - 1
-    shared = aside * uniform(lib, even_bits(lib, tile, key, i_u))
-    outermost = (place < aside) & ((i_u == 0) | last)
-    place = dr.select(outermost, shared, place)
-    return dr.select(last, dr.maximum(1 - place, 0), place)
+    from_end = dr.minimum(i_u, strata.second - 1 - i_u)
+    aside = dr.clip(mi.Float(strata.second) * (0.5 * share) - mi.Float(from_end), 0, 1)
+    ways = dr.select(share > MANY_ASIDE, lib.UInt32(WAYS), 1)
+    shared = aside * uniform(lib, even_bits(lib, ways * tile + (i_phi & (ways - 1)), key, i_u))
+    place = dr.select(place < aside, shared, place)
+    return dr.select((i_u > from_end) & (aside > 0), dr.maximum(1 - place, 0), place)
 
 
 def ray_grid(rays: int) -> tuple[int, int]:

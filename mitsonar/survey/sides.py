@@ -16,16 +16,16 @@ from ..device.chance import Salt
 from ..device.types import Vector
 from ..echoes.origin_sums import PLACE, WORDS
 from ..imaging.sidescan import mean_intensity, pulse_shares
-from ..tracing.launch import refine_quantiles
+from ..tracing.launch import CELLS, refined
 from .coherent_sidescan import CoherentSidescan
 from .energy_bins import EnergyBins
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
-from .ray_need import ray_need
+from .ray_need import aside_need
 from .scouts import GROUP, scouts
 from .rows import EchoSource, RowResponse
 from .side_echoes import SideMultipath, SideWater
-from .side_launch import SideLaunch, SideRays
+from .side_launch import SideLaunch, SideRays, Tables
 from .sidescan_survey import SidescanSurvey
 from .sound_paths import SoundPaths
 from .underway import Underway
@@ -70,7 +70,7 @@ class Sides:
         self._launch = SideLaunch(survey, self.underway, self._beams.depression)
         self._first_grid, self._second_grid = self._launch.grids()
         self._scouts = scouts(survey.track, self.bins.farthest, sonar.wavelength / sonar.longest)
-        self._needs: dict[tuple[int, int], np.ndarray] = {}
+        self._found: dict[tuple[int, int], list[np.ndarray]] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
         self.pings_per_block = self._pings_per_block()
 
@@ -93,23 +93,36 @@ class Sides:
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
         """Yield the rays that make the record, in one pass."""
-        quantiles = self._launch.first_quantiles(place)
-        if self._first_grid is not None:
-            quantiles = refine_quantiles(quantiles, self._need(place, self._first_grid, seed, bins_of))
-        yield self._launch.drawn(place, quantiles, self._second_grid, seed, Salt.SECOND_PASS)
+        if self._first_grid is None:
+            tables = self._even(place, self._launch.aside)
+        else:
+            tables = self._asked(place, self._first_grid, seed, bins_of)
+        yield self._launch.drawn(place, tables, self._second_grid, seed, Salt.SECOND_PASS)
 
-    def _need(self, place, grid, seed, bins_of):
-        """How far cells lead into bins that few rays reach, (rows, CELLS), as the pings' scouts find out."""
+    def _even(self, place, aside):
+        """Tables that suit a level bed, with one share of rays aside of the core."""
+        phi = self._launch.first_quantiles(place)
+        return Tables(phi, np.full((len(phi), CELLS), aside))
+
+    def _asked(self, place, grid, seed, bins_of):
+        """Tables that lead into bins which few rays reach, as the pings' scouts find out."""
         asked = self._scouts[place.ping]
-        known, new = self._needs, np.array([one for one in np.unique(asked) if (seed, one) not in self._needs], int)
+        known, new = self._found, np.array([one for one in np.unique(asked) if (seed, one) not in self._found], int)
         if len(new):
-            ahead = place.of(new)
-            rays = self._launch.drawn(ahead, self._launch.first_quantiles(ahead), grid, seed, Salt.FIRST_PASS)
-            need = ray_need(rays.row, rays.cell, *bins_of(ahead, rays), rows=ahead.rows, bins=self.bins)
-            known = known | {(seed, one): rows for one, rows in zip(new, need.reshape(len(new), self.per_ping, -1))}
+            ahead, wanted = place.of(new), self._launch.aside
+            first = self._even(ahead, self._launch.first_aside)
+            rays = self._launch.drawn(ahead, first, grid, seed, Salt.FIRST_PASS)
+            bin, inside = bins_of(ahead, rays)
+            need = aside_need(rays.row, rays.cell, bin, inside, rays.aside, rows=ahead.rows, bins=self.bins,
+                              drawn=self._launch.first_aside, wanted=wanted)
+            tables = refined(first.phi, need[0], need[1], wanted)
+            found = (rows.reshape(len(new), self.per_ping, -1) for rows in tables)
+            known = known | {(seed, one): rows for one, *rows in zip(new, *found)}
         # a later block may ask those of this one: a group has no more of them than pings
-        self._needs = {key: known[key] for key in ((seed, one) for one in np.unique(asked)[-GROUP:])}
-        return np.concatenate([known[seed, one] for one in asked])
+        self._found = {key: known[key] for key in ((seed, one) for one in np.unique(asked)[-GROUP:])}
+        phi, aside = (np.stack(rows) for rows in zip(*(known[seed, one] for one in asked)))
+        phi = self._launch.carried(phi, asked, place.ping)
+        return Tables(phi.reshape(place.rows, -1), aside.reshape(place.rows, -1))
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> SideRays:
         """Give rays of given directions, each of the side that it leaves by."""

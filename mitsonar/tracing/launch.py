@@ -8,10 +8,13 @@ cells of equal probability. With a table e_0..e_M and a stratified ξ in [0, 1),
 so a draw costs one look-up, and the ray's solid angle is ΔΩ = 1 / (N density_u density_φ), exactly the reciprocal of
 what was drawn: no choice of density can bias a level.
 
-Along the platform the density follows the two-way beam. In φ a first, sparse pass spreads rays evenly over travel
-time on a flat bed, and surface, and over the vertical beam; what it hits tells each cell how many rays its time bins
-still lack (`refine_quantiles`), and the second pass, which alone gives the image, is drawn from that. The first pass
-decides where rays go, never what they weigh, so the estimate stays unbiased.
+Along the platform the density follows the two-way beam within a core, |u| < u_c, that holds the main lobe and the lobes
+next to it. A share w of the rays leaves aside of the core, evenly over azimuth; core and rest share no direction, so
+that both sums simply add. Where the beam meets a shadow, what arrives came by the rest, and w is large.
+
+In φ a first, sparse pass spreads rays evenly over travel time on a flat bed, and surface, and over the vertical beam;
+what it hits tells each cell how many rays its time bins still lack (`refined`), and the second pass, which alone gives
+the image, is drawn from that. The first pass decides where rays go, never what they weigh: the estimate stays unbiased.
 """
 from __future__ import annotations
 
@@ -22,8 +25,8 @@ import numpy as np
 
 from ..sonar.sidescan import Sidescan
 
-__all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles", "draw", "first_quantiles",
-           "one_way_quantiles", "quantiles", "refine_quantiles"]
+__all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles", "core_of", "core_quantiles", "draw",
+           "first_quantiles", "one_way_quantiles", "quantiles", "refine_quantiles", "refined"]
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
@@ -31,6 +34,7 @@ WIDE_SHARE = 0.05                            # of the along-track draw that igno
 LIT_SHARE = 0.1                              # and that ignores the receiving one, where the platform turns
 FINEST = 1 << 16                             # cells of u that tell the side lobes of one face apart
 KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
+SPREAD = 6                                   # cells either way over which the need of rays aside is averaged
 
 
 class Strata:
@@ -119,8 +123,28 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
     `shifts` (S,) are those of u until reception: a share of the draw goes to each, and where they differ one to what
     the transmitting face ensonifies alone, so that no echo weighs much more than others whatever the platform does.
     """
-    core = 4 * sonar.wavelength / max(sonar.transmit.length, sonar.receive.length, 4 * sonar.wavelength)
-    core += np.abs(shifts).max()
+    return quantiles(*_along_density(sonar, shifts))[0]
+
+
+def core_quantiles(sonar: Sidescan, shifts: np.ndarray, core: float) -> tuple[np.ndarray, float]:
+    """Give the part of `along_quantiles` with |u| < core, (CELLS + 1,), and the share of rays that belongs outside."""
+    edges, density = _along_density(sonar, shifts, core)
+    first, last = np.flatnonzero(np.abs(edges) <= core)[[0, -1]]
+    heard = sonar.along_intensity(0.5 * (edges[1:] + edges[:-1])) * np.diff(edges)
+    outside = 1 - heard[first:last].sum() / heard.sum()
+    return (quantiles(edges[first:last + 1], density[:, first:last])[0],
+            float(WIDE_SHARE * (1 - core) + (1 - WIDE_SHARE) * outside))
+
+
+def core_of(sonar: Sidescan, shift: float = 0.0) -> float:
+    """Give how far the main lobe and the lobes next to it reach in u, where u shifts by up to so much on the way."""
+    return min(4 * sonar.wavelength / max(sonar.longest, 4 * sonar.wavelength) + shift, 1.0)
+
+
+def _along_density(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...],
+                   core: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of cells of u, `core` among them, and the density (1, cells) of `along_quantiles` in each."""
+    core = core_of(sonar, np.abs(shifts).max()) if core is None else core
     fine = np.linspace(-min(core, 1), min(core, 1), 8193)
     edges = np.union1d(fine, np.linspace(-1, 1, 1025))
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -129,7 +153,7 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
     if len(shifts) > 1:
         lit = _normalised(sonar.transmit.along(middle, sonar.wavelength) ** 2, edges)
         beam = (1 - LIT_SHARE) * beam + LIT_SHARE * lit
-    return quantiles(edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None])[0]
+    return edges, ((1 - WIDE_SHARE) * beam + WIDE_SHARE / 2)[None]
 
 
 def one_way_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0.0,)) -> np.ndarray:
@@ -213,13 +237,45 @@ def refine_quantiles(first: np.ndarray, need: np.ndarray) -> np.ndarray:
     -------
     (D, CELLS + 1) [rad]
     """
+    return refined(first, need, np.zeros_like(need), 0.0)[0]
+
+
+def refined(first: np.ndarray, need: np.ndarray, aside_need: np.ndarray,
+            aside: float) -> tuple[np.ndarray, np.ndarray]:
+    """Quantile tables of φ for the second pass where rays within the core and aside of it have needs of their own.
+
+    Parameters
+    ----------
+    first, need
+        As of `refine_quantiles`, `need` that of the rays within the core.
+    aside_need : (D, CELLS)
+        Need of the rays aside.
+    aside : float
+        Share of rays aside in what is kept of the first pass's density.
+
+    Returns
+    -------
+    tables : (D, CELLS + 1) [rad]
+    aside : (D, CELLS)
+        Share of rays aside in each cell.
+    """
     # a silhouette may lie in the next cell: lend it the need of its neighbours
     padded = np.pad(need.astype(float), ((0, 0), (1, 1)), mode="edge")
     spread = (padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]) / 4
-    total = spread.sum(1, keepdims=True)
-    share = np.where(total > 0, spread / np.maximum(total, 1e-30), 1 / CELLS)
+    # side lobes see no silhouette sharply, and the few rays of a first pass that follow them leave gaps
+    reach = np.arange(CELLS + 1)
+    low, high = np.maximum(reach[:-1] - SPREAD, 0), np.minimum(reach[1:] + SPREAD, CELLS)
+    summed = np.concatenate([np.zeros((len(first), 1)), np.cumsum(aside_need.astype(float), 1)], 1)
+    spread_aside = (summed[:, high] - summed[:, low]) / (high - low)
+    total = (spread + spread_aside).sum(1, keepdims=True)
+    share = np.where(total > 0, (spread + spread_aside) / np.maximum(total, 1e-30), 1 / CELLS)
+    share_aside = np.where(total > 0, spread_aside / np.maximum(total, 1e-30), aside / CELLS)
     share = KEEP_SHARE / CELLS + (1 - KEEP_SHARE) * share
-    return quantiles(first, share / np.maximum(np.diff(first, axis=1), 1e-12))
+    share_aside = KEEP_SHARE / CELLS * aside + (1 - KEEP_SHARE) * share_aside
+    tables = quantiles(first, share / np.maximum(np.diff(first, axis=1), 1e-12))
+    middles = 0.5 * (tables[:, 1:] + tables[:, :-1])
+    found = [np.searchsorted(old, new, side="right") for old, new in zip(first[:, 1:-1], middles)]
+    return tables, np.take_along_axis(share_aside / share, np.array(found), 1)
 
 
 def draw(table: dr.ArrayBase, row: dr.ArrayBase, xi: dr.ArrayBase,

@@ -36,13 +36,13 @@ def survey_of(pings):
 
 
 def test_a_group_makes_one_first_pass_and_blocks_change_no_byte(variant, monkeypatch):
-    found, need = [], module.ray_need
+    found, need = [], module.aside_need
 
-    def counted(row, cell, bin, inside, *, rows, bins):
+    def counted(*rays, rows, **more):
         found.append(rows)
-        return need(row, cell, bin, inside, rows=rows, bins=bins)
+        return need(*rays, rows=rows, **more)
 
-    monkeypatch.setattr(module, "ray_need", counted)
+    monkeypatch.setattr(module, "aside_need", counted)
     survey, made = survey_of(2 * GROUP + 1), []
     for size in (2 * GROUP + 1, 3, 1):
         rows = Sides(survey)
