@@ -205,18 +205,25 @@ def origin(path: str) -> str:
 
 
 def instruction_set() -> str:
-    """Return the instructions that kernels are compiled for, such as ``x86_64 AVX-512``; call `locate` first.
+    """Return what kernels are compiled for, such as ``x86_64 AVX-512 znver4``; call `locate` first.
 
     The bytes of a result are the same for any number of threads, processes and blocks on one instruction set. Another
-    one sums in vectors of another width and has other approximate reciprocals, so that last bits differ.
+    one sums in vectors of another width and has other approximate reciprocals, so that last bits differ. Processors of
+    another generation order and fuse the same operations in other ways: LLVM's name of the generation belongs to it.
     """
     try:
-        ask = ctypes.CDLL(os.environ.get(VARIABLE, NOTHING)).LLVMGetHostCPUFeatures
+        library = ctypes.CDLL(os.environ.get(VARIABLE, NOTHING))
+        features, generation = (_text(ask) for ask in (library.LLVMGetHostCPUFeatures, library.LLVMGetHostCPUName))
     except (OSError, AttributeError):
         return f"{_processor()}, no LLVM"
-    ask.restype = ctypes.c_char_p
-    features = set((ask() or b"").decode(errors="replace").split(","))
-    return f"{_processor()} {next((name for flag, name in VECTORS if flag in features), 'scalar')}"
+    there = set(features.split(","))
+    return f"{_processor()} {next((name for flag, name in VECTORS if flag in there), 'scalar')} {generation}"
+
+
+def _text(ask: Callable) -> str:
+    """Return what a function of the C library answers in text."""
+    setattr(ask, "restype", ctypes.c_char_p)
+    return (ask() or b"").decode(errors="replace")
 
 
 def has_cuda() -> bool:

@@ -28,14 +28,9 @@ VERSIONS = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "mitsonar")
 
 
 def machine():
-    """Return what bytes depend upon beside the code.
-
-    A processor's name alone does not do: virtual machines call several generations of one maker the same.
-    """
-    processor = next((line.partition(":")[2].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
-                      if line.startswith("model name")), "") if Path("/proc/cpuinfo").is_file() else ""
+    """Return what bytes depend upon beside the code."""
     llvm = Path(mitsonar.llvm.locate() or "").resolve().name
-    return "; ".join([processor, mitsonar.llvm.instruction_set(), llvm,
+    return "; ".join([mitsonar.llvm.instruction_set(), llvm,
                       *(f"{name} {importlib.metadata.version(name)}" for name in VERSIONS)])
 
 
