@@ -8,7 +8,7 @@ the compressed pulse is, so a pulse's length leaves no bias. What the footprint 
 the rms widths of the beam across and of the transmission along the track, ψ the incidence and θ the beam's angle, a
 plane bed's echo comes late by the share
 
-    (1 + 2 tan²ψ) σ_b²/2 + σ_a²/(2 cos²θ)
+    (1 + 2 tan²ψ) σ_b²/2 + σ_a² cos(ψ - θ)/(2 cos θ cos ψ)
 
 of its time, and its middle lies off the axis by σ_b² d(ln E)/dθ, towards where the bed sends back more: E -> energy of
 the neighbours' echoes. That one is given as an offset of the beam's sine.
@@ -68,9 +68,9 @@ def footprint_duration(time: np.ndarray, slope: np.ndarray, beam: np.ndarray) ->
     return time * beam * np.sqrt(slope ** 2 + beam ** 2 / 2)
 
 
-def along_delay(angle: np.ndarray, transmit_width: float) -> np.ndarray:
-    """Give the share of its time that an echo is late by, as the transmission spreads along the track."""
-    return (transmit_width / GAUSSIAN_WIDTH / np.cos(angle)) ** 2 / 2
+def along_delay(angle: np.ndarray, incidence: np.ndarray, transmit_width: float) -> np.ndarray:
+    """Return the share of its time that an echo is late by, as the transmission spreads along the track."""
+    return (transmit_width / GAUSSIAN_WIDTH) ** 2 * np.cos(incidence - angle) / (2 * np.cos(angle) * np.cos(incidence))
 
 
 def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarray:

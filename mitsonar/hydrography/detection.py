@@ -131,8 +131,8 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
 
     phased = phase.deviation < amplitude.deviation
     late = (1 + 2 * np.tan(incidence) ** 2) * fan.rms ** 2 / 2
-    found = np.where(phased, phase.time, amplitude.time * (1 - late)) * (1 - along_delay(fan.angle,
-                                                                                         head.transmit_width))
+    found = np.where(phased, phase.time, amplitude.time * (1 - late))
+    found = found * (1 - along_delay(fan.angle, incidence, head.transmit_width))
     deviation = np.where(phased, phase.deviation, amplitude.deviation)
     quality = quality_factor(found, deviation)
     footprint = footprint_duration(found, np.tan(incidence), fan.rms)

@@ -4,21 +4,24 @@ With the sounding at x ahead, y to starboard and h below, r and ρ its distances
 steered angle, β the tilt of the receive array (roll and mounting), and tan θ = ρ / h, all from the arrays, but of roll,
 pitch and heading from the reference point, about which those turn the arrays, too:
 
-    cause          vertical                       horizontal
+    cause          vertical v                     horizontal w
     detection      (h / r) c σ_t / 2              (ρ / r) c σ_t / 2
-    angle, roll    y σ                            h σ
+    angle, roll    -y σ                           h σ
     pitch          x σ                            h σ
     heading        -                              ρ σ
     heave          max(σ, share |heave|)          -
     draught        σ                              -
     position       -                              σ
     latency        rates of roll, pitch and heave times σ, as above; speed over ground times σ
-    profile        h |1 - tan²θ| σ_c / c          2 ρ σ_c / c
-    head           y σ_θ                          h σ_θ,     σ_θ = |sin β / (cos α cos(α - β))| σ_ch / c
+    profile        h (1 - tan²θ) σ_c / c          2 ρ σ_c / c
+    head           -y σ_θ                         h σ_θ,     σ_θ = |sin β / (cos α cos(α - β))| σ_ch / c
 
-Squares are added. The first rows are those of Hare (1995), International Hydrographic Review 72(2), 37; the profile's
-is of beams whose slowness is right (`smile`), and the head's what is left of its error where the angles are read with
-the speed they were steered with: nothing of a level array (`reduction`). Rays are taken to be straight in all that
+A sounding's depth is right if it is that of the bed where the sounding lies. Detection, angle, roll, profile and head
+move a sounding within the plane of its beam: up or down and aside at once. On a bed that falls to starboard by tan s,
+the depth is off by v - w tan s of theirs, w to starboard; the fall is taken from the beams around. Other causes count
+by v alone. Squares are added. The first rows are those of Hare (1995), International Hydrographic Review 72(2), 37; the
+profile's is of beams whose slowness is right (`smile`), and the head's what is left of its error where the angles are
+read with the speed they were steered with: nothing of a level array (`reduction`). Rays are taken to be straight in all that
 multiplies an accuracy. σ_t is the travel time over 10^quality where the record has the quality of detection.
 """
 from __future__ import annotations
@@ -28,9 +31,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 import xarray as xr
 
+from .amplitude_detection import slopes
 from .record import check, variable
 
 __all__ = ["Accuracies", "Deviations", "budget", "with_uncertainty"]
+
+STEEPEST = 1.0                     # of a fall that is believed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +132,7 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies,
     Returns
     -------
     dict of (array (ping, beam), array (ping, beam))
-        Of the causes of the module's table.
+        Of the causes of the module's table; the first is that of the depth against the bed's.
 
     Raises
     ------
@@ -151,18 +157,31 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies,
     span = 0.5 * head * (_time(soundings, accuracies) if deviations is None else deviations.time)
     steering = accuracies.angle if deviations is None else deviations.angle
     heave = np.abs(soundings["ping_depth"].values - soundings["motion_depth"].values.mean())[:, None]
-    off = accuracies.profile / head
+    off, fall = accuracies.profile / head, _fall(soundings)
     causes = {
-        "detection": (h / distance * span, level / distance * span),
-        "angle": (steering * y, steering * h), "roll": roll, "pitch": pitch,
+        "detection": ((h - fall * y) / distance * span, level / distance * span),
+        "angle": (steering * (y + fall * h), steering * h), "roll": (roll[0] + fall * roll[1], roll[1]), "pitch": pitch,
         "heading": (still, heading),
         "heave": (still + np.maximum(accuracies.heave, accuracies.heave_share * heave), still),
         "draught": (still + accuracies.draught, still), "position": (still, still + accuracies.position),
-        "latency": (np.sqrt((rolling * y)**2 + (pitching * x)**2 + heaving**2),
+        "latency": (np.sqrt((rolling * (y + fall * h))**2 + (pitching * x)**2 + heaving**2),
                     np.sqrt((rolling * h)**2 + (pitching * h)**2 + speed**2)),
-        "profile": (h * (1 - (level / h)**2) * off, 2 * level * off), "head": (turn * y, turn * h)}
+        "profile": ((h * (1 - (level / h)**2) - 2 * fall * y) * off, 2 * level * off),
+        "head": (turn * (y + fall * h), turn * h)}
     return {name: (np.where(valid, np.abs(vertical), np.nan), np.where(valid, np.abs(horizontal), np.nan))
             for name, (vertical, horizontal) in causes.items()}
+
+
+def _fall(soundings: xr.Dataset) -> np.ndarray:
+    """Return how the bed falls to starboard, tan s, by the beams around: (ping, beam); 0 where too few are valid."""
+    found = np.zeros(soundings["depth"].shape)
+    angles, across, depths = (soundings[name].values.astype(float) for name in ("angle", "across_track", "depth"))
+    for ping, some in enumerate(soundings["valid"].values):
+        beams = np.flatnonzero(some)[np.argsort(angles[ping, some])]
+        deeper, farther = (slopes(one[ping, beams], angles[ping, beams], np.ones(len(beams), bool))
+                           for one in (depths, across))
+        found[ping, beams] = np.nan_to_num(deeper / np.where(farther > 0, farther, np.nan))
+    return np.clip(found, -STEEPEST, STEEPEST)
 
 
 def _time(soundings: xr.Dataset, accuracies: Accuracies) -> np.ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from mitsonar.hydrography.amplitude_detection import along_delay
 from mitsonar.hydrography.detection import Detections, detect
 from mitsonar.hydrography.quality import coherent_phase_deviation, gravity_deviation, pulse_deviation
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE
@@ -108,6 +109,18 @@ def test_amplitudes_scatter_as_theory_says(line):
     chosen = line.method[:, band] == BY_AMPLITUDE
     measured = (line.error[:, band] / theory)[chosen].std()
     assert 0.7 < measured < 1.3, measured
+
+
+@pytest.mark.parametrize("fall_deg", [-20.0, 0.0, 12.0])
+def test_what_the_transmission_s_width_makes_late_is_that_of_the_slope(fall_deg):
+    """Against the mean over rays of a beam's cone that meet the plane; terms of the fourth order are left out."""
+    width, angle, fall = np.deg2rad(1.5), np.deg2rad(np.array([-55.0, 0.0, 30.0, 62.0])), np.deg2rad(fall_deg)
+    along = np.linspace(-5, 5, 2001) * width / 2.3548
+    weight = np.exp(-0.5 * (along / (width / 2.3548)) ** 2)
+    down = np.sqrt(np.cos(angle)[:, None] ** 2 - np.sin(along) ** 2)
+    slant = 1 / (down * np.cos(fall) - np.sin(angle)[:, None] * np.sin(fall))
+    late = slant @ weight / weight.sum() * np.cos(angle + fall) - 1
+    np.testing.assert_allclose(along_delay(angle, angle + fall, width), late, rtol=5e-3)
 
 
 def test_the_closed_form_of_the_centre_of_gravity_is_that_of_gaussian_echoes():

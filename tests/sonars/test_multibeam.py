@@ -82,15 +82,31 @@ def test_bottom_strength_is_that_of_the_law():
         assert abs(10 * np.log10(np.nanmean(some))) < 0.5, angle
 
 
+@functools.cache
+def slope():
+    return sounded({"seabed": bed(SONAR + H, sediment("medium sand"), tilt=np.deg2rad(12.0))}, sensor=THREE,
+                   film={"range": 140.0})
+
+
 def test_a_slope_is_sounded_as_it_is():
-    line = sounded({"seabed": bed(SONAR + H, sediment("medium sand"), tilt=np.deg2rad(8.0))}, sensor=THREE,
-                   film={"range": 110.0})
+    line = slope()
     valid = line["valid"].values
     assert valid.mean() > 0.97
     fitted = np.polyfit(line["x"].values[valid], line["depth"].values[valid], 1)
-    assert np.rad2deg(np.arctan(fitted[0])) == pytest.approx(8.0, abs=0.02)
+    assert np.rad2deg(np.arctan(fitted[0])) == pytest.approx(12.0, abs=0.02)
     for angle, off in by_angle(line, "error_detection"):
         assert abs(off.mean()) < 2e-4 * H + 4 * off.std() / np.sqrt(len(off) / 4), angle
+
+
+def test_outer_beams_of_a_slope_say_how_well_they_know_the_depth():
+    """Errors over the uncertainty, rms, where the bed rises and where it falls: 130 soundings a side, of which some 60
+    stand for themselves, tell it to a tenth. Without the slope it was 1.54 where the bed rises.
+    """
+    line = slope()
+    angle, score = np.rad2deg(line["angle"].values), (line["error_detection"] / line["uncertainty"]).values
+    for side in (-1, 1):
+        outer = line["valid"].values & (side * angle > 55) & (side * angle < 64)
+        assert 0.7 < np.sqrt(np.mean(score[outer] ** 2)) < 1.35, side
 
 
 # ---- water: another profile, another sound speed of the head
