@@ -3,11 +3,13 @@
 A track through the fan says roughly where the bed is (`bottom_track`). In each beam both detections are made there
 (`amplitude_detection`, `phase_detection`), and that of the smaller standard deviation is the sounding (`quality`).
 Nothing is known of the depth before, and no beam is for one method: near the point of normal incidence the phase turns
-within one pulse and says little, far from it the echo is long and its centre of gravity says little.
+within one pulse and says little, far from it the echo is long and its centre of gravity says little. Where the phase
+says that an amplitude's echo has its middle at x off the beam's axis, by more than speckle moves it, the time is that
+of another direction, and its deviation grows by t tan ψ x, ψ the incidence.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +27,7 @@ LEAST_QUALITY = 1.5         # 3 % of the depth
 QUIETEST = 1e-15            # noise over the strongest echo: rounding leaves no less
 LEAST_PEAK = 20.0           # over the noise's mean, of an echo found by amplitude: 13 dB
 LEAST_PEAK_BY_PHASE = 10.0
+MOST_STRAYS = 3.0           # deviations that speckle moves the middle of an amplitude's echo by
 MOST_ASIDE = 0.5            # rms widths of the beam that an amplitude's echo can have its middle off the axis
 
 
@@ -97,7 +100,8 @@ class Detections:
     valid: np.ndarray
 
 
-def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np.ndarray, head: Head) -> Detections:
+def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np.ndarray, head: Head,
+           without: np.ndarray | None = None) -> Detections:
     """Detect the bed in the beams of one ping, or of one sector of it.
 
     Parameters
@@ -110,6 +114,8 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     sines : float (B,)
         Of the beams' axes, increasing.
     head : Head
+    without : bool (B,) or None
+        Beams that are known to have no bed: none is sought, and the beams around do not take their slope from them.
 
     Returns
     -------
@@ -124,16 +130,19 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     halves, sums = _finite(halves, time, head.pulse_length)
     noise = max(noise_level(sums) if head.noise is None else float(head.noise), QUIETEST * float(sums.power.max()))
     rough = track(sums, sines, widths, noise, gate)
+    if without is not None:
+        rough = replace(rough, seen=rough.seen & ~without)
     fan = _Fan(halves=halves, time=time, angle=np.arcsin(sines), rms=widths / GAUSSIAN_WIDTH, noise=noise, head=head)
     brightest, amplitude, incidence = _amplitudes(fan, rough)
     phase = (by_phase(halves, time, amplitude.time, np.tan(incidence), sines, widths, head.baseline, head.pulse_length)
              if head.baseline else no_phase(amplitude.time))
 
-    phased = phase.deviation < amplitude.deviation
+    sure = np.hypot(amplitude.deviation, _aside(fan, amplitude.time, incidence))
+    phased = phase.deviation < sure
     late = (1 + 2 * np.tan(incidence) ** 2) * fan.rms ** 2 / 2
     found = np.where(phased, phase.time, amplitude.time * (1 - late))
     found = found * (1 - along_delay(fan.angle, incidence, head.transmit_width))
-    deviation = np.where(phased, phase.deviation, amplitude.deviation)
+    deviation = np.where(phased, phase.deviation, sure)
     quality = quality_factor(found, deviation)
     footprint = footprint_duration(found, np.tan(incidence), fan.rms)
     half = np.hypot(GAUSSIAN_WIDTH * footprint, head.pulse_length) / 2
@@ -183,6 +192,23 @@ def _amplitudes(fan: _Fan, rough: Track) -> tuple[np.ndarray, AmplitudeDetection
     footprint = footprint_duration(first.time, np.tan(incidence), fan.rms)
     amplitude = by_amplitude(intensity, windows, fan.time, first.time, footprint, pulse, fan.noise)
     return fan.time[windows.place_of_greatest(intensity)], amplitude, incidence
+
+
+def _aside(fan: _Fan, centre: np.ndarray, incidence: np.ndarray) -> np.ndarray:
+    """Return how far an amplitude's times (B,) [s] are off as its echo comes from beside the axis.
+
+    The phase between both halves tells where the echo has its middle. What speckle moves that by is 0 here: it is in
+    the time's deviation.
+    """
+    if not fan.head.baseline:
+        return np.zeros_like(centre)
+    slope, pulse = np.tan(incidence), fan.head.pulse_length
+    footprint = footprint_duration(centre, slope, fan.rms)
+    held = windows_about(fan.time, centre, np.hypot(GAUSSIAN_WIDTH * footprint, pulse) / 2)
+    port, starboard = (held.taken(half).astype(complex) for half in fan.halves)
+    middle = np.angle(held.summed(starboard * np.conj(port))) / (2 * np.pi * fan.head.baseline * np.cos(fan.angle))
+    usual = MOST_STRAYS * angle_deviation(fan.rms, footprint, pulse)
+    return np.where(np.abs(middle) > usual, centre * np.abs(slope * middle), 0.0)
 
 
 def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,

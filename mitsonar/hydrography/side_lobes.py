@@ -8,8 +8,10 @@ within the main lobe, and n_j the share of a beam's width that lies between the 
     4 sum_j P_ij I_j n_j over P_ij < 0.01
 
 4 because levels of single pings scatter. A sounding is of its own beam where the levels of the beams around, over five
-widths of a beam, are on average (of dB) above that: one beam alone may fade, or stand out, by chance. A bed that is
-weaker cannot be told from side lobes, and what the skirt of a main lobe receives at the edge of a bed is not found.
+widths of a beam, are on average (of dB) above that: one beam alone may fade, or stand out, by chance. At an edge the
+beams within would vouch for those beyond. So a beam that is not above it by itself needs five widths to either side
+that are. A bed that is weaker cannot be told from side lobes. What the skirt of a main lobe receives at the edge of a
+bed stands out of them; detection tells by its phase that it comes from beside the axis (`detection`).
 """
 from __future__ import annotations
 
@@ -55,5 +57,8 @@ def of_main_lobes(own: np.ndarray, brought: np.ndarray, share: np.ndarray) -> np
     """Return where soundings of levels `own` (B,), in the order of beams, are above what side lobes brought (B,)."""
     tiny = np.finfo(float).tiny
     around = max(int(np.ceil(AROUND / np.median(share))), AROUND) | 1
-    return ndimage.uniform_filter1d(np.log(np.maximum(own, tiny) / np.maximum(brought, tiny)), around,
-                                    mode="nearest") > 0
+    above = np.log(np.maximum(own, tiny) / np.maximum(brought, tiny))
+    mean, beams, half = ndimage.uniform_filter1d(above, around, mode="nearest"), np.arange(len(own)), around // 2
+    aside = [mean[np.clip(beams + step, min(half, len(own) - 1), max(len(own) - 1 - half, 0))]
+             for step in (-half, half)]
+    return (mean > 0) & ((above > 0) | (np.minimum(*aside) > 0))

@@ -21,8 +21,8 @@ move a sounding within the plane of its beam: up or down and aside at once. On a
 the depth is off by v - w tan s of theirs, w to starboard; the fall is taken from the beams around. Other causes count
 by v alone. Squares are added. The first rows are those of Hare (1995), International Hydrographic Review 72(2), 37; the
 profile's is of beams whose slowness is right (`smile`), and the head's what is left of its error where the angles are
-read with the speed they were steered with: nothing of a level array (`reduction`). Rays are taken to be straight in all that
-multiplies an accuracy. σ_t is the travel time over 10^quality where the record has the quality of detection.
+read with the speed they were steered with: nothing of a level array (`reduction`). Rays are taken to be straight in all
+that multiplies an accuracy. σ_t is the travel time over 10^quality where the record has the quality of detection.
 """
 from __future__ import annotations
 

@@ -302,7 +302,6 @@ def test_what_does_not_make_a_swath_is_refused_in_a_sentence(attributes, words):
 
 @pytest.mark.parametrize("sensor, film, words", [
     ({"mounting_deg": "180, 0, 0"}, {}, "aside or behind the array"),
-    ({"swath_deg": 1e-30, "motion": "hull"}, {}, "they look the same way"),
     ({"mounting_deg": "-60, 0, 0"}, {}, "cannot be told apart"),
     ({"depth_gate": "100, 200"}, {}, "depth_gate begins at 100 m, and the record ends at 85 m"),
     ({"beams": 100_000, "ping_rate_hz": 0.1, "swath_deg": 60.0}, {"range": 5000.0}, "take fewer beams or a shorter"),

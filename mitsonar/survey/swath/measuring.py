@@ -87,12 +87,13 @@ class SwathBeams:
         beams = [(sector.halves(ping, self._seed), sector.time) for sector in self.sectors]
         detected = [self._detected(sector, halves, ping, length)
                     for sector, (halves, _), length in zip(self.sectors, beams, self._lengths)]
-        rows = [self._said(number, found, ping)
-                for number, found in enumerate(self._of_main_lobes(detected, beams, ping))]
+        detected = self._of_main_lobes(detected, beams, ping)
+        rows = [self._said(number, found, ping) for number, found in enumerate(detected)]
         columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
         return Measurement(halves=beams, pulse_length=self._lengths, **columns)
 
-    def _detected(self, sector: SectorBeams, halves: Halves, ping: int, pulse_length: float) -> Detections:
+    def _detected(self, sector: SectorBeams, halves: Halves, ping: int, pulse_length: float,
+                  without: np.ndarray | None = None) -> Detections:
         """The bed in a sector's beams."""
         survey, sines = sector.run.survey, sector.run.sines[ping]
         gate = self._survey.depth_gate
@@ -100,14 +101,16 @@ class SwathBeams:
         head = Head(pulse_length=pulse_length, beam_width=sector.beam_width(sines), baseline=sector.baseline,
                     transmit_width=sector.transmit_width, gate=None if gate is None else
                     (2 * gate[0] / speed, float(sector.time[-1])))
-        found = detect((halves.port, halves.starboard), time=sector.time, sines=sines, head=head)
+        found = detect((halves.port, halves.starboard), time=sector.time, sines=sines, head=head, without=without)
         return found if gate is None else _within(found, sines, speed, gate)
 
     def _of_main_lobes(self, detected: list[Detections], beams: list[tuple[Halves, np.ndarray]],
                        ping: int) -> list[Detections]:
-        """Detections, of which those that side lobes may have brought are not valid.
+        """Detections without those that side lobes may have brought.
 
         A sector sends across the whole swath, and its beams receive by side lobes what another sector's beams look at.
+        Beams at the edge of a bed took their slope from the beams beyond it, too: a sector that has such
+        beams is detected in again, without them.
         """
         echoes = [reduced((halves.port, halves.starboard), time, length)
                   for (halves, time), length in zip(beams, self._lengths)]
@@ -124,7 +127,8 @@ class SwathBeams:
                                                                  _share(others, sector.lobe_width)))
             own = np.diagonal(mean_between(echoes[number], begin, end))
             seen = of_main_lobes(own, brought, _share(sines, sector.lobe_width))
-            checked.append(replace(found, valid=found.valid & seen))
+            again = found if seen.all() else self._detected(sector, beams[number][0], ping, self._lengths[number], ~seen)
+            checked.append(replace(again, valid=again.valid & seen))
         return checked
 
     def _said(self, number: int, found: Detections, ping: int) -> dict[str, np.ndarray]:
