@@ -109,8 +109,8 @@ class SwathBeams:
         """Detections without those that side lobes may have brought.
 
         A sector sends across the whole swath, and its beams receive by side lobes what another sector's beams look at.
-        Beams at the edge of a bed took their slope from the beams beyond it, too: a sector that has such
-        beams is detected in again, without them.
+        Beams at the edge of a bed took their slope from the beams beyond it, too: a sector that has such beams is
+        detected in again, without them.
         """
         echoes = [reduced((halves.port, halves.starboard), time, length)
                   for (halves, time), length in zip(beams, self._lengths)]
@@ -127,7 +127,8 @@ class SwathBeams:
                                                                  _share(others, sector.lobe_width)))
             own = np.diagonal(mean_between(echoes[number], begin, end))
             seen = of_main_lobes(own, brought, _share(sines, sector.lobe_width))
-            again = found if seen.all() else self._detected(sector, beams[number][0], ping, self._lengths[number], ~seen)
+            again = found if seen.all() else self._detected(sector, beams[number][0], ping, self._lengths[number],
+                                                            ~seen)
             checked.append(replace(again, valid=again.valid & seen))
         return checked
 
