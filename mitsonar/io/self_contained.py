@@ -12,6 +12,8 @@ from .files import FilePath
 
 __all__ = ["DataElsewhere", "check_hdf5", "check_store"]
 
+DEEPEST = 100                      # groups within groups; the HDF5 library ends the process at some thousands
+
 
 class DataElsewhere(ValueError):
     """A record refers to data outside itself; what it says has no name of the file."""
@@ -29,6 +31,8 @@ def check_hdf5(path: FilePath) -> None:
     ------
     DataElsewhere
         If a part of it lies in another file, or is put together from other datasets.
+    ValueError
+        If its groups are nested too deep for the HDF5 library.
     OSError, RuntimeError, ...
         As h5py, if the file is damaged or is no HDF5 file.
     """
@@ -36,9 +40,11 @@ def check_hdf5(path: FilePath) -> None:
     from h5py import h5d, h5g, h5l, h5o
 
     with h5py.File(path, "r") as file:
-        groups, seen = [h5g.open(file.id, b"/")], set()
-        while groups:                                  # no recursion: groups can be nested deeper than the stack
-            group = groups.pop()
+        groups, seen = [(h5g.open(file.id, b"/"), 0)], set()
+        while groups:
+            group, depth = groups.pop()
+            if depth > DEEPEST:
+                raise ValueError(f"its groups are nested more than {DEEPEST} deep")
             for name in group:
                 kind = group.links.get_info(name).type
                 if kind == h5l.TYPE_SOFT:              # leads to a place in this file, which is visited by itself
@@ -50,7 +56,7 @@ def check_hdf5(path: FilePath) -> None:
                     continue
                 seen.add((about.fileno, about.addr))
                 if about.type == h5o.TYPE_GROUP:
-                    groups.append(h5g.open(group, name))
+                    groups.append((h5g.open(group, name), depth + 1))
                 elif about.type == h5o.TYPE_DATASET:
                     layout = h5d.open(group, name).get_create_plist()
                     if layout.get_layout() == h5d.VIRTUAL:
