@@ -68,7 +68,7 @@ class SonarSignals(xr.DataArray):
 
 
 def not_all_nan(record: Record) -> Record:
-    """Return a record, or refuse it where its levels or samples are all NaN.
+    """Return a record, or refuse it where its levels or samples are no numbers, or all NaN.
 
     Raises
     ------
@@ -77,6 +77,8 @@ def not_all_nan(record: Record) -> Record:
     arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
     for array in arrays:
         values = array.values
+        if values.dtype.kind not in "biufc":
+            raise ValueError(f"{array.name or 'the signals'} holds {values.dtype}, which is no number; write it again")
         # few records begin with NaN: of the others only one number is looked at
         if values.dtype.kind in "fc" and values.size and np.isnan(values.flat[0]) and np.isnan(values).all():
             raise ValueError(f"all numbers of {array.name or 'the signals'} are NaN, so the record holds nothing; "
@@ -154,7 +156,7 @@ def check_numbers(record: SonarImage | SonarSignals, path: FilePath) -> None:
     Raises
     ------
     ValueError
-        If all of them are NaN.
+        If they are of another type, or all NaN.
     """
     try:
         not_all_nan(record)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -101,6 +102,17 @@ def test_an_image_of_nan_alone_is_refused(tmp_path, name):
         mitsonar.write(image, tmp_path / name)
     with pytest.raises(ValueError, match=f"cannot use .*{name}: all numbers of level are NaN"):
         mitsonar.read(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", [h5py.ref_dtype, [("a", "f4"), ("b", "f4")], h5py.string_dtype()])
+def test_levels_that_are_no_numbers_are_refused(tmp_path, kind):
+    image = sidescan(2, 3)
+    mitsonar.write(image, tmp_path / "a.nc")
+    with h5py.File(tmp_path / "a.nc", "a") as file:
+        del file["level"]
+        file.create_dataset("level", image["level"].shape, kind)
+    with pytest.raises(ValueError, match="cannot use .*a.nc: level holds .*, which is no number; write it again"):
+        mitsonar.read(tmp_path / "a.nc")
 
 
 def test_signals_and_raw_echoes_of_nan_alone_are_refused_and_a_gap_is_not(tmp_path):
