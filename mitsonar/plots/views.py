@@ -11,6 +11,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..io.errors import shortened
 from ..io.files import FilePath
 from ..spelling import meant
 from ..units import db_from_power, power_from_db
@@ -107,9 +108,16 @@ def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = N
     ValueError
         If the dataset lacks sides, beams or the variable, an argument is not as above, or a plot of several panels is
         to be drawn into axes.
+    TypeError
+        If ``dataset`` is no `xarray.Dataset`, such as the path of one, or ``axes`` are none.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
+    if not isinstance(dataset, xr.Dataset):
+        raise TypeError("a plot is of an image or a line, an xarray.Dataset such as mitsonar.read returns, and this is "
+                        f"{shortened(repr(dataset))}.")
+    if not isinstance(axes, Axes | None):
+        raise TypeError(f"axes are of matplotlib, and this is {axes!r}; give Axes, such as pyplot.subplots returns.")
     with sheets_for(path, axes):
         return moved(_figure(dataset, what or usual_plot(dataset), path, tvg, ping, colours, bank), axes)
 

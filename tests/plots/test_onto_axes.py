@@ -51,6 +51,14 @@ def test_a_figure_that_fails_is_closed():
     assert pyplot.get_fignums() == []
 
 
+@pytest.mark.parametrize("record, axes, said", [
+    ("image.exr", None, "xarray.Dataset such as mitsonar.read returns, and this is 'image.exr'"),
+    (small(), Figure(), "axes are of matplotlib, and this is <Figure"), (small(), "here", "and this is 'here'")])
+def test_what_is_no_record_and_what_are_no_axes_is_said(record, axes, said):
+    with pytest.raises(TypeError, match=said):
+        plots.plot(record, axes=axes)
+
+
 @pytest.mark.parametrize("make, what, square", [
     (small, "waterfall", False), (small, "labels", False), (small, "depth", False), (small, "mean", False),
     (fan_image, "waterfall", True), (fan_image, "labels", True), (focused_image, "image", True)])
