@@ -133,7 +133,7 @@ class GroundSpeckle:
         dr.eval(self._beam, self._edge, self._of_gate)
 
     def of(self, ping: np.ndarray) -> np.ndarray:
-        """Give the speckle of pings (B,): complex128 (B, 2, gates), port and starboard."""
+        """Return the speckle of pings (B,): complex128 (B, 2, gates), port and starboard."""
         thread = dr.arange(mi.UInt32, 2 * len(ping) * self._gates)
         table, place = self._pings(ping)
         real, imaginary = self._speckle(thread, table, place)

@@ -141,13 +141,13 @@ def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[t
 
 
 def _shift(soundings, motion, ping):
-    """Give the ping's own place less that of the motion's stream (3,): heave is in steps of a centimetre."""
+    """Return the ping's own place less that of the motion's stream (3,): heave is in steps of a centimetre."""
     there = motion.at(soundings["ping_time"].values[ping]).place
     return np.array([soundings[f"ping_{name}"].values[ping] for name in ("x", "y", "depth")]) - there
 
 
 def _residuals(measured, motion, installed, offsets, profile, bed, node, under_way, shift):
-    """Give residuals (B,) [m] of a ping, bare and with three lever arms fitted."""
+    """Return residuals (B,) [m] of a ping, bare and with three lever arms fitted."""
     sent = motion.at(measured.transmit_time)
     received = motion.at(measured.transmit_time + measured.travel_time)
     if not under_way:
@@ -176,6 +176,6 @@ def _residuals(measured, motion, installed, offsets, profile, bed, node, under_w
 
 
 def _rms(values):
-    """Give the root mean square, infinite where less than half are numbers."""
+    """Return the root mean square, infinite where less than half are numbers."""
     some = np.isfinite(values)
     return float(np.sqrt(np.mean(values[some] ** 2))) if 2 * some.sum() >= max(some.size, 1) else np.inf

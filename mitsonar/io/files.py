@@ -210,7 +210,7 @@ def replacing_all(paths: Iterable[FilePath]) -> Iterator[list[Path]]:
 
 
 def _link(temporary: Path, target: Path) -> None:
-    """Give a file another name in one step, whoever does the same; `FileExistsError` if the name is taken."""
+    """Rename a file in one step, whoever does the same; `FileExistsError` if the name is taken."""
     try:
         os.link(temporary, target)
     except FileExistsError:

@@ -126,7 +126,7 @@ def _table(head, *columns):
 
 
 def _track(soundings: xr.Dataset, ping_rate: float) -> tuple[str, str]:
-    """Give the way of the transmit array from the first ping to the last echo, and a clause on how it was smoothed.
+    """Return the way of the transmit array from the first ping to the last echo, and a clause on how it was smoothed.
 
     The reference point may be out of the water. Pings outside the motion's records have their own places.
     """

@@ -38,7 +38,7 @@ def part_of(path: Path) -> Path:
 
 
 def size_of(first: xr.Dataset, count: int) -> int:
-    """Give the bytes that so many pings like the first take [bytes], to within some thousands."""
+    """Return the bytes that so many pings like the first take [bytes], to within some thousands."""
     return sum(int(variable.nbytes) * (count if "ping" in variable.dims else 1)
                for variable in first.variables.values())
 
@@ -251,7 +251,7 @@ class PingFile:
         self.written = number + 1
 
     def finish(self, target: Path) -> None:
-        """Give the file its final name while it is still locked: nobody else can begin to write it.
+        """Rename the file to its final name while it is still locked: nobody else can begin to write it.
 
         Raises
         ------

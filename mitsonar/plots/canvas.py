@@ -64,7 +64,7 @@ def colours_of(name: str) -> Colormap:
 
 
 def darkened(figure: Figure) -> Figure:
-    """Give a light sheet the paper and ink of the waterfalls, in place; colours that the paper hides get lighter."""
+    """Change a light sheet to the paper and ink of the waterfalls; colours that the paper hides get lighter."""
     if to_hex(figure.get_facecolor()) == PAPER:
         return figure
     figure.set_facecolor(PAPER)

@@ -96,7 +96,7 @@ def _steepness(part):
 
 
 def in_the_water(part: xr.Dataset) -> np.ndarray:
-    """Tell where the bed has not been seen yet, per ping and side."""
+    """Return where the bed has not been seen yet, per ping and side."""
     return ~np.logical_or.accumulate(np.isfinite(part["seabed_depth"].values), axis=-1)
 
 

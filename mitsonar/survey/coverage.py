@@ -112,7 +112,7 @@ def _looks(survey: Survey, sensor: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _hit(geometry: Geometry, origin: np.ndarray, direction: np.ndarray, farthest: float) -> np.ndarray:
-    """Tell which straight rays (R, 3) meet anything but the sea surface within a distance [m]."""
+    """Return which straight rays (R, 3) meet anything but the sea surface within a distance [m]."""
     points, ways = ((upload(mi.Float, column.astype(np.float32)) for column in np.asarray(rows, float).T)
                     for rows in (origin, direction))
     ray: Any = mi.Ray3f(mi.Point3f(*points), mi.Vector3f(*ways))

@@ -17,7 +17,7 @@ WINDOW_RAYS = 8                    # rays aside that a window of bins holds
 
 def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, aside: mi.Bool, *, rows: int,
                bins: EnergyBins, drawn: float, wanted: float) -> np.ndarray:
-    """Give how far each cell leads into bins that few rays reach, of rays within the core and of those aside of it.
+    """Return how far each cell leads into bins that few rays reach, of rays within the core and of those aside of it.
 
     A bin that only side lobes reach is reached by few rays of a first pass, if by any. What side lobes bring changes
     slowly along the record, so that rays aside count for the bins around theirs:

@@ -256,13 +256,13 @@ class SideLaunch:
 
 
 def _ratio(values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Give values over others, 1 where either is not above 0."""
+    """Return values divided by others, 1 where either is not above 0."""
     there = (values > 0) & (others > 0)
     return np.where(there, values / np.where(there, others, 1), 1)
 
 
 def _ends(xi, share):
-    """Whether numbers of [0, 1) lie at its ends, how far from them with the sign of the end, and the rest on [0, 1)."""
+    """Return which numbers of [0, 1) lie at its ends, how far off with the sign of the end, and the rest on [0, 1)."""
     half = 0.5 * share
     low, high = xi < half, xi > 1 - half
     end = dr.select(low, xi, 1 - xi) / half

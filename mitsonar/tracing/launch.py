@@ -127,7 +127,7 @@ def along_quantiles(sonar: Sidescan, shifts: np.ndarray | tuple[float, ...] = (0
 
 
 def core_quantiles(sonar: Sidescan, shifts: np.ndarray, core: float) -> tuple[np.ndarray, float]:
-    """Give the part of `along_quantiles` with |u| < core, (CELLS + 1,), and the share of rays that belongs outside."""
+    """Return the part of `along_quantiles` with |u| < core, (CELLS + 1,), and the share of rays that lies outside."""
     edges, density = _along_density(sonar, shifts, core)
     first, last = np.flatnonzero(np.abs(edges) <= core)[[0, -1]]
     heard = sonar.along_intensity(0.5 * (edges[1:] + edges[:-1])) * np.diff(edges)
@@ -137,7 +137,7 @@ def core_quantiles(sonar: Sidescan, shifts: np.ndarray, core: float) -> tuple[np
 
 
 def core_of(sonar: Sidescan, shift: float = 0.0) -> float:
-    """Give how far the main lobe and the lobes next to it reach in u, where u shifts by up to so much on the way."""
+    """Return how far the main lobe and the lobes next to it reach in u, where u shifts by up to so much on the way."""
     return min(4 * sonar.wavelength / max(sonar.longest, 4 * sonar.wavelength) + shift, 1.0)
 
 

@@ -34,7 +34,7 @@ def main(argv=None):
 
 
 def rows_of(path):
-    """Give the rows of a line: with the head's sound speed or the cast's, of the ship held in place, and moved."""
+    """Return the rows of a line: with the head's sound speed or the cast's, of the ship held in place, and moved."""
     for node in (True, False):
         for held in (True, False):
             found = list(pings_of(path, held, node))
@@ -70,7 +70,7 @@ def under_way(one):
 
 
 def anew(one, held, node):
-    """Give places (sounding, 3) of `resounded` less the file's, from the ping's own place."""
+    """Return places (sounding, 3) of `resounded` less the file's, from the ping's own place."""
     from mitsonar.hydrography.instrument_rules import Rules
     from mitsonar.hydrography.resounding import resounded
 

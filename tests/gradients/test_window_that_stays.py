@@ -26,7 +26,7 @@ SCENE = """<scene version="3.0.0">
 
 
 def leaf_of(params, speeds):
-    """Give the water these speeds, which carry gradients."""
+    """Set the speeds of the water, which carry gradients."""
     leaf = mi.Float64(speeds)
     dr.enable_grad(leaf)
     params[KEY] = leaf

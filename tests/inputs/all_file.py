@@ -14,7 +14,7 @@ BEAMS, SECTORS, SAMPLES = 8, 2, 30
 
 
 def level(time: np.ndarray) -> np.ndarray:
-    """Give the pitch [degrees] of a level ship at times [s]."""
+    """Return the pitch [degrees] of a level ship at times [s]."""
     return 0 * time
 
 

@@ -36,7 +36,7 @@ def place(tmp_path, variant):
 
 @pytest.fixture
 def refusal(tmp_path, variant):
-    """Give the sentence by which a scene is refused, after which no library of its folder is in memory."""
+    """Return the sentence by which a scene is refused, after which no library of its folder is in memory."""
     def refusal(body, **parameters):
         path = tmp_path / "scene.xml"
         path.write_text(SCENE.replace("BODY", body))

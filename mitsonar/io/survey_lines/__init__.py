@@ -122,7 +122,7 @@ def check_asked(place: Place | None, start: str | None, first: xr.Dataset | None
 
 
 def stored(path: FilePath) -> Iterator[xr.Dataset]:
-    """Give the pings of a line that was made ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
+    """Return the pings of a line that was made ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
     from .. import netcdf
 
     with netcdf.opened(path, unfinished=True) as record:

@@ -121,7 +121,7 @@ def at(stream: BinaryIO, offset: int, length: int) -> Datagram:
 
 
 def beams_of(ping: Datagram) -> tuple[int, int, int]:
-    """Give the numbers of soundings, sectors and extra detections of #MRZ, once they are known to fit into it.
+    """Return the numbers of soundings, sectors and extra detections of #MRZ, once they are known to fit into it.
 
     Raises
     ------

@@ -48,7 +48,7 @@ def datagram(kind: str, version: int, sounder: int, since: float, content: bytes
 
 
 def body(ping: Ping, number: int) -> dict[str, int]:
-    """Give what all datagrams of a ping begin with, in the order of the file.
+    """Return what all datagrams of a ping begin with, in the order of the file.
 
     Counters begin at 1: readers take a change of the counter for a new ping, and their own begins at 0.
     """

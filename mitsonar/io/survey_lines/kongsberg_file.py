@@ -40,7 +40,7 @@ class KongsbergFile(ABC):
                 yield self._ping(streams, key)
 
     def _left_out(self, passed: set[str], known: tuple[str, ...], extra: int = 0) -> str:
-        """Give a clause on datagrams that are not read, but for some known ones, and on extra detections."""
+        """Return a clause on datagrams that are not read, but for some known ones, and on extra detections."""
         kinds = sorted(kind for kind in passed - {*known} if kind.isprintable())
         return ", and ".join((
             *([f"{extra} extra detections in the water column are left out"] if extra else []),

@@ -122,7 +122,7 @@ def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, wate
 
 
 def _carried(time, fixes, antenna, roll, pitch, heading):
-    """Give x and y (T,) of the reference point at times, from positions of the antenna."""
+    """Return x and y (T,) of the reference point at times, from positions of the antenna."""
     x, y = _followed(time, fixes[:, 0], fixes[:, 1:]).T
     arm = levelled(antenna, roll, pitch)
     return across_and_along(x, y, heading, -arm[:, 1], -arm[:, 0])

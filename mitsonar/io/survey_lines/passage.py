@@ -52,7 +52,7 @@ class Passage:
         return np.gradient(values, self.time, axis=0) if self.time.size > 1 else np.zeros_like(values)
 
     def way(self, since: float) -> tuple[float, float]:
-        """Give course [rad] and speed [m/s] over ground at a time [s since 1970]."""
+        """Return course [rad] and speed [m/s] over ground at a time [s since 1970]."""
         north, east = (np.interp(since, self.time, one) for one in self.velocity.T[:2])
         return float(np.arctan2(east, north) % (2 * np.pi)), float(np.hypot(north, east))
 

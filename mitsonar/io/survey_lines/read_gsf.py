@@ -143,7 +143,7 @@ class GsfFile:
         return np.deg2rad([value(of, f"{name}_OFFSET", 1)[0] for name in ("ROLL", "PITCH", "HEADING")])
 
     def _receivers(self, what):
-        """Give the lever arms or the mountings (R, 3) of the receive arrays."""
+        """Return the lever arms or the mountings (R, 3) of the receive arrays."""
         return np.stack([self._array("RX_", what, head) for head in range(self._heads)])
 
     @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none; `dataset` sorts them out
@@ -199,7 +199,7 @@ class GsfFile:
         return kept
 
     def _angles(self, beams, place, head):
-        """Give transmit angles and angles of the beams of a ping of a head."""
+        """Return transmit angles and angles of the beams of a ping of a head."""
         if "BeamAngle_deg" not in beams:
             nothing = np.full(len(beams["Depth_m"]), np.nan)
             return nothing, nothing
@@ -238,7 +238,7 @@ def _count(shots):
 
 
 def _numbers(text: str | None, first: int = 0, count: int = 3) -> np.ndarray:
-    """Give some numbers of a parameter, 0 where it is not known."""
+    """Return some numbers of a parameter, 0 where it is not known."""
     numbers = np.zeros(count)
     for axis, part in enumerate((text or "").split(",")[first:first + count]):
         try:
