@@ -39,10 +39,10 @@ def warn_of_window(survey: Survey, sensor: Sensor) -> None:
     """
     speed = slowest_speed(sensor)
     farthest = 0.5 * speed * sensor.film().window(speed)[0][1]
-    short = survey.depth_below > farthest
+    short = survey.depth_below >= farthest
     if short.any():
         _warn_of_short(survey, farthest, np.flatnonzero(short))
-    if not short.all():
+    if (survey.depth_below < farthest).any():
         _warn_of_edge(survey, sensor, farthest)
 
 
@@ -89,8 +89,8 @@ def _warn_of_edge(survey: Survey, sensor: Sensor, farthest: float) -> None:
         bearing, there = np.degrees(np.arctan2(looks[look, 1], looks[look, 0])), float(np.median(reach[:, look]))
         side = "to either side of" if sensor.kind in TWO_SIDED else f"at a bearing of {bearing:.0f} degrees from"
         warnings.warn(f"the seabed ends about {edge[look] * there:.3g} m {side} the sonar, and the range of "
-                      f"{farthest:g} m reaches {there:.3g} m over the bed: the record is empty beyond, which is no "
-                      "shadow. Make the bed wider, or the film's range shorter", stacklevel=3)
+                      f"{farthest:g} m reaches {round(there, 1):g} m over the bed: the record is empty beyond, "
+                      "which is no shadow. Make the bed wider, or the film's range shorter", stacklevel=3)
 
 
 def _looks(survey: Survey, sensor: Any) -> tuple[np.ndarray, np.ndarray]:
