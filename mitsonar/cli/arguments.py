@@ -31,7 +31,7 @@ class Parser(argparse.ArgumentParser):
             namespace: argparse.Namespace | None = None) -> tuple[argparse.Namespace, list[str]]:
         """Parse, and remember the words for what `error` says of them."""
         self._words = list(sys.argv[1:] if args is None else args)
-        return super().parse_known_args(self._words, namespace)
+        return super().parse_known_args(self._words, argparse.Namespace() if namespace is None else namespace)
 
     def _stray_values(self) -> list[str]:
         """Return the words KEY=VALUE that lack the -D before them."""

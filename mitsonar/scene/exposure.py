@@ -94,5 +94,6 @@ def _in_the_way(scene: mi.Scene, start: np.ndarray, end: np.ndarray) -> np.ndarr
     length = np.linalg.norm(end - start, axis=1)
     origin, direction = (mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in vectors.T))
                          for vectors in (start, (end - start) / np.maximum(length, 1e-9)[:, None]))
-    ray = mi.Ray3f(mi.Point3f(origin), direction, upload(mi.Float, length.astype(np.float32)), 0, mi.Color0f())
+    ray = mi.Ray3f(mi.Point3f(origin), direction, upload(mi.Float, length.astype(np.float32)), mi.Float(0),
+                   mi.Color0f())
     return dr.detach(scene.ray_test(ray)).numpy().astype(bool)

@@ -132,7 +132,7 @@ def kind_of(sensor: Any) -> Kind:
     ValueError
         If it is no sonar.
     """
-    kind = getattr(sensor, "kind", None)
+    kind = getattr(sensor, "kind", "")
     if kind not in KINDS:
         name = sensor.class_name() if hasattr(sensor, "class_name") else type(sensor).__name__
         raise ValueError(f"the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a {name}")

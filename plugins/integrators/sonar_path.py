@@ -86,8 +86,9 @@ class SonarPath(mi.SamplingIntegrator):
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
-        survey = kind_of(sensor).plan(scene, sensor, self.settings)
-        warn_of_window(survey, sensor)
+        sonar: Any = sensor
+        survey = kind_of(sonar).plan(scene, sonar, self.settings)
+        warn_of_window(survey, sonar)
         return survey
 
     def array_survey(self, scene: mi.Scene, sensor: mi.Sensor, lead: float = 0.0) -> ArraySurvey:
@@ -106,8 +107,9 @@ class SonarPath(mi.SamplingIntegrator):
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
-        survey = kind_of(sensor).plan_elements(scene, sensor, self.settings, lead)
-        warn_of_window(survey, sensor)
+        sonar: Any = sensor
+        survey = kind_of(sonar).plan_elements(scene, sonar, self.settings, lead)
+        warn_of_window(survey, sonar)
         return survey
 
     def picture(self, survey: Survey, sensor: mi.Sensor, seed: int = 0,

@@ -60,7 +60,7 @@ def test_pyright_finds_nothing(type_checker):
         child.wait()
         output.seek(0)
         *lines, last = output.read().splitlines()
-        found = [line for line in lines if not line.startswith(" ")]       # what follows belongs to the line before
+        found = [line for line in lines if not line[:1].isspace()]       # what follows belongs to the line before
         files, wrong = (int(number) for number in re.findall(r"\d+", last))
         assert (child.returncode, wrong) == ((1, len(found)) if found else (0, 0)), last
     assert files > 300 and not found, "\n" + "\n".join(found)
