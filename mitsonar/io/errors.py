@@ -38,4 +38,4 @@ def shortened(text: str) -> str:
     str
     """
     text = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST - 500]} ... {text[-400:]}"
+    return text if len(text) <= LONGEST else f"{text[:300]} ... {text[-300:]}"

@@ -166,8 +166,6 @@ _SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
     (r"Property \"(.*?)\" cannot be found!", lambda m: f"attribute {m[1]} is missing."),
     (r"Property \"(.*?)\" was specified multiple times", lambda m: f"attribute {m[1]} is written twice."),
     (r"Invalid spectrum value \"(.*?)\" \(expected", _not_pairs),
-    (r"failed to load spectrum from file \"(.*?)\"",
-     lambda m: f'the table "{m[1]}" holds a line that is no pair of numbers; write such as "0 1490.5" on each line.'),
     (r"Wavelengths must be specified in increasing order",
      lambda m: "the first numbers of a table (such as depths) must increase."),
     (r"Spectrum must have at least two entries", lambda m: "a table needs at least two entries."),

@@ -213,4 +213,4 @@ def test_a_record_with_less_noise_than_was_said_is_fitted_all_the_same():
                 {"x": Prior(deviation=3.0)})
     assert found.deviance[0] < 1 and found.iterations >= 1
     assert found.values["x"] == pytest.approx(truth, abs=0.01)
-    assert any("of its noise: it has less than was said" in sentence for sentence in found.sentences())
+    assert any("of the stated noise: the record probably has less" in sentence for sentence in found.sentences())

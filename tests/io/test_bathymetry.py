@@ -213,7 +213,7 @@ def array(tmp_path, values):
 @pytest.mark.parametrize("prepare, options, said", [
     (lambda t: t / "none.tif", {}, "none.tif: there is no such file"),
     (text_file, {}, r"survey.bag: this is not a bathymetry grid that GDAL can read \(.*not recognized"),
-    (broken_hdf5, {}, r"survey.bag: this is not a bathymetry grid that GDAL can read \(not recognized"),
+    (broken_hdf5, {}, "survey.bag: the HDF5 file is damaged"),
     (lambda t: t, {}, "it is a folder, a device or a pipe; give a file"),
     (lambda t: make(t / "a.tif"), {"band": 2}, "there is no band 2; the file has 1 unnamed"),
     (lambda t: make(t / "a.tif"), {"vertical": "up"}, 'vertical is "up"; it must be'),

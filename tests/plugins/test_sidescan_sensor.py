@@ -142,7 +142,7 @@ def test_line_stays_off_the_land(sidescan):
     shapes = {"bed": bed(width=20, x=20), "island": bed(depth=-5, width=40, x=-10)}
     track, _, _ = plan(sidescan(pings=3, heading_deg=0.0), **shapes)
     assert track.position[:, 0] == pytest.approx(np.full(3, 20.0), abs=0.5)
-    with pytest.raises(ValueError, match="no seabed below z = 0"):
+    with pytest.raises(ValueError, match="the seabed is 5.00 m above the sea surface; depths are positive down"):
         plan(sidescan(), island=shapes["island"])
 
 

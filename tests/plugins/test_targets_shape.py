@@ -195,7 +195,7 @@ def test_a_crowded_field_has_fewer_targets_and_says_so(strewn):
     ("faceless.ply", PLY.format(vertices=4, faces=0) + "0 0 0\n1 0 0\n0 1 0\n0 0 1\n", "elements are none"),
     ("beyond.ply", TETRAHEDRON.replace("3 1 2 3", "3 1 2 9"), "a face names vertex 9, and the vertices count from"),
     ("flat.ply", TETRAHEDRON.replace("0 0 1\n", "1 1 0\n"), "the mesh flat lies in a plane"),
-    ("text.obj", "hello\nworld\n", "cannot be read ("),
+    ("text.obj", "hello\nworld\n", "or no OBJ file of triangles: it has no vertices"),
     ("millimetres.ply", TETRAHEDRON.replace("1 0 0\n", "1900 0 0\n"), "is the file in metres?"),
     ("big.mine.ply", TETRAHEDRON, "has a dot in its name"),
 ])
