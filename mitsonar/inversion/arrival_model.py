@@ -18,7 +18,7 @@ import numpy as np
 
 from ..gradients.model import Values
 from ..propagation.eigenrays import eigenray
-from ..propagation.travel import Travel, rotated
+from ..propagation.travel import REST, Travel, rotated
 from ..sonar.track import Track, rotation_matrix
 from ..sonar.trajectory import Recorded, Trajectory
 from ..spelling import meant
@@ -104,10 +104,9 @@ class ArrivalModel:
             trajectory = Trajectory(lead=Recorded.through(track))
             ways = trajectory.during(track.time, duration)
             self._velocity = trajectory.rates(track.time)[0]
-            self._ways = [Travel(displacement=[tuple(row) for row in d], turn=[tuple(row) for row in r],
-                                 duration=duration) for d, r in zip(ways.displacement, ways.turn)]
+            self._ways = [Travel.within(d, r, duration) for d, r in zip(ways.displacement, ways.turn)]
         else:
-            self._ways = [Travel(displacement=(), turn=(), duration=duration)]
+            self._ways = [REST]
 
     def value(self, values: Values) -> np.ndarray:
         """Give the times (P K E,) [s]; see `ForwardModel.value`."""

@@ -10,7 +10,7 @@ Written once for NumPy and Dr.Jit numbers.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import drjit as dr
 import numpy as np
@@ -30,42 +30,50 @@ class Travel(Record):
         Plain numbers, or opaque Float64; none where the platform is at rest.
     duration : number [s]
         Up to when the polynomials hold; later it goes straight on.
+    end_velocity, end_turn_rate : triple [m/s], [rad/s]
+        v and dr/dt at that time, with which it does.
     """
 
     displacement: Sequence[Triple]
     turn: Sequence[Triple]
     duration: Numbers
+    end_velocity: Triple
+    end_turn_rate: Triple
+
+    @classmethod
+    def within(cls, displacement: np.ndarray, turn: np.ndarray, duration: float,
+               number: Callable[[float], Numbers] = float) -> Travel:
+        """Make the way of one ping of a `PingTravel`, (K, 3) each, from its numbers as `number` converts them."""
+        ends = [_slope(powers, duration) for powers in (displacement, turn)]
+        moves, turns, (velocity, turn_rate) = (tuple(tuple(map(number, row)) for row in rows)
+                                               for rows in (displacement, turn, ends))
+        return cls(displacement=moves, turn=turns, duration=number(duration), end_velocity=velocity,
+                   end_turn_rate=turn_rate)
 
     def moved(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give D(t): triple [m]."""
-        return self._at(self.displacement, time)
+        return self._at(self.displacement, self.end_velocity, time)
 
     def velocity(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give v(t): triple [m/s]."""
-        return self._slope(self.displacement, time)
+        return _slope(self.displacement, self._inside(time))
 
     def turned(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give r(t): triple [rad]."""
-        return self._at(self.turn, time)
+        return self._at(self.turn, self.end_turn_rate, time)
 
     def turn_rate(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Give ω(t): triple [rad/s]."""
-        return self._slope(self.turn, time)
+        return _slope(self.turn, self._inside(time))
 
-    def _at(self, coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    def _at(self, coefficients: Sequence[Triple], end: Triple, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         inside = self._inside(time)
         value = [_zero(time)] * 3
         for row in reversed(coefficients):
             value = [(part + d) * inside for part, d in zip(value, row)]
         if len(coefficients) > 1:
-            value = [part + v * (time - inside) for part, v in zip(value, self._slope(coefficients, inside))]
-        return tuple(value)
-
-    def _slope(self, coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        inside = self._inside(time)
-        value = [_zero(time)] * 3
-        for power in range(len(coefficients), 0, -1):
-            value = [part * inside + power * d for part, d in zip(value, coefficients[power - 1])]
+            beyond = time - inside
+            value = [part + v * beyond for part, v in zip(value, end)]
         return tuple(value)
 
     def _inside(self, time: Numbers) -> Numbers:
@@ -74,12 +82,13 @@ class Travel(Record):
         return dr.minimum(time, self.duration) if dr.is_jit_v(time) else np.minimum(time, self.duration)
 
 
-REST = Travel(displacement=(), turn=(), duration=0.0)
+REST = Travel(displacement=(), turn=(), duration=0.0, end_velocity=(0.0, 0.0, 0.0), end_turn_rate=(0.0, 0.0, 0.0))
 
 
 def steady(velocity: Triple, turn_rate: Triple = (0.0, 0.0, 0.0)) -> Travel:
     """Make the way at one velocity [m/s] and one angular velocity [rad/s], triples."""
-    return Travel(displacement=(tuple(velocity),), turn=(tuple(turn_rate),), duration=np.inf)
+    return Travel(displacement=(tuple(velocity),), turn=(tuple(turn_rate),), duration=np.inf,
+                  end_velocity=tuple(velocity), end_turn_rate=tuple(turn_rate))
 
 
 def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbers, Numbers, Numbers]:
@@ -94,6 +103,14 @@ def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbe
     along = (kx * x + ky * y + kz * z) * (1 - cosine)
     return (x * cosine + (ky * z - kz * y) * sine + kx * along, y * cosine + (kz * x - kx * z) * sine + ky * along,
             z * cosine + (kx * y - ky * x) * sine + kz * along)
+
+
+def _slope(coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Derivatives of polynomials without a constant term: a triple."""
+    value = [_zero(time)] * 3
+    for power in range(len(coefficients), 0, -1):
+        value = [part * time + power * d for part, d in zip(value, coefficients[power - 1])]
+    return tuple(value)
 
 
 def _zero(time: Numbers) -> Numbers:

@@ -30,6 +30,7 @@ from .waypoints import Course
 __all__ = ["Circled", "Lead", "PingTravel", "Recorded", "Sailed", "Smooth", "Trajectory", "Voyage"]
 
 POWERS = 6
+KEPT = 4, 6, 12                    # powers, of a way that bends
 NEGLIGIBLE = 1e-9                  # [m], [rad]: powers that stay below are none
 STEP = 2e-4                        # [s] of differences
 ROUNDED = 1.0                      # [s] over which a rate of turn grows where a course bends: no kink within a ping
@@ -179,13 +180,13 @@ class PingTravel:
     def trimmed(self) -> PingTravel:
         """Leave out the highest powers that stay below 1e-9 m and rad; a platform at rest has none.
 
-        Kernels are compiled for a number of powers. Therefore one that neither rests nor goes straight ahead keeps a
-        multiple of 6, of which those left out are 0.
+        Kernels are compiled for a number of powers. Therefore one that neither rests nor goes straight ahead keeps 4,
+        which is enough for most ways, 6 or 12, of which those left out are 0.
         """
         worth = np.maximum(np.abs(self.displacement).max((0, 2)), np.abs(self.turn).max((0, 2)))
         count = int(np.max(np.flatnonzero(worth * self.duration ** np.arange(1, len(worth) + 1) > NEGLIGIBLE) + 1,
                            initial=0))
-        spare = 0 if count < 2 else -count % POWERS
+        spare = 0 if count < 2 else min(kept for kept in KEPT if kept >= count) - count
         displacement, turn = (np.pad(powers[:, :count], [(0, 0), (0, spare), (0, 0)])
                               for powers in (self.displacement, self.turn))
         return replace(self, displacement=displacement, turn=turn)

@@ -35,7 +35,6 @@ import numpy as np
 from ...device.arrays import opaque_vector
 from ...propagation.travel import Travel, rotated
 from ..array_survey import ArraySurvey
-from ..elements.ping_source import opaque64
 
 __all__ = ["Arrival", "Reception"]
 
@@ -99,8 +98,7 @@ class Reception:
         d, r = travel.displacement[0], travel.turn[0]
         self._moves, self._turns = (bool(len(powers)) and bool((travel.reach(powers[None]) > SMALL).any())
                                     for powers in (d, r))
-        self._travel = Travel(displacement=tuple(map(opaque64, d)), turn=tuple(map(opaque64, r)),
-                              duration=dr.opaque(mi.Float64, travel.duration))
+        self._travel = Travel.within(d, r, travel.duration, lambda number: dr.opaque(mi.Float64, float(number)))
         sender_travel = survey.travel(ping, transmit_centre)
         self._sent_velocity = sender_travel.displacement[0][0] if len(sender_travel.displacement[0]) else np.zeros(3)
         self._axis, self._normal = rotation @ axis, rotation @ normal

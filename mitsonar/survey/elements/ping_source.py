@@ -84,8 +84,7 @@ class View:
         axial = mirror * np.prod(mirror)
         d, r = travel.displacement[0] * mirror, travel.turn[0] * axial
         powers = np.arange(1, len(d) + 1)
-        on_device = Travel(displacement=tuple(map(opaque64, d)), turn=tuple(map(opaque64, r)),
-                           duration=dr.opaque(mi.Float64, travel.duration))
+        on_device = Travel.within(d, r, travel.duration, lambda number: dr.opaque(mi.Float64, float(number)))
         return cls(medium=medium, state=medium.at(depth), depth=depth, position=position, rotation=rotation,
                    travel=on_device, tilt=float(np.linalg.norm(travel.reach(travel.turn)[:2])),
                    climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])))
