@@ -23,7 +23,7 @@ import xarray as xr
 
 from .files import FULL, replacing
 from .netcdf import BESIDE, WRITTEN, packing
-from .records import ENGINE, encoded, plain_value
+from .records import ENGINE, JSON, encoded, plain_value
 from .self_contained import DataElsewhere, check_hdf5
 
 __all__ = ["PingFile", "fill", "lay_out", "part_of", "size_of"]
@@ -186,8 +186,8 @@ class PingFile:
                 self.file = h5py.File(path, "r+")
         except DataElsewhere as error:
             raise ValueError(f"cannot go on with {path}: {error}") from None
-        except OSError as error:
-            raise ValueError(f"{path} is damaged ({error}); remove it.") from None
+        except (OSError, RuntimeError, KeyError) as error:
+            raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}); remove it.") from None
         if WRITTEN not in self.file or RUN not in self.file.attrs:
             self.file.close()
             raise ValueError(f"{path} is whole, or of another program; remove it, or give another name.")
@@ -219,9 +219,10 @@ class PingFile:
             there, here = (np.asarray(attrs[name]).reshape(-1).tolist() if name in attrs else None
                            for attrs in (self.file.attrs, first.attrs))
             if there and here and there != here:
-                (there, *_), (here, *_) = there, here
-                words = "" if max(len(str(there)), len(str(here))) > 40 else f" ({there}, and here it is {here})"
-                raise ValueError(f"{self.path} was begun with another {name}{words}; remove it, or give another name.")
+                there, here = _said(there[0]), _said(here[0])
+                words = "" if max(len(there), len(here)) > 40 else f" ({there}, and here {here})"
+                other = "other parameters" if name == "parameters" else f"another {name}"
+                raise ValueError(f"{self.path} was begun with {other}{words}; remove it, or give another name.")
         raise ValueError(f"{self.path} was begun with another scene; remove it, or give another name.")
 
     def put(self, number: int, one: xr.Dataset) -> None:
@@ -278,6 +279,13 @@ class PingFile:
                 plain.errno = code
                 return plain
         return error
+
+
+def _said(value: Any) -> str:
+    """Return an attribute in words: dictionaries are JSON in the file."""
+    text = str(value)
+    held = json.loads(text[len(JSON):]) if text.startswith(JSON) else text
+    return (", ".join(f"{key}={one}" for key, one in held.items()) or "none") if isinstance(held, dict) else str(held)
 
 
 def _stored(variable: xr.Variable) -> np.dtype:

@@ -31,10 +31,8 @@ def check_hdf5(path: FilePath) -> None:
     ------
     DataElsewhere
         If a part of it lies in another file, or is put together from other datasets.
-    ValueError
-        If its groups are nested too deep for the HDF5 library.
     OSError, RuntimeError, ...
-        As h5py, if the file is damaged or is no HDF5 file.
+        If its groups are nested too deep for the HDF5 library; as h5py, if the file is damaged or is no HDF5 file.
     """
     import h5py
     from h5py import h5d, h5g, h5l, h5o
@@ -44,7 +42,7 @@ def check_hdf5(path: FilePath) -> None:
         while groups:
             group, depth = groups.pop()
             if depth > DEEPEST:
-                raise ValueError(f"its groups are nested more than {DEEPEST} deep")
+                raise RuntimeError(f"its groups are nested more than {DEEPEST} deep")
             for name in group:
                 kind = group.links.get_info(name).type
                 if kind == h5l.TYPE_SOFT:              # leads to a place in this file, which is visited by itself

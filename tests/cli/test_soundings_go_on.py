@@ -75,7 +75,7 @@ def test_the_same_command_goes_on_and_the_bytes_are_those_of_one_run(variant, sc
 def test_soundings_of_another_scene_or_of_other_options_are_refused(variant, scene, capfd, interrupted):
     interrupted("-o", "line.nc")
     capfd.readouterr()
-    for options, words in ((("-D", "depth=7"), "begun with another parameters"),
+    for options, words in ((("-D", "depth=7"), "begun with other parameters (none, and here depth=7)"),
                            (("--snippets", "8"), "begun with another scene")):
         assert run("-o", "line.nc", *options) == 2
         assert words in capfd.readouterr().err

@@ -39,7 +39,7 @@ def test_the_file_holds_what_python_gives_and_an_interrupted_one_goes_on(variant
     assert capfd.readouterr() == ("", f"mitsonar: interrupted; {left} is left, and the same command goes on with it\n")
     assert raw_echoes.written("raw.nc") == 2
     assert cli.main([*SIGNALS, "--seed", "6"]) == 2
-    assert f"{left} was begun with another seed (5, and here it is 6); remove it" in capfd.readouterr().err
+    assert f"{left} was begun with another seed (5, and here 6); remove it" in capfd.readouterr().err
     assert cli.main([*SIGNALS, "--seed", "5"]) == 0
     assert capfd.readouterr() == ("raw.nc\n", "mitsonar: 2 of 4 pings were there from before\n")
     assert (folder / "raw.nc").read_bytes() == whole and not left.exists()

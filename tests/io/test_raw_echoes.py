@@ -112,8 +112,8 @@ def test_a_process_that_is_killed_while_it_writes_leaves_whole_pings(tmp_path):
 
 
 @pytest.mark.parametrize("change, words", [
-    (lambda record: record.assign_attrs(seed=7), r"begun with another seed \(0, and here it is 7\)"),
-    (lambda record: record.assign_attrs(parameters={"a": "2"}), "begun with another parameters"),
+    (lambda record: record.assign_attrs(seed=7), r"begun with another seed \(0, and here 7\)"),
+    (lambda record: record.assign_attrs(parameters={"a": "2"}), r"begun with other parameters \(a=1, and here a=2\)"),
     (lambda record: record.assign(motion_x=record["motion_x"] + 1), "begun with another scene"),
     (lambda record: xr.concat([record] * 2, "ping", data_vars="minimal"), "is of 5 pings, and these echoes have 10")])
 def test_other_echoes_do_not_go_on_with_a_file(tmp_path, change, words):
