@@ -26,4 +26,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
+    """Return the names of the room, both functions among them before they are asked for."""
     return sorted({*globals(), *__all__})
