@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from mitsonar.sonar import Track
 from mitsonar.sonar.motion import RandomMotion, strum_frequency
-from mitsonar.sonar.trajectory import Recorded, Sailed, Smooth, Trajectory, Voyage
+from mitsonar.sonar.trajectory import PingTravel, Recorded, Sailed, Smooth, Trajectory, Voyage
 from mitsonar.sonar.waypoints import Course
 
 
@@ -232,6 +232,15 @@ def test_a_sonar_at_rest_has_no_way_and_a_straight_one_goes_straight():
         return trajectory.during(track.time, 0.2).trimmed().displacement.shape[1]
 
     assert powers(0.0) == 0 and powers(2.0) == 1
+
+
+@pytest.mark.parametrize("powers, kept", [(2, 4), (3, 4), (4, 4), (5, 6), (6, 6), (7, 12), (12, 12)])
+def test_few_numbers_of_powers_occur_so_that_few_kernels_are_compiled(powers, kept):
+    displacement = np.r_[np.ones((powers, 3)), np.zeros((12 - powers, 3))][None]
+    travel = PingTravel(displacement=displacement, turn=np.zeros_like(displacement), duration=0.5)
+    trimmed = travel.trimmed()
+    assert trimmed.displacement.shape[1] == trimmed.turn.shape[1] == kept
+    np.testing.assert_array_equal(trimmed.displacement, displacement[:, :kept])
 
 
 def test_a_track_goes_straight_on_beyond_its_ends():
