@@ -105,7 +105,7 @@ def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbe
             z * cosine + (kx * y - ky * x) * sine + kz * along)
 
 
-def _slope(coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+def _slope(coefficients: Sequence[Triple] | np.ndarray, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Derivatives of polynomials without a constant term: a triple."""
     value = [_zero(time)] * 3
     for power in range(len(coefficients), 0, -1):
