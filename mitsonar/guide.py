@@ -1,4 +1,4 @@
-"""What there is to render, and what it takes: scenes with their parameters, plugins with their attributes."""
+"""Lists of what can be rendered: scenes with their parameters, plugins with their attributes."""
 from __future__ import annotations
 
 import os
@@ -46,7 +46,7 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Description:
-    """What a scene or a plugin is, and what it takes; prints as ``mitsonar describe`` does.
+    """Description of a scene or a plugin and of what it takes; prints as ``mitsonar describe`` does.
 
     Attributes
     ----------

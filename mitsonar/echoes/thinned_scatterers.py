@@ -53,7 +53,7 @@ STEP_U, STEP_V = (round(2 ** 32 / PLASTIC ** power) for power in (1, 2))        
 
 @dataclass(frozen=True, kw_only=True)
 class TransmitLobe:
-    """Where a transmitting line, or a long element, sends to or hears from.
+    """Main lobe of a transmitting line, or of a long element.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ class SidescanPicture:
     def __init__(self, survey: SidescanSurvey, sensor: Any):
         self.survey: Survey = survey
         self.sensor = sensor
-        self.rows: Rows = Sides(survey)
+        self.rows: Rows = Sides(survey, shadows=False)       # of few rays, those in lit bins count
         self._shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
         noise = noise_db(sensor, survey.sonar)
         self.noise = 0.0 if noise is None else float(power_from_db(noise))

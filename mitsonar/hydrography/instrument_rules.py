@@ -33,7 +33,7 @@ ALIKE = 0.8                        # of the worse residual, above which a file d
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """How soundings were reduced.
+    """Rules by which soundings were reduced.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What side lobes bring a beam, and whether a sounding stands out of it.
+"""Levels that side lobes bring to beams, and soundings that stand out of them.
 
 Where no bed lies in its main lobe, a beam still receives the bed that other beams look at, through side lobes. That
 echo is as long, and as coherent, as one of a bed of its own. At the time of a sounding the beams themselves say how

@@ -1,4 +1,4 @@
-"""How much of each object the sonar could see: what its labels call ``exposed``.
+"""Shares of objects' surfaces that the sonar could see: what labels call ``exposed``.
 
 Points are drawn evenly over an object's surface. Of those on the side that faces the sonar, at the ping nearest to the
 object, a share is seen along a straight line. The rest is buried, behind something else, or behind the object itself.
@@ -65,10 +65,11 @@ def _surfaces(geometry: Geometry, wanted: set[int]):
             yield label, _on_facets(vertices[faces[labels == label]].astype(float), label)
     for _, shape in geometry.others:
         label = geometry.named.of(shape)
-        if label in wanted:
+        if label in wanted and shape.class_name() != "Instance":           # which Mitsuba cannot draw points on
             share = np.random.default_rng([STREAM, label]).random((2, POINTS)).astype(np.float32)
             sample = shape.sample_position(0.0, mi.Point2f(*(upload(mi.Float, row) for row in share)))
-            yield label, (sample.p.numpy().T.astype(float), sample.n.numpy().T.astype(float))
+            point, normal = (column.numpy().T.astype(float) for column in (sample.p, sample.n))
+            yield label, (np.broadcast_to(point, (POINTS, 3)), np.broadcast_to(normal, (POINTS, 3)))
 
 
 def _on_facets(corners: np.ndarray, label: int) -> tuple[np.ndarray, np.ndarray]:

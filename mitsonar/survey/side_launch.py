@@ -100,9 +100,11 @@ class SideLaunch:
     underway : Underway
     depression : Float [rad]
         Of the faces.
+    shadows : bool
+        Send more rays aside of the beam where bins lack them, as in shadows.
     """
 
-    def __init__(self, survey: SidescanSurvey, underway: Underway, depression: mi.Float):
+    def __init__(self, survey: SidescanSurvey, underway: Underway, depression: mi.Float, *, shadows: bool = True):
         sonar = survey.sonar
         self._survey, self._lib, self._depression = survey, arrays_of(mi.Float), depression
         self._group, shifts = underway.along_shifts(survey.track.rotation(), sonar.sound_speed,
@@ -115,7 +117,7 @@ class SideLaunch:
         cores, outside = zip(*(core_quantiles(sonar, some, core) for some in shifts))
         self._cores, self.aside = upload(mi.Float, np.stack(cores).astype(np.float32)), max(outside)
         self._core, self._span = dr.opaque(mi.Float, core), dr.opaque(mi.Float, 0.5 * np.pi - float(np.arcsin(core)))
-        self.first_aside = max(FIRST_ASIDE, self.aside)
+        self.shadows, self.first_aside = shadows, max(FIRST_ASIDE, self.aside) if shadows else self.aside
         self._across = upload(mi.Float, across_quantiles(sonar).astype(np.float32))
         dr.eval(self._along, self._across, self._cores)
 

@@ -47,6 +47,8 @@ class Sides:
     Parameters
     ----------
     survey : SidescanSurvey
+    shadows : bool
+        Send more rays aside of the beam where bins lack them, as in shadows.
 
     Raises
     ------
@@ -56,7 +58,7 @@ class Sides:
 
     per_ping, hidden_in_beam = 2, True
 
-    def __init__(self, survey: SidescanSurvey):
+    def __init__(self, survey: SidescanSurvey, *, shadows: bool = True):
         sonar = survey.sonar
         self._survey = survey
         self.labels, self.paths = len(survey.labels), survey.paths
@@ -67,7 +69,7 @@ class Sides:
         self.underway = Underway(
             survey.voyage.trajectory.during(survey.track.time, survey.window[1] + sonar.pulse_length))
         self._beams = FaceBeams(sonar)
-        self._launch = SideLaunch(survey, self.underway, self._beams.depression)
+        self._launch = SideLaunch(survey, self.underway, self._beams.depression, shadows=shadows)
         self._first_grid, self._second_grid = self._launch.grids()
         self._scouts = scouts(survey.track, self.bins.farthest, sonar.wavelength / sonar.longest)
         self._found: dict[tuple[int, int], list[np.ndarray]] = {}
@@ -115,7 +117,10 @@ class Sides:
             bin, inside = bins_of(ahead, rays)
             need = aside_need(rays.row, rays.cell, bin, inside, rays.aside, rows=ahead.rows, bins=self.bins,
                               drawn=self._launch.first_aside, wanted=wanted)
+            need = need if self._launch.shadows else np.stack([need[0] + need[1], 0 * need[1]])
             tables = refined(first.phi, need[0], need[1], wanted)
+            if not self._launch.shadows:
+                tables = tables[0], np.full_like(tables[1], wanted)
             found = (rows.reshape(len(new), self.per_ping, -1) for rows in tables)
             known = known | {(seed, one): rows for one, *rows in zip(new, *found)}
         # a later block may ask those of this one: a group has no more of them than pings

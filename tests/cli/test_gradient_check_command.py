@@ -18,7 +18,7 @@ def fake(monkeypatch):
     """Let the parameters of a scene be those of a fake model, one of them spoilt."""
     def put(spoil=lambda jacobian, key: jacobian):
         monkeypatch.setattr(gradient_verbs, "differentiable", lambda scene: list(Fake().start))
-        monkeypatch.setattr(gradient_verbs, "scene_model", lambda scene, keys, **_: Fake(spoil))
+        monkeypatch.setattr(gradient_verbs, "_model", lambda *_, **__: Fake(spoil))
     return put
 
 

@@ -12,7 +12,7 @@ from mitsonar.survey import sidescan as sidescan_kind
 KEY = "sonar.medium.sound_speed"
 SPEEDS = np.array([1515.0, 1514.0, 1502.0, 1494.0, 1491.0])
 SCENE = """<scene version="3.0.0">
-    <integrator type="sonar_path"><integer name="rays" value="20000"/></integrator>
+    <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
     <shape type="seabed" id="bed">
         <float name="depth" value="18"/> <float name="length" value="40"/> <float name="width" value="110"/>
         <float name="spacing" value="2"/> <bsdf type="lambert"><float name="mu_db" value="-25"/></bsdf>
@@ -54,7 +54,7 @@ def test_the_window_stays_as_water_and_sonar_change(load, variant, kind):
 
 
 def test_differences_of_renders_are_what_is_sent_back_by_the_speed_beside_the_sonar(load, variant):
-    # 1 m/s and 20,000 rays: rays that pass from bin to bin leave 1 % of chance
+    # 1 m/s and 200,000 rays: rays that are drawn otherwise, and pass from bin to bin, leave some 2 % of chance
     scene = load(SCENE.format(kind="sidescan", bins='<integer name="bins" value="150"/>',
                               more='<boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>'))
     params = mi.traverse(scene)
@@ -71,7 +71,7 @@ def test_differences_of_renders_are_what_is_sent_back_by_the_speed_beside_the_so
     for node in (1, 2):
         step = np.eye(5)[node]
         difference = np.sum(weights * (levels(SPEEDS + step) - levels(SPEEDS - step))) / 2
-        assert dr.grad(leaf).numpy()[node] == pytest.approx(difference, rel=0.05)
+        assert dr.grad(leaf).numpy()[node] == pytest.approx(difference, rel=0.05), node
 
 
 def test_the_check_sees_a_window_that_a_render_moves_and_a_gradient_holds(tmp_path, variant, monkeypatch):

@@ -16,7 +16,7 @@ import xarray as xr
 from raw_record import one_by_one, raw_record
 
 import mitsonar
-from mitsonar.io import raw_echoes
+from mitsonar.io import ping_file, raw_echoes
 from mitsonar.io.records import encoded
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -247,7 +247,7 @@ def test_programs_that_write_the_same_file_at_once_are_told_to_wait(tmp_path):
     wait = "a.nc.part is being written by another program; wait until it ends"
 
     def overtaken(start):
-        raw_echoes.lay_out(raw_echoes.part_of(path), encoded(record.isel(ping=slice(0, 1))), 5)
+        ping_file.lay_out(raw_echoes.part_of(path), encoded(record.isel(ping=slice(0, 1))), 5)
         yield from one_by_one(record)(start)
 
     raw_echoes.write(one_by_one(record), path, count=5)
@@ -255,12 +255,12 @@ def test_programs_that_write_the_same_file_at_once_are_told_to_wait(tmp_path):
     raw_echoes.write(overtaken, path, count=5)         # what the other began, and left, goes on
     assert path.read_bytes() == whole and os.listdir(tmp_path) == ["a.nc"]
 
-    lay_out = raw_echoes.lay_out
+    lay_out = ping_file.lay_out
     with pytest.MonkeyPatch.context() as patch, pytest.raises(ValueError, match=wait):
-        patch.setattr(raw_echoes, "lay_out", lambda part, *more: (lay_out(part, *more), lay_out(part, *more)))
+        patch.setattr(ping_file, "lay_out", lambda part, *more: (lay_out(part, *more), lay_out(part, *more)))
         raw_echoes.write(one_by_one(record), path, count=5)
     os.remove(raw_echoes.part_of(path))
     with pytest.MonkeyPatch.context() as patch, pytest.raises(ValueError, match=wait):
-        patch.setattr(raw_echoes, "lay_out", lambda part, *more: None)             # finished and taken away
+        patch.setattr(ping_file, "lay_out", lambda part, *more: None)             # finished and taken away
         raw_echoes.write(one_by_one(record), path, count=5)
     assert path.read_bytes() == whole

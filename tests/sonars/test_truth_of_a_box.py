@@ -85,7 +85,8 @@ def test_names_classes_and_boxes_are_said(image):
     assert image.attrs["labels"] == {"1": "box.1", "2": "seabed"}
     assert image.attrs["classes"] == {"1": "box", "2": "seabed"}
     assert image.attrs["label_class"] == {"1": 1, "2": 2}
-    assert image.attrs["objects"] == {"1": {"class": "box", "lower": [NEAR, -3, -20], "upper": [FAR, 3, -19]}}
+    assert image.attrs["objects"] == {"1": {"class": "box", "lower": [NEAR, -3, -20], "upper": [FAR, 3, -19],
+                                            "exposed": 1.0}}
     assert len(image.attrs["seabed"]) == 16
     assert (image["class"].values == image["label"].values).all()          # one instance of each class
 

@@ -39,12 +39,12 @@ def test_numbers_along_are_even_and_lie_in_their_strata(variant, rays):
         within = np.sort((share[:, :, j] * steps - j).ravel())
         distance = np.abs(within - (np.arange(len(within)) + 0.5) / len(within)).max()
         aside = 0.5 * WIDE_SHARE * steps if j in (0, steps - 1) else 0.0
-        assert distance < 0.02 + 1.5 * aside / np.sqrt(len(within) / strata.tile[0])
+        assert distance < 0.02 + 1.5 * aside / np.sqrt(len(within) / (1 << int(strata.high_bits.numpy()[0])))
 
 
 def test_rays_of_a_tile_leave_aside_of_the_beam_in_one_direction(variant):
     strata, share, _ = drawn(60_000)
-    tiles = share.reshape(2, -1, strata.tile[0], strata.shape[1])
+    tiles = share.reshape(2, -1, (1 << int(strata.high_bits.numpy()[0])), strata.shape[1])
     for j, outside in ((0, tiles[..., 0]), (strata.shape[1] - 1, 1 - tiles[..., -1])):
         aside = outside < 0.5 * WIDE_SHARE
         together = [np.ptp(rays[where]) for rays, where in zip(outside.reshape(-1, 16), aside.reshape(-1, 16))]

@@ -121,7 +121,7 @@ class PingEchoes:
                        farthest=self.ground.farthest, lobes=self._lobes(reception))
 
     def _lobes(self, reception: Reception) -> tuple[TransmitLobe, ...]:
-        """Where lines or long elements send to and hear from, across the line; none where they look widely."""
+        """Return the lobes of lines or long elements across the line; none where they look widely."""
         steered = self._steered_lobe(reception)
         if steered is not None:
             return (steered,)
