@@ -45,7 +45,7 @@ FIRST_ASIDE = 0.25                 # of the rays of a first pass: what lies in s
 
 @dataclass(frozen=True)
 class Tables:
-    """What the rays of rows are drawn through.
+    """Tables that the rays of rows are drawn through.
 
     Attributes
     ----------

@@ -44,7 +44,7 @@ def slope():
 
 
 def moved(line, motion=None, profile=WATER, **change):
-    """How far soundings move if one thing is wrong: vertical, horizontal; and how far off the slope they then are."""
+    """Return how far one wrong thing moves soundings: up, aside, and off the slope."""
     found = located(replace(line.measured, **change), motion or line.motion, ARMS, profile, node=False)
     way = np.stack([found.x, found.y, found.depth], -1) - line.places
     starboard = way[..., 0] * np.cos(1) - way[..., 1] * np.sin(1)

@@ -81,7 +81,7 @@ def test_damaged_and_odd_netcdf_files_are_refused(tmp_path):
 
 
 def test_nothing_is_said_beside_the_sentence_of_a_damaged_file(tmp_path, monkeypatch):
-    """Where four bytes of the superblock or the root group are damaged, the library leaves half an object."""
+    """The library leaves half an object where four bytes of the superblock or the root group are damaged."""
     said = []
     monkeypatch.setattr(sys, "unraisablehook", said.append)
     dataset().to_netcdf(tmp_path / "whole.nc", engine="h5netcdf")

@@ -107,7 +107,7 @@ def test_a_huge_hole_is_refused_at_once(tmp_path):
 
 
 def test_a_cast_that_claims_more_points_than_it_has(tmp_path):
-    """What the record's reader says of it, such as "buffer is smaller than requested size", helps nobody."""
+    """The words of the library's reader, such as "buffer is smaller than requested size", do not reach the user."""
     mitsonar.write(soundings_line(2, 6, column=False), tmp_path / "a.gsf")
     raw, place = bytearray((tmp_path / "a.gsf").read_bytes()), 0
     while raw[place + 4:place + 8] != b"\0\0\0\3":      # by sizes, to the cast

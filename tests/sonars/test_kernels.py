@@ -1,6 +1,6 @@
 """Kernels depend on what a scene is made of, not on its numbers: another range, sound speed or beam compiles nothing.
 
-What is counted are the kernels' hashes, so that those which Dr.Jit keeps on disk count as well. In each scene every
+The test counts hashes of kernels, so that those which Dr.Jit keeps on disk count as well. In each scene every
 number differs from those of all others. A number that stood in a kernel would make another one in every scene.
 """
 import gc

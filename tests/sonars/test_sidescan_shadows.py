@@ -1,4 +1,4 @@
-"""What a sidescan's shadows are filled with: side lobes, found by rays of their own, evenly and without bias."""
+"""A sidescan's shadows are filled by side lobes, which rays of their own sample evenly and without bias."""
 import numpy as np
 import pytest
 from track_files import write_track

@@ -15,7 +15,7 @@ NARROW = ('<float name="width" value="200"/>\n        <float name="spacing" valu
 
 
 def said(scene):
-    """What the plans of a scene's sensors warn of."""
+    """Return the warnings of planning a scene's sensors."""
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         for sensor in scene.sensors():
