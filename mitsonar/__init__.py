@@ -23,11 +23,35 @@ from mitsonar.device import llvm
 
 if TYPE_CHECKING:
     # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
-    from mitsonar import (dataset, doctor, hydrography, imaging, inversion, io, labelling, plots, plugins, propagation,
-                          scattering, seabed, signal, sonar, sweep, synthetic_aperture, units, water)
+    from mitsonar import (
+        dataset,
+        doctor,
+        hydrography,
+        imaging,
+        inversion,
+        io,
+        labelling,
+        plots,
+        plugins,
+        propagation,
+        scattering,
+        seabed,
+        signal,
+        sonar,
+        sweep,
+        synthetic_aperture,
+        units,
+        water,
+    )
     from mitsonar.device.llvm import BackendError
-    from mitsonar.gradient_verbs import (coherent_model, differentiable_signals, directional_derivative, gradient,
-                                         gradient_check, scene_model)
+    from mitsonar.gradient_verbs import (
+        coherent_model,
+        differentiable_signals,
+        directional_derivative,
+        gradient,
+        gradient_check,
+        scene_model,
+    )
     from mitsonar.guide import describe, scenes
     from mitsonar.io.reading import read, write
     from mitsonar.scene.loading import load_file

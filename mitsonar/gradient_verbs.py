@@ -15,18 +15,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from .gradients.coherent_picture import CoherentPicture
-from .gradients.element_operation import attached_signals
-from .gradients.elements import ElementModel
-from .gradients.pictures import picture_of
-from .gradients.check_table import GradientCheck
-from .gradients.scene_check import check_parameters
-from .gradients.scene_model import SceneLinearised, SceneModel
-from .gradients.scene_values import differentiable
-from .io.files import FilePath
-from .scene.errors import as_exception
-from .spelling import meant
-from .verbs import checked_seed, opened
+from mitsonar.gradients.check_table import GradientCheck
+from mitsonar.gradients.coherent_picture import CoherentPicture
+from mitsonar.gradients.element_operation import attached_signals
+from mitsonar.gradients.elements import ElementModel
+from mitsonar.gradients.pictures import picture_of
+from mitsonar.gradients.scene_check import check_parameters
+from mitsonar.gradients.scene_model import SceneLinearised, SceneModel
+from mitsonar.gradients.scene_values import differentiable
+from mitsonar.io.files import FilePath
+from mitsonar.scene.errors import as_exception
+from mitsonar.spelling import meant
+from mitsonar.verbs import checked_seed, opened
 
 __all__ = ["QUANTITIES", "coherent_model", "differentiable_signals", "directional_derivative", "gradient",
            "gradient_check", "scene_model"]

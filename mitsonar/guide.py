@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from .io import scene_words
-from .io import scenes as scene_files
-from .io.files import FilePath
-from .spelling import meant
+from mitsonar.io import scene_words, scenes as scene_files
+from mitsonar.io.files import FilePath
+from mitsonar.spelling import meant
 
 __all__ = ["Description", "Entry", "SceneList", "describe", "scenes"]
 

@@ -9,21 +9,19 @@ from typing import Any, cast
 import mitsuba as mi
 import xarray as xr
 
-from .io import casts
-from .io import raw_echoes as raw_files
-from .io.files import FilePath
-from .io.records import SonarImage, not_all_nan
-from .scene.errors import as_exception
-from .survey.kinds import KINDS, kind_of
-from .survey.signals import LEAD
-from .survey.strip.image import focused, survey_grid, with_truth
-from .survey.strip.raw import raw_pings as pings_of
-from .survey.strip.scatterers import scatterers_of
-from .survey.strip.survey import StripSurvey
-from .synthetic_aperture.grids import Grid, default_grid
-from .synthetic_aperture.record import check_raw
-from .verbs import checked_seed, opened, provenance
-from .water.profile import SoundSpeedProfile
+from mitsonar.io import casts, raw_echoes as raw_files
+from mitsonar.io.files import FilePath
+from mitsonar.io.records import SonarImage, not_all_nan
+from mitsonar.scene.errors import as_exception
+from mitsonar.survey.kinds import KINDS, kind_of
+from mitsonar.survey.signals import LEAD
+from mitsonar.survey.strip.image import focused, raw_pings as pings_of, survey_grid, with_truth
+from mitsonar.survey.strip.plan import StripSurvey
+from mitsonar.survey.strip.scatterers import scatterers_of
+from mitsonar.synthetic_aperture.grids import Grid, default_grid
+from mitsonar.synthetic_aperture.record import check_raw
+from mitsonar.verbs import checked_seed, opened, provenance
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["focus", "raw_echoes", "raw_pings", "scatterers", "strip_survey"]
 

@@ -10,23 +10,23 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from . import __version__
-from .device import llvm
-from .hydrography.record import joined
-from .io import casts
-from .io.files import FilePath
-from .io.records import SonarImage, SonarSignals, not_all_nan
-from .propagation.vector_approximation import DIFFERENCES
-from .scene.alterations import altered
-from .scene.errors import as_exception
-from .scene.loading import load_file, prepare
-from .signal.impulses import KERNELS, make_kernel
-from .spelling import meant
-from .survey.kinds import sounder_kind_of
-from .survey.pressure import PressureRecord
-from .survey.signals import LEAD, pair_responses, received_signals
-from .survey.survey import Survey
-from .water.profile import SoundSpeedProfile
+from mitsonar import __version__
+from mitsonar.device import llvm
+from mitsonar.hydrography.record import joined
+from mitsonar.io import casts
+from mitsonar.io.files import FilePath
+from mitsonar.io.records import SonarImage, SonarSignals, not_all_nan
+from mitsonar.propagation.vector_approximation import DIFFERENCES
+from mitsonar.scene.alterations import altered
+from mitsonar.scene.errors import as_exception
+from mitsonar.scene.loading import load_file, prepare
+from mitsonar.signal.impulses import KERNELS, make_kernel
+from mitsonar.spelling import meant
+from mitsonar.survey.kinds import sounder_kind_of
+from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.signals import LEAD, pair_responses, received_signals
+from mitsonar.survey.survey import Survey
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "frames", "impulse_response", "opened", "pings",
            "provenance", "render", "sounded_pings", "soundings"]

@@ -35,7 +35,7 @@ _registered = None                  # the variant
 def install() -> None:
     """Register every plugin for the present variant, if there is one, and for those set from now on."""
     global _installed
-    import mitsuba as mi        # where this is the first import, it installs by itself (see mitsonar/__init__)
+    import mitsuba as mi  # where this is the first import, it installs by itself (see mitsonar/__init__)
 
     with LOCK:
         if _installed:

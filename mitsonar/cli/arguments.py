@@ -5,7 +5,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, TypeAlias
 
-from ..spelling import meant
+from mitsonar.spelling import meant
+
 from .completion import SCENES, complete_with
 
 __all__ = ["Commands", "Parser", "add_scene", "number", "parameters", "set_up", "whole"]

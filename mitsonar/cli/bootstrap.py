@@ -19,9 +19,10 @@ import shutil
 import sys
 from collections.abc import Sequence
 
-from mitsonar.cli import installer
-from mitsonar.cli.installer import SetupError
 from mitsonar.device import llvm
+
+from . import installer
+from .installer import SetupError
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PROJECT = os.path.join(ROOT, "pyproject.toml")

@@ -2,7 +2,7 @@
 import argparse
 from typing import Any, cast
 
-from ..io import scenes
+from mitsonar.io import scenes
 
 __all__ = ["FILES", "SCENES", "SHELLS", "Completion", "complete_with"]
 

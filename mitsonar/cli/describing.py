@@ -2,7 +2,8 @@
 import shutil
 import textwrap
 
-from .. import guide
+from mitsonar import guide
+
 from .arguments import Commands
 from .completion import SCENES, complete_with
 from .words import announce

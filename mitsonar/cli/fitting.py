@@ -16,7 +16,7 @@ OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "no
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
-    from ..inversion.problems import PROBLEMS
+    from mitsonar.inversion.problems import PROBLEMS
 
     problems = "".join(f"  {name} {one.asks}\n      {one.summary}\n" for name, one in PROBLEMS.items())
     fit = commands.add_parser("fit", help="fit parameters of a scene to a record, and say what the record tells",
@@ -63,18 +63,18 @@ def add(commands: Commands) -> None:
 
 
 def _fit(arguments):
-    from ..io.files import check_writable
+    from mitsonar.io.files import check_writable
 
     if os.path.splitext(arguments.output)[1].lower() != ".nc":
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
     check_writable(arguments.output)
     if arguments.picture is not None:
-        from ..plots.canvas import file_format
+        from mitsonar.plots.canvas import file_format
 
         file_format(arguments.picture)
         check_writable(arguments.picture)
-    from ..inversion.problems import solve
-    from ..io import netcdf
+    from mitsonar.inversion.problems import solve
+    from mitsonar.io import netcdf
 
     options = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
     if arguments.parameters:
@@ -89,8 +89,8 @@ def _fit(arguments):
     netcdf.write(solved.dataset, arguments.output)
     announce(arguments.output)
     if arguments.picture is not None:
-        from ..plots.canvas import save
-        from ..plots.fit_sheet import fit_figure
+        from mitsonar.plots.canvas import save
+        from mitsonar.plots.fit_sheet import fit_figure
 
         save(fit_figure(solved.dataset), arguments.picture)
         announce(arguments.picture)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from ..water import SoundSpeedProfile
+    from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["add"]
 
@@ -61,9 +61,9 @@ def add(commands: Commands) -> None:
 
 
 def _focus(arguments: argparse.Namespace) -> None:
-    from ..io import reading
-    from ..io.files import check_writable
-    from ..io.reading import is_netcdf
+    from mitsonar.io import reading
+    from mitsonar.io.files import check_writable
+    from mitsonar.io.reading import is_netcdf
 
     check_writable(arguments.output)
     suffix = os.path.splitext(arguments.output)[1].lower()
@@ -74,7 +74,7 @@ def _focus(arguments: argparse.Namespace) -> None:
         raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in one of "
                          f"{', '.join(reading.IMAGES)}.")
     if arguments.preview is not None:
-        from ..plots.canvas import file_format
+        from mitsonar.plots.canvas import file_format
 
         file_format(arguments.preview)
         check_writable(arguments.preview)
@@ -83,7 +83,7 @@ def _focus(arguments: argparse.Namespace) -> None:
     reading.write(image, arguments.output)
     announce(arguments.output)
     if arguments.preview is not None:
-        from .. import plots
+        from mitsonar import plots
 
         plots.preview(image, arguments.preview)
         announce(arguments.preview)
@@ -95,7 +95,7 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
                                           ("--sensor", arguments.sensor)) if there]
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} holds raw echoes; leave it out.")
-    from ..io import raw_echoes
+    from mitsonar.io import raw_echoes
 
     if os.path.exists(arguments.output) and os.path.samefile(arguments.scene, arguments.output):
         raise ValueError(f"{arguments.output} holds the raw echoes; give another name.")
@@ -107,11 +107,11 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
 
 def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     """The image of a scene's echoes, made ping by ping, with its truth."""
-    from ..io import scenes
-    from ..io.files import described
-    from ..scene.loading import load_file
-    from ..strip_verbs import raw_pings, strip_survey
-    from ..survey.strip.image import with_truth
+    from mitsonar.io import scenes
+    from mitsonar.io.files import described
+    from mitsonar.scene.loading import load_file
+    from mitsonar.strip_verbs import raw_pings, strip_survey
+    from mitsonar.survey.strip.image import with_truth
 
     path = scenes.find(arguments.scene)
     if os.path.isfile(path) and (what := described(path)):
@@ -132,8 +132,8 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
     """The image of pings, of which one is held at a time."""
     import math
 
-    from ..io.records import SonarImage
-    from ..synthetic_aperture.focusing import Focuser
+    from mitsonar.io.records import SonarImage
+    from mitsonar.synthetic_aperture.focusing import Focuser
 
     navigated, profile = _trajectory(arguments.trajectory), _profile(arguments.profile)
     _check_even(arguments, usual)
@@ -156,7 +156,7 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
                      f"{duration(seconds)}; a coarser --spacing, or a part --along and --across, is faster")
     image = focuser.image()
     if arguments.interferogram:
-        from ..synthetic_aperture.interferometry import interferogram
+        from mitsonar.synthetic_aperture.interferometry import interferogram
 
         image = interferogram(image, one, trajectory=navigated)
     return SonarImage.of(image)
@@ -164,7 +164,7 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
 
 def _check_even(arguments: argparse.Namespace, usual: Usual) -> None:
     """Refuse a slant grid in a GeoTIFF before there is one."""
-    from ..io.reading import GEOTIFF
+    from mitsonar.io.reading import GEOTIFF
 
     if (arguments.grid or usual.grid) == "slant" and os.path.splitext(arguments.output)[1].lower() in GEOTIFF:
         raise ValueError("a slant grid is not even on a map, and a GeoTIFF is; focus with --grid ground, or write "
@@ -184,7 +184,7 @@ def _trajectory(path: str | None) -> xr.Dataset | None:
     """The trajectory in a file, of its own or beside echoes, whose signals stay there."""
     if path is None:
         return None
-    from ..io import netcdf
+    from mitsonar.io import netcdf
 
     with netcdf.opened(path) as record:
         names = [name for name in getattr(record, "variables", ()) if str(name).startswith("motion_")]
@@ -201,6 +201,6 @@ def _profile(text: str | None) -> SoundSpeedProfile | float | None:
     try:
         return float(text)
     except ValueError:
-        from ..io import casts
+        from mitsonar.io import casts
 
         return casts.read(text).profile

@@ -26,9 +26,9 @@ def add(commands: Commands) -> None:
 
 
 def _grid(arguments):
-    from ..hydrography.gridding import gridded
-    from ..io import geotiff, survey_lines
-    from ..io.files import check_writable
+    from mitsonar.hydrography.gridding import gridded
+    from mitsonar.io import geotiff, survey_lines
+    from mitsonar.io.files import check_writable
 
     if os.path.splitext(arguments.output)[1].lower() not in (".tif", ".tiff"):
         raise ValueError(f"cannot write {arguments.output}: its name must end in .tif.")

@@ -53,7 +53,7 @@ def add(commands: Commands) -> None:
 
 
 def _labels(arguments):
-    from ..dataset.labels import Labels, read_shares, write
+    from mitsonar.dataset.labels import Labels, read_shares, write
 
     output = arguments.output
     if output is None:

@@ -1,5 +1,6 @@
 """The commands about this machine: doctor, test, llvm."""
-from ..io import scenes
+from mitsonar.io import scenes
+
 from .arguments import Commands
 
 __all__ = ["add"]
@@ -17,7 +18,7 @@ def _doctor(arguments):
     from . import doctor
 
     def check():
-        from .. import load_file, render
+        from mitsonar import load_file, render
 
         render(load_file(scenes.find("sidescan_flat"), pings=1, rays=2000, bins=100))
 

@@ -10,10 +10,27 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from .. import __version__
-from ..io.errors import sentence
-from . import (describing, exporting, fitting, focusing, gradient_checking, gridding, labels, machine, planning,
-               profile_fitting, raster, recorded, rendering, results, sounding, sweep)
+from mitsonar import __version__
+from mitsonar.io.errors import sentence
+
+from . import (
+    describing,
+    exporting,
+    fitting,
+    focusing,
+    gradient_checking,
+    gridding,
+    labels,
+    machine,
+    planning,
+    profile_fitting,
+    raster,
+    recorded,
+    rendering,
+    results,
+    sounding,
+    sweep,
+)
 from .arguments import Parser
 from .completion import SHELLS, Completion
 from .words import Signals, mute, warn

@@ -7,10 +7,10 @@ from .completion import FILES, SCENES, complete_with
 from .words import announce, warn
 
 if TYPE_CHECKING:
-    from ..hydrography.planning_bed import Bed
-    from ..io.areas import Corners
-    from ..io.navigation import Frame
-    from ..water import SoundSpeedProfile
+    from mitsonar.hydrography.planning_bed import Bed
+    from mitsonar.io.areas import Corners
+    from mitsonar.io.navigation import Frame
+    from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["add"]
 
@@ -67,9 +67,10 @@ def add(commands: Commands) -> None:
 
 
 def _plan(arguments):
-    from ..hydrography.planning import plan
-    from ..hydrography.survey_orders import survey_order
-    from ..io import plan_summary, planned_lines, planned_scene
+    from mitsonar.hydrography.planning import plan
+    from mitsonar.hydrography.survey_orders import survey_order
+    from mitsonar.io import plan_summary, planned_lines, planned_scene
+
     from .planning_words import report
 
     order = survey_order(arguments.order)
@@ -82,7 +83,7 @@ def _plan(arguments):
     for path in arguments.output:
         planned_lines.check(path, frame)
     if corners is not None:
-        from ..hydrography.planning_area import polygon
+        from mitsonar.hydrography.planning_area import polygon
 
         area = polygon(corners.placed(frame))
     else:
@@ -98,7 +99,8 @@ def _plan(arguments):
     if arguments.json:
         plan_summary.write(numbers, arguments.json)
     if arguments.picture:
-        from ..plots.survey_plan import survey_plan
+        from mitsonar.plots.survey_plan import survey_plan
+
         from .planning_words import subtitle
 
         survey_plan(found, arguments.picture, frame, title=_title(arguments), subtitle=subtitle(numbers))
@@ -115,12 +117,12 @@ def _outputs(arguments):
 
 def _check_outputs(arguments):
     """Refuse what cannot be written before any work is spent."""
-    from ..io import files, planned_lines, planned_scene
+    from mitsonar.io import files, planned_lines, planned_scene
 
     for path in arguments.output:
         planned_lines.check(path)
     if arguments.picture:
-        from ..plots import canvas
+        from mitsonar.plots import canvas
 
         canvas.file_format(arguments.picture)
     if arguments.scene:
@@ -133,8 +135,8 @@ def _check_outputs(arguments):
 
 
 def _layout(arguments):
-    from ..hydrography.planning import Layout
-    from ..units import KNOT, radians_from_deg
+    from mitsonar.hydrography.planning import Layout
+    from mitsonar.units import KNOT, radians_from_deg
 
     if arguments.spacing is not None and (arguments.overlap is not None or arguments.swath_at is not None):
         raise ValueError("--spacing is given beside --overlap or --swath-at, which decide it; leave one out.")
@@ -153,18 +155,18 @@ def _layout(arguments):
 def _corners(arguments) -> "Corners | None":
     if arguments.area is None:
         return None
-    from ..io import areas
+    from mitsonar.io import areas
 
     return areas.read(arguments.area)
 
 
 def _sonar_and_water(arguments):
     """The sonar, the profile, and the file of its cast."""
-    from ..hydrography.planning_coverage import SwathSonar
-    from ..io import casts
-    from ..io.planned_sonar import planned_sonar
-    from ..units import radians_from_deg
-    from ..water import SoundSpeedProfile
+    from mitsonar.hydrography.planning_coverage import SwathSonar
+    from mitsonar.io import casts
+    from mitsonar.io.planned_sonar import planned_sonar
+    from mitsonar.units import radians_from_deg
+    from mitsonar.water import SoundSpeedProfile
 
     known = {} if arguments.sonar is None else planned_sonar(arguments.sonar)
     given = {"swath_deg": arguments.swath, "beams": arguments.beams, "even": arguments.beam_spacing,
@@ -181,8 +183,8 @@ def _sonar_and_water(arguments):
 
 def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None":
     """The profile that depths are made with, if it is another one."""
-    from ..hydrography.planning_errors import surface_layer_error
-    from ..io import casts
+    from mitsonar.hydrography.planning_errors import surface_layer_error
+    from mitsonar.io import casts
 
     if arguments.cast_error is None:
         if arguments.layer is not None:
@@ -200,11 +202,11 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
 
 def _bed(arguments, corners: "Corners | None") -> "tuple[Bed, Frame]":
     """The bed, and where its origin lies."""
-    from ..hydrography.planning_bed import bed_of, flat_bed
-    from ..imaging.georeference import named_system
-    from ..io import bathymetry, rasters
-    from ..io.areas import Corners
-    from ..io.navigation import Frame
+    from mitsonar.hydrography.planning_bed import bed_of, flat_bed
+    from mitsonar.imaging.georeference import named_system
+    from mitsonar.io import bathymetry, rasters
+    from mitsonar.io.areas import Corners
+    from mitsonar.io.navigation import Frame
 
     if (arguments.bathymetry is None) == (arguments.depth is None):
         raise ValueError("a plan needs a bed: give a BATHYMETRY, or --depth M for a level one, and not both.")

@@ -1,7 +1,8 @@
 """The command fit-profile: the sound-speed profile that soundings came through, or why they cannot tell it."""
 import os
 
-from ..io.files import check_writable, replacing
+from mitsonar.io.files import check_writable, replacing
+
 from .arguments import Commands, number, whole
 from .completion import FILES, complete_with
 from .progress import Progress
@@ -48,8 +49,8 @@ def _fit(arguments):
             if os.path.exists(path) and any(os.path.exists(line) and os.path.samefile(path, line)
                                             for line in arguments.lines):
                 raise ValueError(f"{path} is one of the lines; give another name.")
-    from ..inversion.profile_lines import fit_lines
-    from ..io import casts, netcdf
+    from mitsonar.inversion.profile import fit_lines
+    from mitsonar.io import casts, netcdf
 
     start = None if arguments.cast is None else casts.read(arguments.cast).profile
     steps = 30
@@ -68,8 +69,8 @@ def _fit(arguments):
             temporary.write_text("\n".join(["depth,sound_speed", *rows, ""]), encoding="utf-8")
         announce(arguments.profile)
     if arguments.picture is not None:
-        from ..plots.canvas import save
-        from ..plots.profile_fit import profile_fit_figure
+        from mitsonar.plots.canvas import save
+        from mitsonar.plots.profile_fit import profile_fit_figure
 
         save(profile_fit_figure(fit.to_dataset()), arguments.picture)
         announce(arguments.picture)

@@ -23,9 +23,9 @@ def add(commands: Commands) -> None:
 
 
 def _raster(arguments):
-    from ..imaging.raster import bearings, cartesian
-    from ..io import exr, reading
-    from ..io.files import check_writable
+    from mitsonar.imaging.raster import bearings, cartesian
+    from mitsonar.io import exr, reading
+    from mitsonar.io.files import check_writable
 
     output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_raster.exr"
     suffix = os.path.splitext(output)[1].lower()
@@ -50,9 +50,9 @@ def _raster(arguments):
 
 
 def _write_grey(dataset, path, cell):
-    from ..dataset.labels.frames import frames
-    from ..dataset.labels.pictures import greys, write_png
-    from ..io.files import replacing
+    from mitsonar.dataset.labels.frames import frames
+    from mitsonar.dataset.labels.pictures import greys, write_png
+    from mitsonar.io.files import replacing
 
     frame, = frames(dataset, "the record", "cartesian", cell)
     picture = greys(dataset, [frame]).draw(frame)

@@ -1,7 +1,8 @@
 """The commands that render: render, signals, demo."""
 import os
 
-from ..io import scenes
+from mitsonar.io import scenes
+
 from .arguments import Commands, add_scene, parameters, set_up, whole
 from .completion import FILES, complete_with
 from .progress import Progress
@@ -57,15 +58,15 @@ def _render(arguments):
 
 
 def _signals(arguments):
-    from ..io import files
-    from ..io import signals as netcdf
+    from mitsonar.io import files, signals as netcdf
 
     path = scenes.find(arguments.scene)
     files.check_writable(arguments.output)
     if os.path.splitext(arguments.output)[1].lower() != ".nc":
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
-    from ..scene.loading import load_file
-    from ..verbs import element_signals, impulse_response, pings
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs import element_signals, impulse_response, pings
+
     from .strip_signals import is_strip, write_strip
 
     set_up(arguments.threads)
@@ -91,8 +92,8 @@ def _demo(arguments):
 
 def _render_to(path, values, seed, output, preview, threads, sensor=0):
     _check_outputs(output, preview)
-    from .. import load_file, render
-    from ..io import exr
+    from mitsonar import load_file, render
+    from mitsonar.io import exr
 
     set_up(threads)
     scene = load_file(path, **values)
@@ -103,7 +104,7 @@ def _render_to(path, values, seed, output, preview, threads, sensor=0):
         exr.write(dataset, image)
         announce(image)
         if picture is not None:
-            from .. import plots
+            from mitsonar import plots
 
             plots.preview(dataset, picture)
             announce(picture)
@@ -135,9 +136,9 @@ def _render_pings(arguments):
         raise ValueError("--preview and --each-ping are both given; draw the pings by `mitsonar plot` or `mitsonar "
                          "video`, or leave one of them out.")
     _check_outputs(arguments.output, None)
-    from .. import frames, load_file
-    from ..io import exr
-    from ..verbs import pings
+    from mitsonar import frames, load_file
+    from mitsonar.io import exr
+    from mitsonar.verbs import pings
 
     set_up(arguments.threads)
     scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
@@ -155,7 +156,7 @@ def _render_pings(arguments):
 
 def _check_outputs(output, preview):
     """An hour of rendering must not end in a missing folder."""
-    from ..io.files import check_writable
+    from mitsonar.io.files import check_writable
 
     try:
         f"{output}{preview}".encode()
@@ -165,7 +166,7 @@ def _check_outputs(output, preview):
     if os.path.splitext(output)[1].lower() != ".exr":
         raise ValueError(f"cannot write {output}: its name must end in .exr; pictures are made by --preview")
     if preview is not None:
-        from ..plots.canvas import file_format
+        from mitsonar.plots.canvas import file_format
 
         file_format(preview)
         check_writable(preview)

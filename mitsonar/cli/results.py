@@ -58,7 +58,7 @@ def add(commands: Commands) -> None:
 
 
 def _plot(arguments):
-    from .. import plots
+    from mitsonar import plots
 
     with _opened(arguments.image) as dataset:
         if "parameters" in dataset.attrs and "predicted" in dataset:     # as Fit.to_dataset makes them
@@ -73,8 +73,8 @@ def _plot(arguments):
 
 def _plot_fit(arguments, answer):
     """Draw a fit's answer, which has one picture and none of an image's options."""
-    from ..plots.canvas import save
-    from ..plots.fit_sheet import fit_figure
+    from mitsonar.plots.canvas import save
+    from mitsonar.plots.fit_sheet import fit_figure
 
     asked = {"--ping": arguments.ping is not None, "--bank": arguments.bank is not None,
              "--tvg": arguments.tvg != "recorder", "--colours": arguments.colours != "copper"}
@@ -92,8 +92,8 @@ def _plot_fit(arguments, answer):
 @contextlib.contextmanager
 def _opened(path):
     """An EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
-    from ..io import exr, netcdf
-    from ..io.reading import is_netcdf
+    from mitsonar.io import exr, netcdf
+    from mitsonar.io.reading import is_netcdf
 
     if not is_netcdf(path):
         yield _sounders_line(path) or exr.read(path)
@@ -117,13 +117,13 @@ def _sounders_line(path):
         head = stream.read(8)
     if head.startswith(b"\x76\x2f\x31\x01"):                       # an EXR, whose readers should stay light
         return None
-    from ..io.survey_lines import reading
+    from mitsonar.io.survey_lines import reading
 
     return None if reading.recognised(head) is None else reading.read(path)
 
 
 def _video(arguments):
-    from .. import plots
+    from mitsonar import plots
 
     with Progress("records", "drawing") as progress:
         records = arguments.records
@@ -135,7 +135,7 @@ def _video(arguments):
 
 
 def _published(arguments):
-    from ..validation import published
+    from mitsonar.validation import published
 
     set_up(None)
     if arguments.output is None:
@@ -146,7 +146,7 @@ def _published(arguments):
 
 
 def _validate(arguments):
-    from ..validation import validate
+    from mitsonar.validation import validate
 
     set_up(None)
     holds = validate(arguments.only, quick=arguments.quick, folder=arguments.output,

@@ -1,7 +1,8 @@
 """The command soundings: those of a scene, or of a line that was recorded, as a file that survey software opens."""
 import os
 
-from ..io import scenes
+from mitsonar.io import scenes
+
 from .arguments import Commands, add_scene, number, parameters, set_up, whole
 from .completion import FILES, complete_with
 from .progress import Progress
@@ -37,7 +38,7 @@ def add(commands: Commands) -> None:
 
 
 def _soundings(arguments):
-    from ..io import survey_lines
+    from mitsonar.io import survey_lines
 
     suffix = os.path.splitext(arguments.output)[1].lower()
     if suffix not in survey_lines.SUFFIXES:
@@ -63,7 +64,7 @@ def _is_recorded(path):
         return True
     if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # whoever reads a scene says so
         return False
-    from ..io.survey_lines import reading
+    from mitsonar.io.survey_lines import reading
 
     with open(path, "rb") as stream:
         head = stream.read(8)
@@ -77,9 +78,9 @@ def _simulated(arguments, place, progress):
     """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed is of a line that was recorded; a scene says head_speed_error in its sensor.")
-    from ..io import files, ping_file, survey_lines
-    from ..scene.loading import load_file
-    from ..verbs import sounded_pings
+    from mitsonar.io import files, ping_file, survey_lines
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs import sounded_pings
 
     part = ping_file.part_of(files.check_writable(arguments.output))
     survey_lines.check_asked(place, arguments.start)
@@ -112,9 +113,9 @@ def _recorded(arguments, words):
                                           ("--threads", arguments.threads is not None)) if there]
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
-    from ..hydrography.instrument_rules import rules_of
-    from ..hydrography.resounding import resounded
-    from ..io import casts, survey_lines
+    from mitsonar.hydrography.instrument_rules import rules_of
+    from mitsonar.hydrography.resounding import resounded
+    from mitsonar.io import casts, survey_lines
 
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):

@@ -31,8 +31,8 @@ def add(commands: Commands) -> None:
 
 
 def _sweep(arguments):
-    from ..sweep import load_plan, run
-    from ..sweep.local import shares
+    from mitsonar.sweep import load_plan, run
+    from mitsonar.sweep.local import shares
 
     plan = load_plan(arguments.plan)
     if arguments.dry_run:
@@ -57,8 +57,8 @@ def _sweep(arguments):
 
 
 def _tell(plan, arguments):
-    from ..sweep.estimate import estimate
-    from ..sweep.execute import unplanned_said
+    from mitsonar.sweep.estimate import estimate
+    from mitsonar.sweep.execute import unplanned_said
 
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")

@@ -4,10 +4,11 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ..imaging.focused import bin_dims
-from ..imaging.raster import bearings, cartesian
-from ..io.files import FilePath
-from ..io.records import SonarImage
+from mitsonar.imaging.focused import bin_dims
+from mitsonar.imaging.raster import bearings, cartesian
+from mitsonar.io.files import FilePath
+from mitsonar.io.records import SonarImage
+
 from .labels import deal, find_sources, groups_of, read_shares
 from .labels.frames import FORMS, Form, Frame, frames
 from .sources import Source, class_order, frames_of

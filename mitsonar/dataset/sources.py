@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..imaging.raster import bearings
-from ..io import exr, netcdf
-from ..io.files import FilePath
-from ..io.reading import is_netcdf
-from ..io.records import SonarImage
-from ..sweep import manifest
-from ..sweep.manifest import MANIFEST
+from mitsonar.imaging.raster import bearings
+from mitsonar.io import exr, netcdf
+from mitsonar.io.files import FilePath
+from mitsonar.io.reading import is_netcdf
+from mitsonar.io.records import SonarImage
+from mitsonar.sweep import manifest
+from mitsonar.sweep.manifest import MANIFEST
 
 __all__ = ["Source", "class_order", "find_sources", "frames_of"]
 

@@ -7,8 +7,9 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]  mitsonar does not ask for it
 import torch.utils.data  # pyright: ignore[reportMissingImports]  nor for its parts
 
-from ..imaging.focused import bin_dims
-from ..imaging.raster import LEVELS
+from mitsonar.imaging.focused import bin_dims
+from mitsonar.imaging.raster import LEVELS
+
 from .labels.annotations import HIGHLIGHT, annotations
 from .labels.frames import Frame
 

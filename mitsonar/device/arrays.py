@@ -2,6 +2,11 @@
 
 Dr.Jit compiles the alignment of its inputs into a kernel and reads aligned rows of four as one packet. A NumPy buffer
 may lie anywhere. Used in place, it would make the same code compile again and again, and run without packets at times.
+
+Places in tables that are never outside the table, NaN included.
+
+Dr.Jit's `clip`, `minimum` and `maximum` let NaN through, and `UInt32(NaN)` is 4294967295: a gather there reads whatever
+lies outside the table, or ends the process. A comparison with NaN is false; `held` relies on that.
 """
 import importlib
 from collections.abc import Callable, Iterable
@@ -10,10 +15,19 @@ from typing import Any, TypeVar, cast
 import drjit as dr
 import numpy as np
 
-from .types import ArrayTypes, Bool, DrJitArray, UInt32
+from .types import ArrayTypes, Bool, DrJitArray, Float, Float64, UInt32
 
-__all__ = ["arrays_of", "compressed", "looped", "opaque_vector", "picked", "reinterpreted", "upload",
+__all__ = ["arrays_of", "compressed", "held", "looped", "opaque_vector", "picked", "reinterpreted", "upload",
            "where_any"]
+
+
+Place = TypeVar("Place", Float, Float64)
+
+
+def held(value: Place, low: Place | float, high: Place | float) -> Place:
+    """Keep values within [low, high], a Dr.Jit array of the same type; NaN becomes `low`."""
+    return cast(Place, dr.select(value > low, dr.minimum(value, high), low))
+
 
 Kept = TypeVar("Kept")              # the type of array that goes in comes out
 ALIGNMENT = 256                    # [bytes], the widest row any backend reads at once

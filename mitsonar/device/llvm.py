@@ -179,7 +179,7 @@ def provide(say: Callable[[str], None] = print) -> str:
     BackendError
         The machine has no apt, the packages cannot be fetched, or none of them is usable.
     """
-    from mitsonar.device import debian
+    from . import debian
 
     try:
         packages = debian.Packages(say)

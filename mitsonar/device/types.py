@@ -1,15 +1,13 @@
 """Names for the types of arrays in annotations: Dr.Jit's, whatever the backend, and those of code written for both.
 
 At run time all are `typing.Any`: naming a type imports nothing. A type checker sees Dr.Jit's own declarations.
+
+Frozen records that Dr.Jit's symbolic loops leave alone.
+
+A loop traced by `dr.syntax` carries every dataclass it can see as loop state and writes it back field by field, which
+frozen dataclasses refuse. Tables that a loop only reads are therefore plain objects.
 """
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
-
-__all__ = ["Array2f", "Array2f64", "Array2u", "Array3f", "Array3f64", "Array4f", "Array4f64", "Array4u", "ArrayTypes",
-           "Bool", "DrJitArray", "Float", "Float64", "Int32", "Numbers", "Real", "Triple", "UInt32", "UInt64", "Upload",
-           "Vector", "Vector64"]
-
-# Numbers, NumPy arrays or Dr.Jit arrays: what a law takes and gives that is written once for all of them.
-Numbers: TypeAlias = Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,8 +16,22 @@ if TYPE_CHECKING:
     import numpy as np
     from drjit import ArrayBase
     from drjit.auto import ad
-    from drjit.auto.ad import (Array2f, Array2f64, Array2u, Array3f, Array3f64, Array4f, Array4f64, Array4u, Bool,
-                               Float, Float64, Int32, UInt32, UInt64)
+    from drjit.auto.ad import (
+        Array2f,
+        Array2f64,
+        Array2u,
+        Array3f,
+        Array3f64,
+        Array4f,
+        Array4f64,
+        Array4u,
+        Bool,
+        Float,
+        Float64,
+        Int32,
+        UInt32,
+        UInt64,
+    )
 
     Real: TypeAlias = float | np.ndarray
     DrJitArray: TypeAlias = ArrayBase[Any, Any, Any, Any, Any, Any, Any]
@@ -57,3 +69,24 @@ else:
     Array2f = Array2f64 = Array2u = Array3f = Array3f64 = Array4f = Array4f64 = Array4u = Any
     Bool = Float = Float64 = Int32 = UInt32 = UInt64 = Any
     ArrayTypes = DrJitArray = Real = Triple = Upload = Vector = Vector64 = Any
+
+__all__ = ["Array2f", "Array2f64", "Array2u", "Array3f", "Array3f64", "Array4f", "Array4f64", "Array4u", "ArrayTypes",
+           "Bool", "DrJitArray", "Float", "Float64", "Int32", "Numbers", "Real", "Record", "Triple", "UInt32",
+           "UInt64", "Upload", "Vector", "Vector64"]
+
+
+class Record:
+    """Keep keyword values, exactly the annotated ones, and refuse changes."""
+
+    def __init__(self, **values: Any):
+        expected = set(type(self).__annotations__)
+        if set(values) != expected:
+            raise TypeError(f"{type(self).__name__} takes {sorted(expected)}, got {sorted(values)}")
+        self.__dict__.update(values)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{type(self).__name__} is frozen; make a new one to change {name}")
+
+
+# Numbers, NumPy arrays or Dr.Jit arrays: what a law takes and gives that is written once for all of them.
+Numbers: TypeAlias = Any

@@ -25,13 +25,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of
-from ..scene.geometry import Geometry
-from ..scene.labels import SEABED
-from ..scene.materials import coherent_reflection
-from ..tracing.connection import Connection, Connector
-from ..tracing.hits import Hits
-from ..tracing.tracer import Sources, registry_index
+from mitsonar.device.arrays import arrays_of
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import SEABED
+from mitsonar.scene.materials import coherent_reflection
+from mitsonar.tracing.connection import Connection, Connector
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.tracer import Sources, registry_index
+
 from .bed_planes import BedPlanes, Planes, first_zone
 from .record import Leg
 from .sight import Sight

@@ -13,10 +13,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..scene.geometry import Geometry
-from ..scene.materials import reflects
-from ..tracing.bed_cover import ROUNDING, bed_height
+from mitsonar.device.arrays import upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.materials import reflects
+from mitsonar.tracing.bed_cover import ROUNDING, bed_height
 
 __all__ = ["BedPlanes", "Planes", "first_zone"]
 

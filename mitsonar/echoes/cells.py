@@ -18,7 +18,7 @@ from types import ModuleType
 import drjit as dr
 import numpy as np
 
-from ..device.types import DrJitArray, Float64, UInt32
+from mitsonar.device.types import DrJitArray, Float64, UInt32
 
 __all__ = ["cell_of", "divisions", "place"]
 

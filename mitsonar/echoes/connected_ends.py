@@ -12,14 +12,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.chance import Salt, pair, salted, uniform
-from ..scattering.echo_taps import HeardBand
-from ..scene.labels import SEABED
-from ..scene.materials import bistatic_strength, coherent_reflection, reflects
-from ..tracing.connection import Connection, Connector
-from ..tracing.hits import Hits
-from ..tracing.launch import Strata
+from mitsonar.device.arrays import upload
+from mitsonar.device.chance import Salt, pair, salted, uniform
+from mitsonar.scattering.echo_taps import HeardBand
+from mitsonar.scene.labels import SEABED
+from mitsonar.scene.materials import bistatic_strength, coherent_reflection, reflects
+from mitsonar.tracing.connection import Connection, Connector
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.launch import Strata
+
 from .bed_planes import first_zone
 from .chosen_partners import CANDIDATES
 from .ghosts import Ghosts, joined
@@ -28,7 +29,14 @@ from .paths import Paths
 from .point_targets import TARGET_RADIUS, PointTargets
 from .record import Leg
 from .sonar_equation import (
-    along_legs, echo_energy, leg_gain, passed_on, returned, returned_by_patch, scattered, speed_ratio,
+    along_legs,
+    echo_energy,
+    leg_gain,
+    passed_on,
+    returned,
+    returned_by_patch,
+    scattered,
+    speed_ratio,
 )
 
 __all__ = ["ConnectedEnds"]

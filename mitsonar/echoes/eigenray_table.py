@@ -17,9 +17,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.lookups import held
-from ..tracing.connection import Connector
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.tracing.connection import Connector
+
 from .sonar_equation import leg_gain, speed_ratio
 
 __all__ = ["EigenrayTable", "TableLegs"]

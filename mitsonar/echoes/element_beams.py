@@ -13,9 +13,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.types import Numbers, Triple
-from ..sonar import Array
-from ..sonar.element_patterns import element_pressure
+from mitsonar.device.types import Numbers, Triple
+from mitsonar.sonar import Array
+from mitsonar.sonar.element_patterns import element_pressure
 
 __all__ = ["ElementBeams", "omni", "pressure"]
 

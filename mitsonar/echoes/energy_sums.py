@@ -14,8 +14,8 @@ from types import ModuleType
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import arrays_of
-from ..device.types import DrJitArray
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import DrJitArray
 
 __all__ = ["EchoSums", "SummedEnergy", "add_words", "sum_size"]
 

@@ -17,22 +17,22 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, compressed, upload
-from ..scattering.echo_taps import HeardBand
-from ..scene.materials import scattering_strength
-from ..tracing.aimed_launch import DrawnRays
-from ..tracing.connection import Connector
-from ..tracing.launch import Strata
-from ..tracing.tracer import Sources, Tracer
-from ..tracing.water import DeviceWater
+from mitsonar.device.arrays import arrays_of, compressed, upload
+from mitsonar.scattering.echo_taps import HeardBand
+from mitsonar.scene.materials import scattering_strength
+from mitsonar.tracing.aimed_launch import DrawnRays
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.launch import Strata
+from mitsonar.tracing.tracer import Sources, Tracer
+from mitsonar.tracing.water import DeviceWater
+
 from .element_beams import ElementBeams
-from .pieces_in_beams import NEGLIGIBLE, pieces_in_beams
-from .pieces import Pieces, pieces_in_reach
+from .pieces import NEGLIGIBLE, Pieces, pieces_in_beams, pieces_in_reach
 from .point_targets import PointTargets
 from .record import Echoes, Leg
 from .scatterers import Cells, Scatterers
-from .sights import Sights
 from .side_lobes import SideLobes
+from .sights import Sights
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 from .surface_ghosts import ArrayGhosts

@@ -29,10 +29,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, looped, upload
-from ..device.chance import Salt, gaussian, hashed, hashed_pair
-from ..device.lookups import held
-from ..device.types import Float, UInt32
+from mitsonar.device.arrays import arrays_of, held, looped, upload
+from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair
+from mitsonar.device.types import Float, UInt32
 
 __all__ = ["LATTICES", "GroundSpeckle", "SpeckleBeam", "SpeckleWay"]
 

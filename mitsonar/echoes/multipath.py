@@ -30,12 +30,13 @@ from itertools import product
 import drjit as dr
 import mitsuba as mi
 
-from ..device.chance import Salt, salted
-from ..tracing.connection import Connector
-from ..tracing.free_rays import FreeRays
-from ..tracing.hits import Hits
-from ..tracing.launch import Strata
-from ..tracing.tracer import Sources
+from mitsonar.device.chance import Salt, salted
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.free_rays import FreeRays
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.launch import Strata
+from mitsonar.tracing.tracer import Sources
+
 from .chosen_partners import ChosenPartners
 from .connected_ends import ConnectedEnds
 from .ghosts import Ghosts

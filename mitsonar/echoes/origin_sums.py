@@ -14,8 +14,9 @@ from types import ModuleType
 import drjit as dr
 import numpy as np
 
-from ..device.lookups import held
-from ..device.types import DrJitArray
+from mitsonar.device.arrays import held
+from mitsonar.device.types import DrJitArray
+
 from .energy_sums import LARGEST, add_words, sum_size
 
 __all__ = ["PLACE", "SECTORS", "WORDS", "OriginSums", "SummedOrigins", "sector"]

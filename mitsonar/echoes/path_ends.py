@@ -11,9 +11,10 @@ from typing import Any, TypeVar
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import picked
-from ..tracing.hits import Hits
-from ..tracing.tracer import Sources
+from mitsonar.device.arrays import picked
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.tracer import Sources
+
 from .record import Leg
 
 __all__ = ["Ends", "Origins", "TargetEnds", "computed", "image_of"]

@@ -14,8 +14,8 @@ from itertools import product
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.types import Bool, UInt32
+from mitsonar.device.arrays import upload
+from mitsonar.device.types import Bool, UInt32
 
 __all__ = ["Paths"]
 

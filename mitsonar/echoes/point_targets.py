@@ -15,12 +15,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..scattering.echo_taps import EchoTaps, HeardBand
-from ..scene.geometry import Target
-from ..tracing.connection import Connection
-from ..tracing.tracer import Sources
-from ..water.profile import SoundSpeedProfile
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.scattering.echo_taps import EchoTaps, HeardBand
+from mitsonar.scene.geometry import Target
+from mitsonar.tracing.connection import Connection
+from mitsonar.tracing.tracer import Sources
+from mitsonar.water.profile import SoundSpeedProfile
+
 from .record import Echoes
 from .sight import path_of, product
 from .sights import Sights

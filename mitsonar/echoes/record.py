@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from ..device.arrays import compressed
-from ..device.types import Bool, Float, Float64, UInt32, Vector, Vector64
-from ..tracing.connection import Connection
-from ..tracing.hits import Hits
+from mitsonar.device.arrays import compressed
+from mitsonar.device.types import Bool, Float, Float64, UInt32, Vector, Vector64
+from mitsonar.tracing.connection import Connection
+from mitsonar.tracing.hits import Hits
 
 __all__ = ["Echoes", "Leg"]
 

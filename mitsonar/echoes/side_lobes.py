@@ -20,8 +20,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, compressed, upload
-from ..device.chance import Salt, hashed, uniform
+from mitsonar.device.arrays import arrays_of, compressed, upload
+from mitsonar.device.chance import Salt, hashed, uniform
+
 from .pieces import Pieces
 from .scatterers import Scatterers
 

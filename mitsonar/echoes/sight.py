@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from ..tracing.connection import Connection
+from mitsonar.tracing.connection import Connection
+
 from .record import Leg
 
 __all__ = ["Sight", "path_of", "product"]

@@ -15,9 +15,10 @@ from collections.abc import Iterator
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of
-from ..tracing.connection import Connection, Connector
-from ..tracing.tracer import Sources
+from mitsonar.device.arrays import arrays_of
+from mitsonar.tracing.connection import Connection, Connector
+from mitsonar.tracing.tracer import Sources
+
 from .bed_mirror import BedMirror
 from .record import Echoes, Leg
 from .sight import Sight

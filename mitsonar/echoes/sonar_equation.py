@@ -29,7 +29,7 @@ from typing import cast
 import drjit as dr
 import numpy as np
 
-from ..device.types import DrJitArray, Float, Float64
+from mitsonar.device.types import DrJitArray, Float, Float64
 
 __all__ = ["GRAZING", "absorbed", "along_legs", "echo_energy", "leg_gain", "lit_patch", "mirrored_overhead",
            "passed_on", "pressure_along_legs", "returned", "returned_by_patch", "scattered",

@@ -12,13 +12,14 @@ from collections.abc import Iterator
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of, compressed
-from ..device.chance import Salt, gaussian, hashed_pair, pair, salted, uniform
-from ..scene.materials import bistatic_strength
-from ..tracing.connection import Connection
-from ..tracing.free_rays import FreeRays
-from ..tracing.launch import Strata
-from ..tracing.tracer import Sources, Tracer
+from mitsonar.device.arrays import arrays_of, compressed
+from mitsonar.device.chance import Salt, gaussian, hashed_pair, pair, salted, uniform
+from mitsonar.scene.materials import bistatic_strength
+from mitsonar.tracing.connection import Connection
+from mitsonar.tracing.free_rays import FreeRays
+from mitsonar.tracing.launch import Strata
+from mitsonar.tracing.tracer import Sources, Tracer
+
 from .multipath import Bounces
 from .paths import Paths
 from .record import Echoes, Leg

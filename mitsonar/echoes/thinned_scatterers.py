@@ -32,8 +32,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, compressed, opaque_vector, reinterpreted, upload
-from ..device.chance import Salt, hashed, hashed_pair, uniform, uniform_inside
+from mitsonar.device.arrays import arrays_of, compressed, opaque_vector, reinterpreted, upload
+from mitsonar.device.chance import Salt, hashed, hashed_pair, uniform, uniform_inside
+
 from .cells import divisions, place
 from .scatterers import Scatterers
 

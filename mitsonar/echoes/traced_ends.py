@@ -11,12 +11,13 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 
-from ..device.chance import other_pair, pair, uniform
-from ..scene.materials import next_direction
-from ..tracing.connection import Connector
-from ..tracing.free_rays import FreeRays
-from ..tracing.hits import Hits
-from ..tracing.launch import Strata
+from mitsonar.device.chance import other_pair, pair, uniform
+from mitsonar.scene.materials import next_direction
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.free_rays import FreeRays
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.launch import Strata
+
 from .path_ends import Ends, computed, image_of
 from .paths import Paths
 from .record import Leg

@@ -15,9 +15,10 @@ from math import gcd
 import drjit as dr
 import mitsuba as mi
 
-from ..tracing.connection import Connection, Connector
-from ..tracing.launch import Strata
-from ..tracing.tracer import Sources
+from mitsonar.tracing.connection import Connection, Connector
+from mitsonar.tracing.launch import Strata
+from mitsonar.tracing.tracer import Sources
+
 from .sonar_equation import along_legs, leg_gain, speed_ratio
 
 __all__ = ["DrawnPoints", "WaterEchoes"]

@@ -12,8 +12,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of
-from ..scene.geometry import Geometry
+from mitsonar.device.arrays import arrays_of
+from mitsonar.scene.geometry import Geometry
+
 from .attached_shapes import AttachedShapes
 
 __all__ = ["AttachedGeometry"]

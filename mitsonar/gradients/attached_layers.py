@@ -15,9 +15,9 @@ from typing import NamedTuple
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.types import Float64, UInt32
-from ..propagation.layer_table import FAR, GAUSS, LayerTable
+from mitsonar.device.arrays import upload
+from mitsonar.device.types import Float64, UInt32
+from mitsonar.propagation.layer_table import FAR, GAUSS, LayerTable
 
 __all__ = ["LayerPlaces", "attached_layers", "layer_places"]
 

@@ -21,9 +21,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..scene.geometry import Geometry
-from .tangents import tangent
+from mitsonar.device.arrays import upload
+from mitsonar.scene.geometry import Geometry
+
+from .ray_shift import tangent
 
 __all__ = ["CYLINDER", "DISK", "KINDS", "RECTANGLE", "SPHERE", "AttachedShapes", "OnShapes", "as_taken", "kind_of"]
 

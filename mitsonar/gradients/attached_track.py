@@ -14,15 +14,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.record import Record
-from ..device.types import ArrayTypes, Float64, UInt32
-from ..propagation.layer_table import LayerTable
-from ..sonar.track import Track
-from ..survey.places import Place
-from ..survey.rows import Rays
-from ..tracing.tracer import Sources
-from .tangents import tangent
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import ArrayTypes, Float64, Record, UInt32
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.sonar.track import Track
+from mitsonar.survey.places import Place
+from mitsonar.survey.rows import Rays
+from mitsonar.tracing.tracer import Sources
+
+from .ray_shift import tangent
 
 __all__ = ["AttachedTrack", "Offsets"]
 

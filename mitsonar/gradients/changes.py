@@ -3,6 +3,18 @@
     y = g(x),    dy = G dx,    Gᵀ w                      `BoundChange.inner`, `.push`, `.pull`
 
 y -> the parameter as the model has it; x -> what stands for it.
+
+Rotations by vectors, and how they change with them.
+
+    R(θ) = exp [θ],     d(R p) = (J dθ) × (R p),     J = I + (1 - cos φ)/φ² [θ] + (φ - sin φ)/φ³ [θ]²
+
+φ -> the length of θ, J -> its left Jacobian (Chirikjian, 2012, Stochastic Models, Information Theory, and Lie Groups 2,
+eq. 10.86).
+
+Vertices, or the transform of a shape, that move and turn as one.
+
+    v' = c + t + R (v - c)              of vertices v (V, 3)
+    A' = R A,  o' = c + t + R (o - c)   of a transform (4, 4) with the columns A and the origin o
 """
 from __future__ import annotations
 
@@ -13,10 +25,81 @@ from typing import Protocol
 import numpy as np
 
 from .node_weights import node_weights
-from .rigid import Rigid
-from .rotations import left_jacobian, rotation
 
-__all__ = ["BoundChange", "Change", "Heights", "InDecibels", "Log", "Offset", "OnNodes", "Pose"]
+__all__ = ["BoundChange", "Change", "Heights", "InDecibels", "Log", "Offset", "OnNodes", "Pose", "Rigid",
+           "left_jacobian", "rotation"]
+
+
+class Rigid:
+    """What moves as one.
+
+    Parameters
+    ----------
+    key : str
+    start : (V, 3) or (4, 4) [m]
+
+    Attributes
+    ----------
+    centre : (3,) [m]
+        c: the middle of the box around vertices; the origin of a transform, which is the middle of a sphere, disk or
+        rectangle and the foot of a cylinder.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+    """
+
+    def __init__(self, key: str, start: np.ndarray):
+        self._matrix = start.shape == (4, 4)
+        if not self._matrix and (start.ndim != 2 or start.shape[1] != 3):
+            raise ValueError(f"{key} has the shape {start.shape}, and is not the vertices (V, 3) of a mesh, nor the "
+                             "to_world (4, 4) of a shape; give the key of a mesh's vertices, or of a to_world")
+        rows = self.rows(start)
+        self.carried = np.array([[0.0], [0], [0], [1]]) if self._matrix else np.ones((len(rows), 1))
+        self.centre = rows[3] if self._matrix else (rows.min(0) + rows.max(0)) / 2
+        self._arms = rows - self.carried * self.centre
+
+    def rows(self, array: np.ndarray) -> np.ndarray:
+        """The vectors (N, 3) of an array: vertices, or three columns and the origin."""
+        return array[:3].T if self._matrix else array
+
+    def array(self, rows: np.ndarray, *, tangent: bool = False) -> np.ndarray:
+        """The array of vectors (N, 3); of a tangent the last row of a transform stands still."""
+        return np.vstack([rows.T, (0, 0, 0, 0.0 if tangent else 1.0)]) if self._matrix else rows
+
+    def arms(self, rotation: np.ndarray) -> np.ndarray:
+        """R (v - c) and R A, (N, 3)."""
+        return self._arms @ rotation.T
+
+    def moved(self, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """The array, moved and turned."""
+        return self.array(self.arms(rotation) + self.carried * (self.centre + shift))
+
+
+SMALL = 1e-4                       # rad, below which series are better than quotients
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    """Give the matrix (3, 3) of a rotation vector (3,) [rad]."""
+    angle, cross = float(np.linalg.norm(vector)), _cross(vector)
+    first, second = (np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
+    return np.eye(3) + first * cross + second * cross @ cross
+
+
+def left_jacobian(vector: np.ndarray) -> np.ndarray:
+    """Give J (3, 3) of a rotation vector (3,) [rad]."""
+    angle, cross = float(np.linalg.norm(vector)), _cross(vector)
+    first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    second = 1 / 6 - angle ** 2 / 120 if angle < SMALL else (angle - np.sin(angle)) / angle ** 3
+    return np.eye(3) + first * cross + second * cross @ cross
+
+
+def _cross(vector: np.ndarray) -> np.ndarray:
+    """[θ], the matrix that takes p to θ × p."""
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
 
 DECIBELS = 10 / np.log(10)
 

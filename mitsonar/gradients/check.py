@@ -22,7 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..spelling import meant
+from mitsonar.spelling import meant
+
 from .check_differences import Difference, Line, difference_at, first_step, settled_step
 from .check_directions import Part, generator, parts, slow_weights
 from .check_table import DISCONNECTED, OFF, RIGHT, UNDECIDED, UNSEEN, GradientCheck, PartCheck

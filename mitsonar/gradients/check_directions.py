@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.chance import shape_key
+from mitsonar.device.chance import shape_key
 
 __all__ = ["Part", "generator", "parts", "slow_weights"]
 

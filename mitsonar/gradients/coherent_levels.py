@@ -14,8 +14,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..imaging import fan
-from ..survey.kinds import kind_of
+from mitsonar.imaging import fan
+from mitsonar.survey.kinds import kind_of
+
 from .coherent_picture import CoherentJacobian, CoherentPicture
 
 __all__ = ["CoherentLevels", "is_coherent"]

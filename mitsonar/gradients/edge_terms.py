@@ -31,19 +31,20 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..survey.first_hits import Echoes, FirstHits
-from ..survey.places import Place
-from ..survey.rows import Rays, Rows
-from ..tracing.connection import Connection, Connector
-from ..tracing.hits import Hits
-from ..tracing.tracer import Tracer, registry_index
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.survey.first_hits import Echoes, FirstHits
+from mitsonar.survey.places import Place
+from mitsonar.survey.rows import Rays, Rows
+from mitsonar.tracing.connection import Connection, Connector
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.tracer import Tracer, registry_index
+
 from .attached_geometry import AttachedGeometry
 from .jump_lines import JumpLines
 from .line_samples import LineSamples
 from .mesh_edges import NO_FACE
+from .ray_shift import tangent
 from .shape_outlines import OutlinePoints
-from .tangents import tangent
 from .tent_bins import TentBins
 
 __all__ = ["EdgeTerms", "LinePoints", "edge_terms", "outline_terms"]

@@ -24,12 +24,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene.geometry import Target
-from ..sonar.array import Array
-from ..sonar.track import Track, rotation_matrix
-from ..spelling import meant
-from ..survey.array_survey import ArraySurvey
-from .element_motions import Motion
+from mitsonar.scene.geometry import Target
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.track import Track, rotation_matrix
+from mitsonar.spelling import meant
+from mitsonar.survey.array_survey import ArraySurvey
+
+from .element_levers import Motion
 from .model import Values
 
 __all__ = ["ElementParameters"]

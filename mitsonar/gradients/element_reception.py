@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy import fft
 
-from ..signal.reception import GUARD, INTERPOLATION_ERROR, band_filter, excess_loss_rate, padded_length
-from ..sonar.pulse import Pulse
-from ..survey.array_survey import ArraySurvey
-from ..survey.signals import SentPiece
+from mitsonar.signal.reception import GUARD, INTERPOLATION_ERROR, band_filter, excess_loss_rate, padded_length
+from mitsonar.sonar.pulse import Pulse
+from mitsonar.survey.array_survey import ArraySurvey
+from mitsonar.survey.signals import SentPiece
 
 __all__ = ["delayed_transposed", "later", "response_weights"]
 

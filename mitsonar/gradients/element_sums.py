@@ -15,15 +15,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.types import Float, Int32, UInt32
-from ..propagation.straight_vectors import dot
-from ..signal.accumulation import ImpulseResponses, OfPair
-from ..signal.gathering import EchoPairs, GatheredWeights
-from ..survey.elements.pairs import seen_from
-from ..survey.elements.ping_source import opaque
-from .element_levers import Levers, mirrored
-from .element_motions import Motion
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import Float, Int32, UInt32
+from mitsonar.propagation.straight_vectors import dot
+from mitsonar.signal.accumulation import ImpulseResponses, OfPair
+from mitsonar.signal.gathering import EchoPairs, GatheredWeights
+from mitsonar.survey.elements.pairs import seen_from
+from mitsonar.survey.elements.ping_source import opaque
+
+from .element_levers import Levers, Motion, mirrored
 
 __all__ = ["DelayGradients", "DelayTangents", "StrengthGradients", "StrengthTangents"]
 

@@ -17,22 +17,22 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from ..echoes.ensonification import Ensonification
-from ..echoes.point_targets import PointTargets
-from ..scene.errors import as_exception
-from ..signal.accumulation import ImpulseResponses
-from ..signal.gathering import GatheredWeights
-from ..signal.impulses import BandLimited, Later
-from ..signal.reception import delayed
-from ..survey.array_survey import ArraySurvey
-from ..survey.elements.ping_source import PingSource
-from ..survey.ensonified_ping import EnsonifiedPing, ensonification_of
-from ..survey.pressure import SUMS_BYTES, PressureRecord
-from ..survey.signals import LEAD, echoes_of_the_pulse, sent_pieces
-from ..survey.target_echoes import band_of
-from ..units import amplitude_from_db
-from .element_levers import LeveredDelays, TargetEnds
-from .element_motions import Motion
+from mitsonar.echoes.ensonification import Ensonification
+from mitsonar.echoes.point_targets import PointTargets
+from mitsonar.scene.errors import as_exception
+from mitsonar.signal.accumulation import ImpulseResponses
+from mitsonar.signal.gathering import GatheredWeights
+from mitsonar.signal.impulses import BandLimited, Later
+from mitsonar.signal.reception import delayed
+from mitsonar.survey.array_survey import ArraySurvey
+from mitsonar.survey.elements.ping_source import PingSource
+from mitsonar.survey.ensonified_ping import EnsonifiedPing, ensonification_of
+from mitsonar.survey.pressure import SUMS_BYTES, PressureRecord
+from mitsonar.survey.signals import LEAD, echoes_of_the_pulse, sent_pieces
+from mitsonar.survey.target_echoes import band_of
+from mitsonar.units import amplitude_from_db
+
+from .element_levers import LeveredDelays, Motion, TargetEnds
 from .element_parameters import Altered, ElementParameters
 from .element_reception import delayed_transposed, later, response_weights
 from .element_sums import DelayGradients, DelayTangents, StrengthGradients, StrengthTangents

@@ -19,15 +19,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..propagation.layer_table import LayerTable
-from ..survey.first_hits import Echoes, FirstHits, Losses, received
-from ..survey.places import Place, Places
-from ..survey.rows import Rays, Rows
-from ..survey.survey import Survey
-from ..tracing.hits import Hits
-from ..tracing.tracer import Tracer, registry_index
-from ..tracing.water import DeviceWater
+from mitsonar.device.arrays import upload
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.survey.first_hits import Echoes, FirstHits, Losses, received
+from mitsonar.survey.places import Place, Places
+from mitsonar.survey.rows import Rays, Rows
+from mitsonar.survey.survey import Survey
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.tracer import Tracer, registry_index
+from mitsonar.tracing.water import DeviceWater
+
 from .attached_geometry import AttachedGeometry
 from .attached_track import AttachedTrack
 from .edge_terms import EdgeTerms, edge_terms, outline_terms

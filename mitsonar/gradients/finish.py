@@ -27,14 +27,14 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of
-from ..propagation.layer_table import LayerTable
-from ..scene.geometry import interpolated
-from ..tracing.hits import Hits, towards_sound
+from mitsonar.device.arrays import arrays_of
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.scene.geometry import interpolated
+from mitsonar.tracing.hits import Hits, towards_sound
+
 from .attached_geometry import AttachedGeometry
 from .attached_shapes import OnShapes
-from .ray_shift import RayShift
-from .tangents import tangent
+from .ray_shift import RayShift, tangent
 from .walked_rays import walked
 
 __all__ = ["Facets", "finished", "side_of"]

@@ -13,7 +13,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..survey.kinds import kind_of
+from mitsonar.survey.kinds import kind_of
+
 from .pictures import picture_of
 from .record_field import About, RecordField
 from .scene_values import check_followed

@@ -15,11 +15,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.chance import Salt
-from ..survey.places import Place
-from ..survey.rows import Rows
-from ..tracing.tracer import Tracer
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import Salt
+from mitsonar.survey.places import Place
+from mitsonar.survey.rows import Rows
+from mitsonar.tracing.tracer import Tracer
+
 from .jump_lines import JumpLines
 from .mesh_edges import NO_FACE
 from .sight import Sight, drawn_pieces

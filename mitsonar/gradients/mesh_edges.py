@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.geometry import Geometry
+from mitsonar.scene.geometry import Geometry
 
 __all__ = ["NO_FACE", "MeshEdges", "edges_of", "mesh_edges"]
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..spelling import meant
+from mitsonar.spelling import meant
+
 from .changes import BoundChange, Change, Heights, InDecibels, Log, Offset, OnNodes, Pose
 from .model import ForwardModel, Linearised, Values
 

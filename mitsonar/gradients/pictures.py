@@ -14,18 +14,18 @@ from typing import Any, Protocol
 import mitsuba as mi
 import numpy as np
 
-from ..imaging.recorder import leaked
-from ..imaging.sidescan import mean_intensity, pulse_shares
-from ..survey import array, energy, forward_looking, sector_scan
-from ..survey.array_survey import ArraySurvey
-from ..survey.beams import Beams
-from ..survey.kinds import kind_of
-from ..survey.rows import Rows
-from ..survey.sides import Sides
-from ..survey.sidescan import noise_db
-from ..survey.sidescan_survey import SidescanSurvey
-from ..survey.survey import Survey
-from ..units import power_from_db
+from mitsonar.imaging.recorder import leaked
+from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.survey import array, energy, forward_looking, sector_scan
+from mitsonar.survey.array_survey import ArraySurvey
+from mitsonar.survey.beams import Beams
+from mitsonar.survey.kinds import kind_of
+from mitsonar.survey.rows import Rows
+from mitsonar.survey.sides import Sides
+from mitsonar.survey.sidescan import noise_db
+from mitsonar.survey.sidescan_survey import SidescanSurvey
+from mitsonar.survey.survey import Survey
+from mitsonar.units import power_from_db
 
 __all__ = ["FanPicture", "Picture", "SidescanPicture", "StepPicture", "has_phases", "picture_of"]
 

@@ -10,23 +10,40 @@ may be attached: source depth z_0, sound speeds, launch angle θ_0 and heading. 
     A = X |D| |sin θ sin θ_0| / (p c_0²),    D = dX/dp at fixed depths,    dS = cos θ_1 dX - sin θ_0 dz_0
 
 θ_1 -> the flatter of both ends.
+
+Increments that are 0 and carry a gradient: what an attached value adds to a detached one.
+
+    y = y_0 + tangent(f(x)),    tangent(f) = 0,  d tangent(f) = df
+
+So a record has the same numbers whether anybody asks for gradients or not, and every derivative is a term of its own.
 """
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of
-from ..propagation.layer_table import LayerTable
-from ..propagation.two_point import LEVEL, MAX_TUBE_GAIN
-from ..tracing.hits import Hits
-from .tangents import tangent
+from mitsonar.device.arrays import arrays_of
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.propagation.two_point import LEVEL, MAX_TUBE_GAIN
+from mitsonar.tracing.hits import Hits
+
 from .walked_rays import walked
 
-__all__ = ["RayShift", "ray_shift"]
+__all__ = ["RayShift", "ray_shift", "tangent"]
+
+
+Attached = TypeVar("Attached")
+
+
+def tangent(value: Attached) -> Attached:
+    """Give 0 with the gradient of a Dr.Jit value."""
+    zero: Any = dr.zeros(type(value), dr.width(value))
+    moving: Any = dr.replace_grad(zero, value)
+    return moving
+
 
 # of a_4: times err by 0.03 a_4^1.25 of themselves, derivatives by more; spreading counts for less
 SERIES_LIMIT, WIDENS = 1e-4, 3e-3

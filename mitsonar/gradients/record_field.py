@@ -18,14 +18,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..scene.geometry import Geometry
+from mitsonar.scene.geometry import Geometry
+
 from .attached_scene import AttachedScene
 from .edge_terms import EdgeTerms
 from .energy_field import Block, EnergyField, Kept, Samplers, Scenery
 from .jump_lines import LineMaker
 from .pictures import Picture
-from .shape_meetings import may_meet
-from .unseen import seen_in, shares
+from .unseen import may_meet, seen_in, shares
 
 __all__ = ["About", "RecordField"]
 

@@ -13,7 +13,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..spelling import meant
+from mitsonar.spelling import meant
+
 from .attached_shapes import as_taken, kind_of
 from .model import Values
 

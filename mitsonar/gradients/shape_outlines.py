@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.chance import Salt
-from ..survey.places import Place
-from ..survey.rows import Rows
-from ..tracing.tracer import Tracer
+from mitsonar.device.arrays import upload
+from mitsonar.device.chance import Salt
+from mitsonar.survey.places import Place
+from mitsonar.survey.rows import Rows
+from mitsonar.tracing.tracer import Tracer
+
 from .attached_shapes import CYLINDER, DISK, RECTANGLE, SPHERE, AttachedShapes
 from .sight import Sight, drawn_pieces
 

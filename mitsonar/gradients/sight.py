@@ -11,12 +11,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.chance import hashed, row_keys, seeded, uniform
-from ..survey.places import Place
-from ..survey.rows import Rows
-from ..tracing.connection import Connector
-from ..tracing.tracer import Tracer
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import hashed, row_keys, seeded, uniform
+from mitsonar.survey.places import Place
+from mitsonar.survey.rows import Rows
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.tracer import Tracer
 
 __all__ = ["Sight", "drawn_pieces"]
 

@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ..hydrography.legs import Leg, Starts
-from ..hydrography.sounding_beams import SoundingBeams
-from ..propagation.profile_derivatives import passage_derivatives
-from ..water import SoundSpeedProfile
+from mitsonar.hydrography.legs import Leg, Starts
+from mitsonar.hydrography.sounding_beams import SoundingBeams
+from mitsonar.propagation.profile_derivatives import passage_derivatives
+from mitsonar.water import SoundSpeedProfile
+
 from .model import Values
 from .sounding_bed import BedGrid, BedShares
 

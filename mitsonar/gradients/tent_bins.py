@@ -10,10 +10,9 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import upload
-from ..device.lookups import held
-from ..survey.energy_bins import EnergyBins
-from ..survey.first_hits import Echoes
+from mitsonar.device.arrays import held, upload
+from mitsonar.survey.energy_bins import EnergyBins
+from mitsonar.survey.first_hits import Echoes
 
 __all__ = ["TentBins"]
 

@@ -19,13 +19,13 @@ from typing import cast
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import looped, upload
-from ..device.record import Record
-from ..device.types import ArrayTypes, Bool, Float64, Int32, UInt32
-from ..propagation.arc_derivatives import ArcDerivatives, SpreadDerivatives, arc_derivatives, spread_derivatives
-from ..propagation.layer_table import LayerTable
-from ..propagation.ray_fans import arc_step, first_layer
-from ..propagation.two_point import arc_time, walk
+from mitsonar.device.arrays import looped, upload
+from mitsonar.device.types import ArrayTypes, Bool, Float64, Int32, Record, UInt32
+from mitsonar.propagation.arc_derivatives import ArcDerivatives, SpreadDerivatives, arc_derivatives, spread_derivatives
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.propagation.ray_fans import arc_step, first_layer
+from mitsonar.propagation.two_point import arc_time, walk
+
 from .attached_layers import layer_places
 
 __all__ = ["walked"]

@@ -13,8 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .amplitude_detection import (AmplitudeDetections, about, along_delay, by_amplitude, footprint_duration,
-                                  incidences, refined_centre, slopes)
+from .amplitude_detection import (
+    AmplitudeDetections,
+    about,
+    along_delay,
+    by_amplitude,
+    footprint_duration,
+    incidences,
+    refined_centre,
+    slopes,
+)
 from .bottom_track import CELL, Echoes, Track, noise_level, reduced, track
 from .phase_detection import by_phase, no_phase
 from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..units import KNOT
-from ..water import SoundSpeedProfile
+from mitsonar.units import KNOT
+from mitsonar.water import SoundSpeedProfile
+
 from .planning_area import Area, LineFrame
 from .planning_bed import Bed, heading_along_area, heading_along_contours
 from .planning_coverage import Coverage, Gap, SwathSonar, Track, coverage, gaps, track

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .legs import Starts
 from .survey_orders import SurveyOrder
 

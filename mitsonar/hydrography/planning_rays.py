@@ -19,9 +19,9 @@ from typing import cast
 
 import numpy as np
 
-from ..propagation.layers import Layers
-from ..units import Values
-from ..water import SoundSpeedProfile
+from mitsonar.propagation.layers import Layers
+from mitsonar.units import Values
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["SwathRays", "swath_rays"]
 

@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .attitude import Motion
 from .record import VARIABLES, check, variable
 from .reduction import Installation, Located, Measured, located

@@ -16,7 +16,6 @@ bed stands out of them; detection tells by its phase that it comes from beside t
 from __future__ import annotations
 
 import numpy as np
-
 from scipy import ndimage
 
 from .bottom_track import Echoes

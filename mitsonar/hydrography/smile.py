@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..propagation.eigenrays import eigenray
-from ..water import SoundSpeedProfile
+from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["Smile", "smile_of_head", "smile_of_profile"]
 

@@ -11,7 +11,7 @@ from typing import cast
 
 import numpy as np
 
-from ..units import Values
+from mitsonar.units import Values
 
 __all__ = ["ORDERS", "SurveyOrder", "survey_order"]
 

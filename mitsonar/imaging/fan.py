@@ -14,12 +14,13 @@ from collections.abc import Mapping
 import numpy as np
 import xarray
 
-from ..signal.beamforming import delay_and_sum
-from ..signal.matched_filter import matched_filter
-from ..signal.reception import delayed
-from ..sonar.array import Array
-from ..sonar.pulses import Pulse
-from ..sonar.sectors import STEPS
+from mitsonar.signal.beamforming import delay_and_sum
+from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.reception import delayed
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.pulses import Pulse
+from mitsonar.sonar.sectors import STEPS
+
 from . import truth
 from .energy_record import EnergyRecord
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..sonar.track import Track
-from ..units import db_from_power
+from mitsonar.sonar.track import Track
+from mitsonar.units import db_from_power
+
 from . import truth
 from .energy_record import EnergyRecord
 from .fan import NOTHING_DB, SHORTEST_SHADOW, runs_of

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..units import power_from_db
+from mitsonar.units import power_from_db
+
 from .gain import AngleGain, display_gain
 from .mosaic_swath import Ground, Swath
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..sonar.track import Track
-from ..units import db_from_power
+from mitsonar.sonar.track import Track
+from mitsonar.units import db_from_power
+
 from . import truth
 from .energy_record import EnergyRecord
 

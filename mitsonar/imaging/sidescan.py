@@ -15,10 +15,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import xarray
 
+from mitsonar.sonar.sidescan import Sidescan
+from mitsonar.sonar.track import Track
 from mitsonar.units import db_from_power, power_from_db
 
-from ..sonar.sidescan import Sidescan
-from ..sonar.track import Track
 from . import truth
 from .energy_record import CoherentRecord, EnergyRecord
 from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from .likelihood import Gamma, Gaussian
     from .pose import PosePrior, fit_pose
     from .priors import Prior
-    from .profile import fit_profile
-    from .profile_lines import fit_lines
+    from .profile import fit_lines, fit_profile
     from .scene_fit import KeyPrior, fit_scene
     from .sediment_map import StrengthPrior, fit_sediment_map
     from .sharpness import Sway, sharpened

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..gradients.model import Values
-from ..propagation.eigenrays import eigenray
-from ..propagation.travel import REST, Travel, rotated
-from ..sonar.track import Track, rotation_matrix
-from ..sonar.trajectory import Recorded, Trajectory
-from ..spelling import meant
-from ..water.profile import SoundSpeedProfile
+from mitsonar.gradients.model import Values
+from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.propagation.travel import REST, Travel, rotated
+from mitsonar.sonar.track import Track, rotation_matrix
+from mitsonar.sonar.trajectory import Recorded, Trajectory
+from mitsonar.spelling import meant
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["ArrivalModel", "Arrivals"]
 

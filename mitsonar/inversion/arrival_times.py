@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from ..signal.matched_filter import matched_filter, rms_bandwidth
-from ..sonar.pulse import Pulse
+from mitsonar.signal.matched_filter import matched_filter, rms_bandwidth
+from mitsonar.sonar.pulse import Pulse
 
 __all__ = ["MeasuredArrivals", "measured_arrivals"]
 

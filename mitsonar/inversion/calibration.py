@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..sonar.pulse import Pulse
-from ..sonar.pulses import pulse_of
-from ..sonar.track import Track
-from ..water.profile import SoundSpeedProfile
+from mitsonar.sonar.pulse import Pulse
+from mitsonar.sonar.pulses import pulse_of
+from mitsonar.sonar.track import Track
+from mitsonar.water.profile import SoundSpeedProfile
+
 from .answer import named
 from .arrival_model import UNITS, ArrivalModel
 from .arrival_times import MeasuredArrivals, measured_arrivals

@@ -11,8 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..gradients.model import ForwardModel
-from ..io.files import FilePath, check_writable
+from mitsonar.gradients.model import ForwardModel
+from mitsonar.io.files import FilePath, check_writable
+
 from .answer import Fit, FittedParameter
 from .gauss_newton import GaussNewton
 from .iteration import FitStage, Method, State, Stopping
@@ -118,7 +119,7 @@ def _mark(unknowns: Unknowns, stages: Sequence[FitStage], about: str, seed: int)
 
 def _begun(misfit: Misfit, z: np.ndarray, seed: int) -> State:
     """The state at the start, where the model is checked."""
-    from ..device.chance import Salt
+    from mitsonar.device.chance import Salt
 
     first = misfit.about(np.asarray(z, float), 0)
     first.check(np.random.default_rng([seed, Salt.PROBES, 1]))

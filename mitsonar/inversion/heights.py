@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..gradients.model import Values
-from ..gradients.scene_model import SceneModel
-from ..io.files import FilePath
+from mitsonar.gradients.model import Values
+from mitsonar.gradients.scene_model import SceneModel
+from mitsonar.io.files import FilePath
+
 from .answer import Fit, named, told_of
 from .image_fit import COARSE_TO_FINE, Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord

@@ -13,8 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ..gradients.model import ForwardModel, Linearised, Values
-from ..io.files import FilePath
+from mitsonar.gradients.model import ForwardModel, Linearised, Values
+from mitsonar.io.files import FilePath
+
 from .answer import Fit
 from .fitting import fit
 from .gauss_newton import GaussNewton

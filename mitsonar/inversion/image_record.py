@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..units import power_from_db
+from mitsonar.units import power_from_db
+
 from .likelihood import Gamma
 
 __all__ = ["Comparison", "ImageRecord", "first_return_range", "intensities", "saturated"]
@@ -171,7 +172,7 @@ def first_return_range(intensity: np.ndarray, bin_width: float) -> np.ndarray:
     ValueError
         If there is none.
     """
-    from ..imaging.picture_statistics import first_return
+    from mitsonar.imaging.picture_statistics import first_return
 
     found = np.mean([first_return(np.sqrt(side), bin_width) for side in np.moveaxis(intensity, 1, 0)], 0)
     return (found + 0.5) * bin_width

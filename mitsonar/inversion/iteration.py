@@ -6,7 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..gradients.model import ForwardModel
+from mitsonar.gradients.model import ForwardModel
+
 from .likelihood import Likelihood
 from .misfit import Cost, Misfit
 

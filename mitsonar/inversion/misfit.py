@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..gradients.model import ForwardModel, Linearised
+from mitsonar.gradients.model import ForwardModel, Linearised
+
 from .likelihood import Likelihood, Terms
 from .unknowns import Unknowns
 

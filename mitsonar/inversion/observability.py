@@ -106,7 +106,7 @@ def _whole(about: About) -> tuple[np.ndarray, np.ndarray]:
 
 def _ranged(about: About, directions: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """The largest singular values, and right vectors in rows."""
-    from ..device.chance import Salt
+    from mitsonar.device.chance import Salt
 
     random = np.random.default_rng([seed, Salt.PROBES])
     probes = random.standard_normal((directions + SPARE, about.z.size))

@@ -15,10 +15,10 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from ..synthetic_aperture.focusing import Focuser
-from ..synthetic_aperture.grids import Grid, default_grid
-from ..synthetic_aperture.poses import MOTION, poses_of
-from ..synthetic_aperture.record import check_raw
+from mitsonar.synthetic_aperture.focusing import Focuser
+from mitsonar.synthetic_aperture.grids import Grid, default_grid
+from mitsonar.synthetic_aperture.poses import MOTION, poses_of
+from mitsonar.synthetic_aperture.record import check_raw
 
 __all__ = ["PingImages", "moved"]
 

@@ -1,15 +1,20 @@
 """Problems that `mitsonar fit` solves by name: what each asks for, and what answers it.
 
 A new one is a function and a line in `PROBLEMS`. Whatever names none is a scene, whose parameters are fitted.
+
+Problems of arrays, by name: where elements stand, and how a synthetic aperture swayed.
+
+What a problem with a name is: what it asks for, what answers it, and the answer.
 """
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from .array_problems import array, sway
-from .problem import Options, Problem, Progress, Solved, beliefs, image_of
+if TYPE_CHECKING:
+    import xarray as xr
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +22,151 @@ if TYPE_CHECKING:
     from .iteration import Method
     from .scene_fit import KeyPrior
 
-__all__ = ["METHODS", "PROBLEMS", "SCENE", "Problem", "Solved", "solve"]
+__all__ = ["METHODS", "Options", "PROBLEMS", "Problem", "Progress", "SCENE", "Solved", "array", "beliefs", "image_of",
+           "solve", "sway"]
+
+
+Options = Mapping[str, Any]        # what was given, by the options' names, in the units of the command line
+Progress = Callable[[float, float], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """An answer.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        For a file.
+    sentences : list of str
+        What was done, and what was observable.
+    """
+
+    dataset: xr.Dataset
+    sentences: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """A problem with a name.
+
+    Parameters
+    ----------
+    asks : str
+        The inputs, as the help says them.
+    summary : str
+    takes : tuple of str
+        Names of options.
+    solve : callable
+        Of inputs, options and progress.
+    """
+
+    asks: str
+    summary: str
+    takes: tuple[str, ...]
+    solve: Callable[[Sequence[str], Options, Progress], Solved]
+
+
+def image_of(record: str) -> xr.Dataset:
+    """Read the image of a file.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is none, or it holds something else.
+    """
+    import xarray as xr
+
+    from mitsonar.io import reading
+
+    image = reading.read(record)
+    if not isinstance(image, xr.Dataset):
+        raise ValueError(f"{record} holds no image; give an EXR or netCDF file of one")
+    return image
+
+
+def beliefs(texts: Sequence[str], names: Sequence[str]) -> dict[str, float]:
+    """Read NAME=DEVIATION of some names.
+
+    Raises
+    ------
+    ValueError
+        If a name is none of them or stands twice, or a deviation is no number of 0 or more.
+    """
+    import math
+
+    from mitsonar.spelling import meant
+
+    found: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        if name not in names:
+            raise ValueError(f"{text!r} is of none of {', '.join(names)}{meant(name, names)}; give NAME=DEVIATION")
+        try:
+            deviation = float(number)
+        except ValueError:
+            deviation = math.nan
+        if not (math.isfinite(deviation) and deviation >= 0):
+            raise ValueError(f"{text!r} has no deviation of 0 or more; say how far {name} may be off, such as "
+                             f"{name}=0.01")
+        if name in found:
+            raise ValueError(f"{name} is given twice; leave one out")
+        found[name] = deviation
+    return found
+
+
+def array(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Calibrate an array: the scene with its water and targets, the signals, and NAME=DEVIATION of what is believed."""
+    if len(inputs) < 2:
+        raise ValueError("fit array takes a scene with point targets and the signals of its sonar's elements, and then "
+                         f"what is believed, such as rx_position=0.002; got {' '.join(inputs)}")
+    import numpy as np
+    import xarray as xr
+
+    from mitsonar.io import reading, scenes
+    from mitsonar.scene.errors import as_exception
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs import opened
+
+    from .calibration import BELIEVED, calibrated
+
+    path, record, *believed = inputs
+    deviations = beliefs(believed, list(BELIEVED))
+    path, signals = scenes.find(path), reading.read(record)
+    if not isinstance(signals, xr.DataArray):
+        raise ValueError(f"{record} holds no signals of elements; give a netCDF file that mitsonar signals writes")
+    scene, sensor, integrator = opened(load_file(path, **options.get("parameters", {})), options.get("sensor", 0))
+    try:
+        survey = integrator.array_survey(scene, sensor, 0)
+    except RuntimeError as error:
+        raise as_exception(error) from error
+    targets = [target.position for target in survey.geometry.targets()]
+    if not targets:
+        raise ValueError(f"{path} has no point targets; put a point_target where each is believed to be")
+    found = calibrated(signals, np.array(targets, float), sensor.water.profile,
+                       transmit=np.mean(survey.transmit.position, axis=0), believed=deviations)
+    progress(1, 1)
+    return Solved(dataset=found.to_dataset(), sentences=found.sentences())
+
+
+def sway(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Find how a synthetic aperture swayed, of raw echoes; the answer is a trajectory to focus with."""
+    if len(inputs) != 1:
+        raise ValueError("fit sway takes a file of raw echoes, of a part of a strip about as long as its aperture; got "
+                         f"{' '.join(inputs) or 'none'}")
+    from mitsonar.io import raw_echoes
+
+    from .sharpness import sharpened
+
+    rounds, done = 3, []
+
+    def say(text: str) -> None:
+        done.append(text)
+        progress(len(done), rounds)
+
+    found = sharpened(raw_echoes.read(inputs[0]), rounds=rounds, say=say)
+    return Solved(dataset=found.to_dataset(), sentences=found.sentences())
+
 
 METHODS = "gauss-newton", "adam", "l-bfgs"
 RAYS_PER_BIN = 10                  # of a fit to a speckled image: 156 found heights no better, in five times the time
@@ -51,8 +200,9 @@ def _scene(inputs: Sequence[str], options: Options, progress: Progress) -> Solve
     if len(inputs) < 3:
         raise ValueError(f"fit takes a scene, a record and one KEY=DEVIATION or more, such as bed.heights=0.5, or "
                          f"one of {', '.join(PROBLEMS)}; got {' '.join(inputs)}")
-    from ..io import scenes
-    from ..scene.loading import load_file
+    from mitsonar.io import scenes
+    from mitsonar.scene.loading import load_file
+
     from .iteration import Stopping
     from .scene_fit import fit_scene, vertex_places
 
@@ -80,8 +230,9 @@ def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> N
     """Put the parameters of another scene beside the answer, and say how far off it was and is."""
     import numpy as np
 
-    from ..io import scenes
-    from ..scene.loading import load_file
+    from mitsonar.io import scenes
+    from mitsonar.scene.loading import load_file
+
     from .answer import TOLD
     from .scene_fit import scene_values
 
@@ -129,9 +280,10 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     """Fit the heights of a bed, whose tilt and level are unknown, to one image of a sidescan."""
     if len(inputs) != 3:
         raise ValueError(f"fit heights takes a scene, a record, and the bed's id in the scene; got {' '.join(inputs)}")
-    from ..gradient_verbs import scene_model
-    from ..io import scenes
-    from ..scene.loading import load_file
+    from mitsonar.gradient_verbs import scene_model
+    from mitsonar.io import scenes
+    from mitsonar.scene.loading import load_file
+
     from .heights import HeightPrior, fit_heights
 
     path, record, owner = inputs
@@ -156,9 +308,10 @@ def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     if len(inputs) != 3:
         raise ValueError("fit map takes a scene, a record, and the key of a texture in decibels, such as "
                          f"bed.bsdf.mu_db.data; got {' '.join(inputs)}")
-    from ..gradient_verbs import scene_model
-    from ..io import scenes
-    from ..scene.loading import load_file
+    from mitsonar.gradient_verbs import scene_model
+    from mitsonar.io import scenes
+    from mitsonar.scene.loading import load_file
+
     from .sediment_map import StrengthPrior, fit_sediment_map
 
     path, record, key = inputs
@@ -197,11 +350,12 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     if len(inputs) < 3:
         raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
                          f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
-    from ..gradient_verbs import scene_model
-    from ..gradients.scene_values import differentiable
-    from ..io import scenes
-    from ..scene.loading import load_file
-    from ..verbs import opened
+    from mitsonar.gradient_verbs import scene_model
+    from mitsonar.gradients.scene_values import differentiable
+    from mitsonar.io import scenes
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs import opened
+
     from .pose import NAMES, PosePrior, fit_pose
 
     path, record, owner, *believed = inputs

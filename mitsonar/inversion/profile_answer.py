@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["ProfileFit"]
 

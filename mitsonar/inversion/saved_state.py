@@ -10,7 +10,8 @@ import zipfile
 
 import numpy as np
 
-from ..io.files import FilePath, check_readable, replacing
+from mitsonar.io.files import FilePath, check_readable, replacing
+
 from .iteration import State
 from .likelihood import Likelihood
 from .unknowns import Unknowns

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..synthetic_aperture.grids import Grid
+from mitsonar.synthetic_aperture.grids import Grid
+
 from .ping_images import PingImages, moved
 
 __all__ = ["Sway", "sharpened", "sharpness", "sway_of_targets", "without_trend"]

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..gradients.model import ForwardModel, Values
-from ..spelling import meant
+from mitsonar.gradients.model import ForwardModel, Values
+from mitsonar.spelling import meant
+
 from .priors import Prior
 
 __all__ = ["Unknowns"]

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..sonar.array import Array
-from ..sonar.array_makers import element_array
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.array_makers import element_array
+
 from . import tables
 from .files import FilePath
 

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scattering.empirical import EmpiricalSeabed
-from ..units import hertz_from_khz
+from mitsonar.scattering.empirical import EmpiricalSeabed
+from mitsonar.units import hertz_from_khz
+
 from .files import FilePath
 from .tables import floats, records
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..scattering import RoughnessSpectrum
+from mitsonar.scattering import RoughnessSpectrum
+
 from . import hole_filling, raster_files, rasters, survey_relief
 from .files import FilePath
 

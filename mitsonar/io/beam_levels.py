@@ -10,7 +10,8 @@ Rows may come in any order.
 """
 import numpy as np
 
-from ..sonar.faces import MeasuredBeam
+from mitsonar.sonar.faces import MeasuredBeam
+
 from .files import FilePath
 from .tables import floats, records
 

@@ -21,10 +21,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import xarray as xr
 
-from ..hydrography.gridding import gridded
-from ..hydrography.instrument_rules import rules_of
-from ..sonar.presets import presets
-from ..units import deg_from_radians
+from mitsonar.hydrography.gridding import gridded
+from mitsonar.hydrography.instrument_rules import rules_of
+from mitsonar.sonar.presets import presets
+from mitsonar.units import deg_from_radians
+
 from . import geotiff
 from .files import FilePath, check_writable, replacing_all
 from .like_settings import Settings, settings_of

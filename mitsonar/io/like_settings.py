@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from ..units import deg_from_radians, khz_from_hertz
+from mitsonar.units import deg_from_radians, khz_from_hertz
 
 __all__ = ["Settings", "settings_of"]
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..sonar.track import Track
+from mitsonar.sonar.track import Track
+
 from .files import FilePath
 
 __all__ = ["Frame", "Navigation", "Waypoints", "course", "unrepeated"]

@@ -18,7 +18,7 @@ import numpy as np
 
 from .files import FilePath
 from .navigation import Navigation, unrepeated
-from .xtf_layouts import MAGIC, structure
+from .xtf_pings import MAGIC, structure
 
 __all__ = ["read", "recognised"]
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..hydrography.planning import Plan
-from ..hydrography.planning_errors import CastError
-from ..units import KNOT
+from mitsonar.hydrography.planning import Plan
+from mitsonar.hydrography.planning_errors import CastError
+from mitsonar.units import KNOT
+
 from .files import FilePath, replacing
 from .navigation import Frame
 from .planned_lines import on_earth

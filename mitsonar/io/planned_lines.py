@@ -17,7 +17,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..hydrography.planning import Plan, SurveyLine
+from mitsonar.hydrography.planning import Plan, SurveyLine
+
 from .files import FilePath, replacing
 from .navigation import Frame
 

@@ -12,9 +12,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..hydrography.planning import Plan, SurveyLine
-from ..sonar.presets import presets
-from ..units import KNOT
+from mitsonar.hydrography.planning import Plan, SurveyLine
+from mitsonar.sonar.presets import presets
+from mitsonar.units import KNOT
+
 from .files import FilePath, replacing
 from .navigation import Frame
 

@@ -5,8 +5,9 @@ import os
 from typing import Any
 from xml.etree import ElementTree
 
-from ..sonar.presets import presets
-from ..spelling import meant
+from mitsonar.sonar.presets import presets
+from mitsonar.spelling import meant
+
 from . import scenes
 
 __all__ = ["planned_sonar"]

@@ -17,7 +17,8 @@ from collections.abc import Callable, Iterator
 
 import xarray as xr
 
-from ..synthetic_aperture.record import check_raw
+from mitsonar.synthetic_aperture.record import check_raw
+
 from . import netcdf
 from .files import FilePath, check_readable, check_writable
 from .ping_file import fill, part_of, size_of

@@ -113,14 +113,14 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
 
 def _write_image(record, path, suffix):
     """Write what programs beside mitsonar open: HDF5, or a focused image as GeoTIFF."""
-    from . import focused_geotiff
+    from . import geotiff
 
     if not isinstance(record, xr.Dataset):
         raise ValueError(f"cannot write {path}: signals are no image; give a name that ends in .nc.")
     if suffix in hdf5.SUFFIXES:
         hdf5.write(record, path)
     elif "along_track" in record.dims:
-        focused_geotiff.write(record, path)
+        geotiff.write_focused(record, path)
     else:
         raise ValueError(f"cannot write {path}: GeoTIFF takes focused images of a synthetic aperture; `mitsonar "
                          "mosaic` makes maps of sidescans, `mitsonar grid` of soundings.")

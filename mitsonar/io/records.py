@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from ..sonar.pulses import Pulse, pulse_of
+from mitsonar.sonar.pulses import Pulse, pulse_of
+
 from . import complex_parts
 from .files import FilePath
 

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from ..scattering.scattering_functions import AXES, ScatteringTable
+from mitsonar.scattering.scattering_functions import AXES, ScatteringTable
+
 from .files import FilePath, check_readable
 from .netcdf import damage_told, dataset_in
 from .tables import floats, records

@@ -8,7 +8,8 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..spelling import meant
+from mitsonar.spelling import meant
+
 from . import files
 from .files import FilePath
 

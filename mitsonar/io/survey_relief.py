@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..scattering import Fractal, RoughnessSpectrum
-from ..seabed.measured_roughness import SMALLEST_PATCH, fit_power_law
+from mitsonar.scattering import Fractal, RoughnessSpectrum
+from mitsonar.seabed.measured_roughness import SMALLEST_PATCH, fit_power_law
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS

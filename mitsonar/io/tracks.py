@@ -22,8 +22,9 @@ import re
 
 import numpy as np
 
-from ..sonar.track import Track
-from ..units import radians_from_deg
+from mitsonar.sonar.track import Track
+from mitsonar.units import radians_from_deg
+
 from . import navigation_xtf, tables
 from .files import FilePath, check_readable
 from .navigation import Frame, Navigation, Waypoints, unrepeated

@@ -3,20 +3,84 @@
 A header's position is in degrees (WGS 84) or in metres, as the file's header says. Headings count from true north
 beside degrees, from the y axis beside metres. Times of ping headers are hundredths of a second; those of the navigation
 packet before each are tenths of a millisecond.
+
+Dates and hours of pings as XTF has them.
+
+Layouts of XTF's packets as NumPy reads and writes them: those of pyxtf, field by field.
 """
+import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-from ..imaging.georeference import origin, system
-from ..units import deg_from_radians, knots_from_metres_per_second
-from .navigation import Frame
-from .xtf_layouts import MAGIC
-from .xtf_times import clock
+from mitsonar.imaging.georeference import origin, system
+from mitsonar.units import deg_from_radians, knots_from_metres_per_second
 
-__all__ = ["NAVIGATION", "Passage", "navigation", "passage_of", "ping_headers"]
+from .navigation import Frame
+
+__all__ = ["MAGIC", "NAVIGATION", "Passage", "clock", "navigation", "passage_of", "ping_headers", "structure"]
+
+
+MAGIC = 0xFACE                     # first two bytes of a packet
+
+
+def structure(layout: type[ctypes.Structure]) -> np.dtype:
+    """Give a packet's layout as a NumPy type, inherited fields and all but arrays.
+
+    Parameters
+    ----------
+    layout : a class of pyxtf
+
+    Returns
+    -------
+    numpy.dtype
+    """
+    fields = {name: (np.dtype(kind), getattr(layout, name).offset) for cls in reversed(layout.__mro__)
+              for name, kind in getattr(cls, "_fields_", ()) if not issubclass(kind, ctypes.Array)}
+    return np.dtype({"names": list(fields), "formats": [kind for kind, _ in fields.values()],
+                     "offsets": [at for _, at in fields.values()], "itemsize": ctypes.sizeof(layout)})
+
+
+EARLIEST, LATEST = "1970-01-01", "10000-01-01"
+
+
+def clock(time: np.ndarray, ticks: int) -> dict[str, np.ndarray]:
+    """Split times into the calendar's fields.
+
+    Parameters
+    ----------
+    time : array (P,) [s]
+        Since 1970, UTC.
+    ticks : int
+        Into how many parts a second is divided; times are rounded to them.
+
+    Returns
+    -------
+    dict
+        Year, Month, Day, Hour, Minute, Second, ``Tick`` (of the second) and JulianDay (1 on the first of January), each
+        an int64 array (P,).
+
+    Raises
+    ------
+    ValueError
+        If a time lies before 1970 or after the year 9999.
+    """
+    first, last = (np.datetime64(day, "s").astype(np.int64) for day in (EARLIEST, LATEST))
+    outside = np.flatnonzero(~((time >= first) & (time < last)))
+    if outside.size:
+        raise ValueError(f"ping {outside[0]} is at {time[outside[0]]:.6g} s from 1970; XTF holds the years 1970 to "
+                         "9999: give another start.")
+    whole = np.rint(np.asarray(time, float) * ticks).astype(np.int64)
+    second, tick = np.divmod(whole, ticks)
+    day, rest = np.divmod(second, 86400)
+    date = day.astype("datetime64[D]")
+    month, year = date.astype("datetime64[M]"), date.astype("datetime64[Y]")
+    return {"Year": year.astype(np.int64) + 1970, "Month": month.astype(np.int64) % 12 + 1,
+            "Day": (date - month).astype(np.int64) + 1, "Hour": rest // 3600, "Minute": rest // 60 % 60,
+            "Second": rest % 60, "Tick": tick, "JulianDay": (date - year).astype(np.int64) + 1}
+
 
 SONAR, NAVIGATION = 0, 107         # types of packets
 HUNDREDTHS, TENTHS_OF_MILLISECONDS = 100, 10_000       # of a second

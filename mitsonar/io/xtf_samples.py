@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..imaging.gain import SPREADING, Tvg, absorption_of
+from mitsonar.imaging.gain import SPREADING, Tvg, absorption_of
 
 __all__ = ["FULL", "Scale", "scale_of"]
 

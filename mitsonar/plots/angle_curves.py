@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..units import db_from_power, power_from_db
+from mitsonar.units import db_from_power, power_from_db
+
 from .line_sheet import CAUSES, METHODS, curve_axes, key_above, sounded, vertical_angle
 from .ray_paths import head_of, refraction_error, used_profile, water_profile
 

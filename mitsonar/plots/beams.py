@@ -6,8 +6,9 @@ import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..io.files import FilePath
-from ..units import db_from_power
+from mitsonar.io.files import FilePath
+from mitsonar.units import db_from_power
+
 from . import canvas
 from .onto import moved, sheets_for
 

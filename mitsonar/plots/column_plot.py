@@ -8,8 +8,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 
-from ..hydrography.record import BY_AMPLITUDE
-from ..imaging.gain import Tvg
+from mitsonar.hydrography.record import BY_AMPLITUDE
+from mitsonar.imaging.gain import Tvg
+
 from . import canvas
 from .line_sheet import LABEL_SIZE, bar_beside, curve_axes, key_above
 from .ray_paths import head_of, launches, receiving_axes

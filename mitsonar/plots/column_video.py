@@ -10,9 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 
-from ..hydrography.record import check
-from ..imaging.gain import Tvg
-from ..io.files import FilePath
+from mitsonar.hydrography.record import check
+from mitsonar.imaging.gain import Tvg
+from mitsonar.io.files import FilePath
+
 from . import canvas
 from .column_plot import soundings_of
 from .line_sheet import line_title

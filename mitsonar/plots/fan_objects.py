@@ -1,4 +1,7 @@
-"""Objects and their shadows outlined on the fan of one ping of an array."""
+"""Objects and their shadows outlined on the fan of one ping of an array.
+
+Labels of one ping of an array, the same way up as its fan.
+"""
 from collections import Counter
 
 import numpy as np
@@ -7,13 +10,51 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from ..imaging.objects import object_bins
-from ..io.files import FilePath
-from .fans import check_ping, fan_picture
+from mitsonar.imaging.objects import object_bins
+from mitsonar.io.files import FilePath
+
+from . import canvas
+from .fan_sheet import FanSheet
+from .fans import check_ping, fan_picture, fan_view, name_of, words_of
 from .gain import Tvg
+from .label_key import label_key
 from .truth import LEGEND, SHADOW_COLOUR, SPECK, class_colours
 
-__all__ = ["fan_objects"]
+__all__ = ["fan_labels", "fan_objects"]
+
+
+def fan_labels(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0) -> Figure:
+    """Draw which shape brings most of the echo of every bin of a ping.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        ``label`` (ping, beam, range), and its names in the attribute ``labels``.
+    path, ping
+        As of `fan`.
+
+    Raises
+    ------
+    ValueError
+        If there are no labels, only one beam, no such ping, or the file is of another kind.
+    FileNotFoundError, PermissionError, OSError
+        If the file cannot be written.
+    """
+    if "label" not in dataset:
+        raise ValueError(f"the plot 'labels' needs the variable 'label'; this dataset has "
+                         f"{', '.join(map(str, dataset.data_vars))}.")
+    if dataset.sizes["beam"] == 1:
+        raise ValueError("labels are drawn on a fan; this array has a single beam.")
+    check_ping(ping, dataset.sizes["ping"])
+    canvas.check_path(path)
+    label, view = dataset["label"].transpose("ping", "beam", "range").values[ping], fan_view(dataset)
+    key = label_key(dict(zip(*(found.tolist() for found in np.unique(label, return_counts=True)), strict=True)),
+                    dataset.attrs.get("labels", {}))
+    sheet = FanSheet(view, title=f"{name_of(dataset)}: labels", subtitle=words_of(dataset, ping), colours=key.colours,
+                     limits=key.limits, keys=key.keys)
+    inside = view.map.labels(np.ones(label.shape, bool))
+    sheet.show(np.where(inside, view.map.labels(key.rank(label)), np.nan))
+    return canvas.saved(sheet.figure, path)
 
 
 def fan_objects(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tvg: Tvg = "seabed") -> Figure:

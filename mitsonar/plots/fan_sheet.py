@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patheffects import withStroke
 
-from ..imaging.raster_map import FanGrid, FanMap, fan_grid, fan_map, reach
+from mitsonar.imaging.raster_map import FanGrid, FanMap, fan_grid, fan_map, reach
+
 from . import canvas
 
 __all__ = ["FanSheet", "FanView", "view_of"]

@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 import xarray as xr
 
-from ..io import netcdf
-from ..io.files import FilePath
-from ..io.reading import is_netcdf, read
+from mitsonar.io import netcdf
+from mitsonar.io.files import FilePath
+from mitsonar.io.reading import is_netcdf, read
+
 from . import canvas
 from .column_video import column_video
 from .fan_sheet import FanSheet, FanView

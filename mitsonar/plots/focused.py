@@ -18,13 +18,14 @@ from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from ..io.files import FilePath
-from ..spelling import meant
-from ..units import db_from_power, power_from_db
+from mitsonar.io.files import FilePath
+from mitsonar.spelling import meant
+from mitsonar.units import db_from_power, power_from_db
+
 from . import canvas
+from .canvas import in_metres, title
 from .grid import WIDEST, Grid, edges_around, stretches
 from .label_key import label_key
-from .titles import in_metres, title
 
 __all__ = ["FOCUSED_VIEWS", "draw_focused", "is_focused"]
 

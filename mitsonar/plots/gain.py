@@ -5,7 +5,7 @@ Of a fan the gain is held from where noise hides the bed, as instruments hold it
 import numpy as np
 from scipy import ndimage
 
-from ..imaging.gain import Tvg, display_gain
+from mitsonar.imaging.gain import Tvg, display_gain
 
 __all__ = ["Tvg", "display_gain", "display_window", "heard_to"]
 

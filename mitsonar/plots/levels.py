@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from ..units import db_from_power, power_from_db
+from mitsonar.units import db_from_power, power_from_db
+
 from .gain import Tvg, display_gain, display_window
 from .grid import Grid
 

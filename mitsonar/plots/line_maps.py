@@ -18,7 +18,8 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.ticker import MaxNLocator
 from scipy import ndimage
 
-from ..units import db_from_power, power_from_db
+from mitsonar.units import db_from_power, power_from_db
+
 from .line_sheet import CAUSES, LABEL_SIZE, bar_beside, sounded
 
 __all__ = ["MAPPED", "Mapped", "draw_map", "map_shape", "mean_grid", "shaded"]

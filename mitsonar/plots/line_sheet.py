@@ -11,8 +11,8 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 
-from ..hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
-from ..units import khz_from_hertz
+from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
+from mitsonar.units import khz_from_hertz
 
 __all__ = ["CAUSES", "METHODS", "bar_beside", "curve_axes", "headed", "key_above", "line_title", "line_words",
            "sounded", "vertical_angle"]

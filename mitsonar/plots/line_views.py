@@ -10,11 +10,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..hydrography.record import check
-from ..imaging.gain import Tvg
-from ..io.files import FilePath
-from ..spelling import meant
-from ..water import SoundSpeedProfile
+from mitsonar.hydrography.record import check
+from mitsonar.imaging.gain import Tvg
+from mitsonar.io.files import FilePath
+from mitsonar.spelling import meant
+from mitsonar.water import SoundSpeedProfile
+
 from . import angle_curves, canvas
 from .column_plot import draw_column, draw_curtain
 from .line_maps import draw_map, map_shape

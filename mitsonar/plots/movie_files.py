@@ -17,7 +17,8 @@ import numpy as np
 from matplotlib.colors import Colormap, to_rgb
 from PIL import GifImagePlugin, Image
 
-from ..io.files import FilePath, check_writable, replacing
+from mitsonar.io.files import FilePath, check_writable, replacing
+
 from . import canvas
 
 __all__ = ["KINDS", "MovieFile", "check_movie", "movie_file"]

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
-from ..io.files import FilePath
+from mitsonar.io.files import FilePath
+
 from . import canvas
 
 __all__ = ["moved", "sheets_for"]

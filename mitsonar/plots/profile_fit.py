@@ -6,7 +6,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .canvas import sheet
 from .line_sheet import curve_axes, key_above
 

@@ -19,8 +19,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from ..hydrography.attitude import mounted
-from ..water import SoundSpeedProfile
+from mitsonar.hydrography.attitude import mounted
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["ATTITUDE", "HELD", "Head", "SEVERAL", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes",
            "refraction_error", "used_profile", "water_profile"]

@@ -5,7 +5,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .line_sheet import curve_axes, key_above, sounded
 from .ray_paths import Head, head_of, launches, ray_places, receiving_axes, used_profile, water_profile
 

@@ -11,9 +11,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from matplotlib.transforms import IdentityTransform
 
-from ..hydrography.planning import Plan, SurveyLine
-from ..io.files import FilePath, check_writable
-from ..io.navigation import Frame
+from mitsonar.hydrography.planning import Plan, SurveyLine
+from mitsonar.io.files import FilePath, check_writable
+from mitsonar.io.navigation import Frame
+
 from . import canvas
 
 __all__ = ["survey_plan"]

@@ -7,10 +7,11 @@ from matplotlib import colormaps
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.patches import Patch
 
-from ..imaging.objects import object_bins
+from mitsonar.imaging.objects import object_bins
+
 from . import canvas
+from .canvas import subtitle, title
 from .levels import shown_levels
-from .titles import subtitle, title
 
 __all__ = ["BRIGHT", "SHADOW_COLOUR", "TRUTH", "class_colours"]
 

@@ -2,7 +2,11 @@
 
 Levels are averaged as intensities and only then turned to decibels again, so that the brightness of a picture does not
 depend on its size.
+
+Views of what an interferometric sidescan measures: phase, coherence, angle, and how far depths are off.
 """
+from __future__ import annotations
+
 from collections import Counter
 
 import numpy as np
@@ -11,25 +15,60 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..io.errors import shortened
-from ..io.files import FilePath
-from ..spelling import meant
-from ..units import db_from_power, power_from_db
+from mitsonar.io.errors import shortened
+from mitsonar.io.files import FilePath
+from mitsonar.spelling import meant
+from mitsonar.units import db_from_power, power_from_db
+
 from . import canvas
-from .fan_labels import fan_labels
-from .fan_objects import fan_objects
-from .fans import fan_picture
+from .canvas import subtitle, title
+from .fan_objects import fan_labels, fan_objects
+from .fans import fan_picture, is_scan, turn_of
 from .focused import FOCUSED_VIEWS, draw_focused, is_focused
 from .gain import Tvg
-from .grid import make_grid, stretches, with_sides
+from .grid import Grid, make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import NOTHING_DB, in_the_water, shown_levels
 from .line_views import LINE_VIEWS, draw_line, is_line
 from .onto import moved, sheets_for
-from .phase_views import PHASES
-from .scans import is_scan, turn_of
-from .titles import subtitle, title
 from .truth import TRUTH
+
+WIDEST = 98.0                      # per cent of errors that the colours tell apart
+
+
+def _phase(dataset: xr.Dataset, grid: Grid) -> Figure:
+    cosine = grid.mean(dataset, lambda part: np.cos(part["phase"].values))
+    sine = grid.mean(dataset, lambda part: np.sin(part["phase"].values))
+    return _map(dataset, grid, np.arctan2(sine, cosine), "phase between the outer rows", "phase [rad]", "twilight",
+                (-np.pi, np.pi))
+
+
+def _coherence(dataset: xr.Dataset, grid: Grid) -> Figure:
+    image = grid.mean(dataset, lambda part: part["coherence"].values)
+    return _map(dataset, grid, image, "coherence of the rows", "coherence", "inferno", (0.0, 1.0))
+
+
+def _angle(dataset: xr.Dataset, grid: Grid) -> Figure:
+    image = np.rad2deg(grid.mean(dataset, lambda part: part["angle"].values))
+    return _map(dataset, grid, image, "angle of the echoes", "below the horizontal [degrees]", "viridis", (0.0, 90.0))
+
+
+def _error(dataset: xr.Dataset, grid: Grid) -> Figure:
+    image = grid.mean(dataset, lambda part: np.where(part["valid"].values, part["error"].values, np.nan))
+    known = np.abs(image[np.isfinite(image)])
+    most = max(float(np.percentile(known, WIDEST)) if known.size else 0.0, 1e-3)
+    return _map(dataset, grid, image, "error of the depth", "measured less true [m]", "RdBu_r", (-most, most))
+
+
+def _map(dataset: xr.Dataset, grid: Grid, image: np.ndarray, what: str, bar: str, colours: str,
+         limits: tuple[float, float]) -> Figure:
+    return canvas.picture(grid, image, f"{title(dataset)}: {what}", subtitle=subtitle(dataset, grid),
+                          colours=colormaps[colours].with_extremes(bad="#000000"), limits=limits, bar=bar)[0]
+
+
+PHASES = {"phase": (_phase, "phase"), "coherence": (_coherence, "coherence"), "angle": (_angle, "angle"),
+          "depth_error": (_error, "uncertainty")}
+
 
 FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}  # the plots of an array's beams
 

@@ -13,9 +13,10 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from ..imaging.gain import Tvg, display_gain
-from ..units import db_from_power, power_from_db
-from ..water import SoundSpeedProfile
+from mitsonar.imaging.gain import Tvg, display_gain
+from mitsonar.units import db_from_power, power_from_db
+from mitsonar.water import SoundSpeedProfile
+
 from .gain import heard_to
 from .ray_paths import ATTITUDE, HELD, SEVERAL, Head, head_of, launches, layer_sums, receiving_axes, used_profile
 

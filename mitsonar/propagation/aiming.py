@@ -12,7 +12,8 @@ from typing import cast
 
 import drjit as dr
 
-from ..device.types import ArrayTypes, Bool, Float64, UInt32
+from mitsonar.device.types import ArrayTypes, Bool, Float64, UInt32
+
 from .layer_table import LayerTable
 from .two_point import LEVEL, SERIES_LIMIT, PointState, SourceState, walk
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["ArcDerivatives", "SpreadDerivatives", "arc_derivatives", "spread_derivatives"]
 

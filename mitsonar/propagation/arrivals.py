@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import compressed, picked, upload
-from ..device.types import ArrayTypes, Bool, Float, Float64, UInt32
-from ..water import SoundSpeedProfile
+from mitsonar.device.arrays import compressed, picked, upload
+from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, UInt32
+from mitsonar.water import SoundSpeedProfile
+
 from .aiming import CLOSE_ENOUGH, aim
 from .eigenrays import eigenray
 from .layer_table import LayerTable

@@ -12,8 +12,9 @@ from typing import cast
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import compressed, picked, upload
-from ..device.types import ArrayTypes, Bool, Float64, Numbers, Triple, Vector64
+from mitsonar.device.arrays import compressed, picked, upload
+from mitsonar.device.types import ArrayTypes, Bool, Float64, Numbers, Triple, Vector64
+
 from .aiming import CLOSE_ENOUGH, aim
 from .eigenrays import eigenray
 from .layer_table import LayerTable

@@ -12,11 +12,10 @@ because the profile is linear either way.
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.lookups import held
-from ..device.record import Record
-from ..device.types import ArrayTypes, Bool, DrJitArray, Float, Float64, UInt32
-from ..water import SoundSpeedProfile
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.device.types import ArrayTypes, Bool, DrJitArray, Float, Float64, Record, UInt32
+from mitsonar.water import SoundSpeedProfile
+
 from .sole_range import sole_range
 
 __all__ = ["FAR", "GAUSS", "LayerTable", "layer_table"]

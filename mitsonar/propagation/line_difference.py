@@ -18,7 +18,7 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Float
+from mitsonar.device.types import Float
 
 __all__ = ["NODES", "Line", "polynomial"]
 

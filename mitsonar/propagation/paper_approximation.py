@@ -17,8 +17,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers, Triple
-from ..water import SoundSpeedProfile
+from mitsonar.device.types import Numbers, Triple
+from mitsonar.water import SoundSpeedProfile
+
 from .straight_vectors import Leg, library, shared_element_fields
 from .travel import Travel
 

@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .arc_derivatives import arc_derivatives
 from .eigenrays import Eigenray
 

@@ -14,7 +14,6 @@ their wavefronts. Rows are split at the critical angles acos(c0/c_k), where neig
 """
 from __future__ import annotations
 
-
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -22,11 +21,10 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.arrays import upload
-from ..device.lookups import held
-from ..device.record import Record
-from ..device.types import ArrayTypes, Bool, Float, Float64, Int32, UInt32
-from ..water import SoundSpeedProfile
+from mitsonar.device.arrays import held, upload
+from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, Int32, Record, UInt32
+from mitsonar.water import SoundSpeedProfile
+
 from .layer_table import LayerTable
 
 __all__ = ["FEWEST_VERTICES", "RayFans", "build_ray_fans"]

@@ -20,8 +20,8 @@ from typing import Literal
 import drjit as dr
 import numpy as np
 
-from ..device.record import Record
-from ..device.types import Bool, Float, Float64, UInt32, Vector64
+from mitsonar.device.types import Bool, Float, Float64, Record, UInt32, Vector64
+
 from .layer_table import LayerTable
 from .paper_approximation import paper_centre_return
 from .straight_vectors import hit_fields

@@ -21,7 +21,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .eigenrays import Eigenray, eigenray
 from .layers import Layers
 from .paper_approximation import published_time

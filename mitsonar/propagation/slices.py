@@ -9,8 +9,8 @@ exactly, so that sums from the first node down, subtracted, lose nothing that ma
 """
 import numpy as np
 
-from ..device.types import Real
-from ..water import SoundSpeedProfile
+from mitsonar.device.types import Real
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["Slices"]
 

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["SoleRange", "sole_range"]
 

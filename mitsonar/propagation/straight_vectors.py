@@ -24,7 +24,8 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers, Triple
+from mitsonar.device.types import Numbers, Triple
+
 from .travel import Travel, rotated
 
 __all__ = ["Leg", "dot", "hit_fields", "library", "multiply_add", "per_sqrt", "select", "shared_element_fields",

@@ -15,8 +15,7 @@ from collections.abc import Callable, Sequence
 import drjit as dr
 import numpy as np
 
-from ..device.record import Record
-from ..device.types import Numbers, Triple
+from mitsonar.device.types import Numbers, Record, Triple
 
 __all__ = ["REST", "Travel", "rotated", "steady"]
 

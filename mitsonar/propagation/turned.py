@@ -15,7 +15,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..water import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
+
 from .layers import Layers
 
 TINY_SINE = 1e-80  # stands for a horizontal ray: no division by zero and no overflow

@@ -22,9 +22,9 @@ from typing import cast
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.record import Record
-from ..device.types import ArrayTypes, Bool, Float, Float64, UInt32
+from mitsonar.device.arrays import upload
+from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, Record, UInt32
+
 from .layer_table import LayerTable
 from .ray_fans import arc_step, first_layer, wavefront_step
 

@@ -37,8 +37,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers
-from ..water import SoundSpeedProfile
+from mitsonar.device.types import Numbers
+from mitsonar.water import SoundSpeedProfile
+
 from .paper_approximation import paper_difference, paper_element_fields
 from .slices import Slices
 from .straight_vectors import dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay

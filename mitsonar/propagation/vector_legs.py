@@ -4,7 +4,8 @@ The equations are those of `vector_approximation`. All is float64, of NumPy or D
 """
 from collections.abc import Callable
 
-from ..device.types import Numbers, Triple
+from mitsonar.device.types import Numbers, Triple
+
 from .straight_vectors import Leg, dot, library, select, straight_delay
 from .travel import Travel
 from .vector_approximation import LEVEL, corrections

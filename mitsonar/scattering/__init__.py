@@ -1,14 +1,15 @@
 """How surfaces scatter sound: laws of the seabed, of targets and of the sea surface, one a file."""
-from ..seabed.fractal import Fractal
-from ..seabed.relief import Plane, Relief, Sinusoid, Sum
-from ..seabed.ripples import Ripples
-from ..seabed.roughness import RoughnessSpectrum
+from mitsonar.seabed.fractal import Fractal
+from mitsonar.seabed.relief import Plane, Relief, Sinusoid, Sum
+from mitsonar.seabed.ripples import Ripples
+from mitsonar.seabed.roughness import RoughnessSpectrum
+
 from .cylinder_series import cylinder_form
 from .elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
 from .empirical import EmpiricalSeabed
+from .scattering_functions import ScatteringTable, SphereScattering
 from .sea_surface import SeaSurface, bubble_loss_db
 from .sediment import SEDIMENTS, Sediment
-from .scattering_functions import ScatteringTable, SphereScattering
 from .sphere_series import MATERIALS, Solid, SphereBody, sphere_form
 from .spheres import sphere_target_strength_db
 from .strength import LAWS, LambertSeabed, backscatter_strength_db, bistatic_strength_db

@@ -9,7 +9,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["NUMPY", "Arithmetic", "power"]
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import drjit as dr
 
-from ..device.chance import Salt, hashed_pair, uniform
-from ..device.types import ArrayTypes, Float
+from mitsonar.device.chance import Salt, hashed_pair, uniform
+from mitsonar.device.types import ArrayTypes, Float
 
 __all__ = ["PATCH", "displacement", "drawn"]
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..device.types import Real
-from ..seabed.roughness import sediment_key
+from mitsonar.device.types import Real
+from mitsonar.seabed.roughness import sediment_key
+
 from .arithmetic import NUMPY, power
 from .elastic import Elastic
 from .rough_interface import ALPHA_RANGE

@@ -20,7 +20,7 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["phase_mean", "scattering_length", "triangle_integral"]
 

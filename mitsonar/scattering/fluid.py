@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
+
 from .arithmetic import Arithmetic, power
 
 __all__ = ["Fluid"]

@@ -7,7 +7,7 @@
 """
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["STRONGEST", "scattering_strength"]
 

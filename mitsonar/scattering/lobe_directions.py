@@ -12,7 +12,8 @@ from collections.abc import Callable
 import drjit as dr
 import numpy as np
 
-from ..device.types import Float
+from mitsonar.device.types import Float
+
 from .small_slope import MOST, log_roughness
 
 __all__ = ["lobe_density", "lobe_shift", "lobe_width"]

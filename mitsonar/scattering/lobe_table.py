@@ -10,8 +10,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from ..device.lookups import held
-from ..device.types import ArrayTypes, Float, Upload
+from mitsonar.device.arrays import held
+from mitsonar.device.types import ArrayTypes, Float, Upload
+
 from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, STEP as RATIO_STEP, ratio_table
 from .rough_interface import ALPHA_RANGE, log_lobe
 

@@ -16,8 +16,9 @@ import drjit as dr
 import numpy as np
 from scipy.special import gammainc, gammaincinv
 
-from ..device.chance import Salt, hashed
-from ..device.types import ArrayTypes, Bool, Float, Upload
+from mitsonar.device.chance import Salt, hashed
+from mitsonar.device.types import ArrayTypes, Bool, Float, Upload
+
 from .borders import displacement
 
 __all__ = ["LARGEST_SHAPE", "SMALLEST_SHAPE", "Patches", "gamma_cells"]

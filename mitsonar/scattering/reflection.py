@@ -10,7 +10,7 @@ as e^(+iωt) in mitsonar. A rigid surface has R = 1, a soft one (pressure releas
 import drjit as dr
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["WATER_DENSITY", "fluid_reflection"]
 

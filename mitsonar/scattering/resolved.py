@@ -24,7 +24,8 @@ import numpy as np
 from scipy import fft
 from scipy.special import j0, j1
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
+
 from .rough_interface import log_lobe
 from .small_slope import MOST, SMALLEST, log_roughness
 

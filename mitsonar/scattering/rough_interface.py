@@ -16,10 +16,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.special import gamma as gamma_function
-from scipy.special import hankel1
+from scipy.special import gamma as gamma_function, hankel1
 
-from ..device.types import Real
+from mitsonar.device.types import Real
 
 __all__ = ["ALPHA_RANGE", "lobe_integral", "log_lobe"]
 

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..device.types import Real
+from mitsonar.device.types import Real
+
 from .arithmetic import power
 from .elastic import Elastic
 from .fluid import Fluid

@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import erf
 
-from ..device.types import Numbers, Triple
+from mitsonar.device.types import Numbers, Triple
 
 __all__ = ["Roughness", "SeaSurface", "bubble_loss_db", "facet_density", "facet_direction", "roughness", "strength"]
 

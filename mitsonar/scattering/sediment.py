@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..device.types import Real
-from ..seabed.roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
+from mitsonar.device.types import Real
+from mitsonar.seabed.roughness import GAMMA_TR9407, W2_CM4_TR9407, sediment_key, w2_from_cm4
+
 from .arithmetic import NUMPY
 from .fluid import Fluid
 from .rough_interface import ALPHA_RANGE

@@ -16,7 +16,7 @@ from types import ModuleType
 import numpy as np
 from scipy.special import polygamma
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["MOST", "lobe_factor", "log_roughness"]
 

@@ -12,7 +12,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
+from mitsonar.device.arrays import upload
+
 from .geometry import Geometry
 
 __all__ = ["exposed_shares"]

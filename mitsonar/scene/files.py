@@ -13,7 +13,8 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-from ..io import files, meshes, pictures, scenes
+from mitsonar.io import files, meshes, pictures, scenes
+
 from . import labels, libraries
 
 __all__ = ["check"]

@@ -13,8 +13,9 @@ from typing import Any
 
 import mitsuba as mi
 
-from ..io.errors import shortened
-from ..spelling import meant
+from mitsonar.io.errors import shortened
+from mitsonar.spelling import meant
+
 from .errors import PLUGINS
 
 __all__ = ["check_folders", "check_type"]

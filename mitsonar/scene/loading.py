@@ -11,12 +11,12 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-from ..io.errors import shortened
-from ..io.files import FilePath, check_readable
-from ..io.scenes import filled, find, root, text
-from ..spelling import meant
-from . import files as scene_files
-from . import libraries
+from mitsonar.io.errors import shortened
+from mitsonar.io.files import FilePath, check_readable
+from mitsonar.io.scenes import filled, find, root, text
+from mitsonar.spelling import meant
+
+from . import files as scene_files, libraries
 from .alterations import held
 
 __all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
@@ -38,8 +38,8 @@ def prepare() -> None:
     """
     import drjit as dr
 
-    from .. import plugins
-    from ..device import llvm
+    from mitsonar import plugins
+    from mitsonar.device import llvm
 
     with plugins.LOCK:                         # of several threads, the first prepares and the others wait
         plugins.install()                      # Mitsuba can be seen before its first import has come to that
@@ -150,7 +150,7 @@ def resolved(path: FilePath, parameters: Mapping[str, str]) -> str:
 @functools.cache
 def _first_scene():
     """Load nothing, alone: with the first scene Mitsuba makes its Embree device, and two of them with two at once."""
-    from .. import plugins
+    from mitsonar import plugins
 
     with plugins.LOCK:
         mi.load_dict({"type": "scene"})

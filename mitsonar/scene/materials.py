@@ -12,7 +12,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..water.profile import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
+
 from .geometry import Geometry
 
 __all__ = ["Meeting", "bistatic_strength", "check", "coherence", "coherent_reflection", "loses_coherence",

@@ -1,6 +1,12 @@
-"""What an image says about the things in its scene: the boxes of objects, and which seabed they lie on."""
+"""What an image says about the things in its scene: the boxes of objects, and which seabed they lie on.
+
+Scenes of some of a scene's shapes: what rays are traced against that look for one kind of thing alone.
+"""
+from __future__ import annotations
+
 import warnings
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import mitsuba as mi
 import numpy as np
@@ -10,7 +16,19 @@ from .exposure import exposed_shares
 from .geometry import Geometry
 from .labels import class_name, fingerprint
 
-__all__ = ["annotated", "described", "unseen"]
+__all__ = ["annotated", "described", "scene_of", "unseen"]
+
+
+def scene_of(shapes: Sequence[mi.Shape]) -> mi.Scene:
+    """Make a scene of shapes that belong to another one, which keep their names."""
+    names = [shape.id() for shape in shapes]
+    scene = mi.load_dict({"type": "scene", **{f"part{number}": shape for number, shape in enumerate(shapes)}},
+                         optimize=False)
+    # Mitsuba names what it is given after its key
+    for shape, name in zip(shapes, names):
+        shape.set_id(name)
+    return cast(mi.Scene, scene)
+
 
 MOST_NAMES = 5                     # told of what no ping sees
 

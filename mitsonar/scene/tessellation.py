@@ -16,10 +16,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, upload
 
 if TYPE_CHECKING:
-    from ..device.types import Vector64
+    from mitsonar.device.types import Vector64
 
 __all__ = ["FINEST_SAGITTA", "Grid", "Grids", "grid_of"]
 

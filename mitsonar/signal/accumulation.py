@@ -22,10 +22,10 @@ from typing import TypeAlias, cast
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import arrays_of, looped, upload
-from ..device.types import DrJitArray, Float, Float64, Int32, UInt32
-from .impulses import Kernel, Nearest, Peterson, make_kernel
-from .taps import tap_weights, turned
+from mitsonar.device.arrays import arrays_of, looped, upload
+from mitsonar.device.types import DrJitArray, Float, Float64, Int32, UInt32
+
+from .impulses import Kernel, Nearest, Peterson, make_kernel, tap_weights, turned
 
 __all__ = ["ImpulseResponses", "centre"]
 

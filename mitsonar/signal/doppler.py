@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers
-from ..sonar.pulse import Pulse
+from mitsonar.device.types import Numbers
+from mitsonar.sonar.pulse import Pulse
 
 __all__ = ["Glide", "doppler_class", "doppler_classes", "factor_tolerance", "glide_of", "pieces_of", "two_way_doppler"]
 

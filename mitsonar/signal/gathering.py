@@ -18,11 +18,11 @@ from typing import TypeAlias, cast
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import arrays_of, looped, picked, upload
-from ..device.types import Bool, DrJitArray, Float, Int32, UInt32
+from mitsonar.device.arrays import arrays_of, looped, picked, upload
+from mitsonar.device.types import Bool, DrJitArray, Float, Int32, UInt32
+
 from .accumulation import LANES, OfPair
-from .impulses import BandLimited
-from .taps import tap_weights, turned
+from .impulses import BandLimited, tap_weights, turned
 
 __all__ = ["EchoPairs", "GatheredWeights"]
 

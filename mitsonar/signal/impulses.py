@@ -21,21 +21,69 @@ The energy Σ_n |z_n|² of a lone echo is |a|² times the kernel's own, on the m
 1 for ``nearest``, always, and 0.949 for ``peterson`` of 16 taps (0.90 to 1). For ``band_limited`` it is what a record
 of this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, and 0.0004 of aliases, 0.7921 in all
 (-1.012 dB, 0.05 dB more or less).
+
+Taps of the kernels of `impulses` on the device: how an echo between two samples is spread over the next ones.
+
+    cosine, sine of 2πx by their series of half the angle, doubled                                 `turned`
+    Kaiser-Bessel bell    polynomials in the echo's place between two samples, an even and an odd part for mirrored taps
+    Peterson's kernel     sin(πx)/π once, over the distance to each tap, times the window there
+
+Kaiser-Bessel bells: what an echo between two places of a grid is spread over, and how that is divided out again.
+
+    k(x) = I₀(β √(1 - (2x/w)²)) / I₀(β),      K(ν) = (w / I₀(β)) sinh(√(β² - (πwν)²)) / √(β² - (πwν)²)
+
+w -> ``taps``, x in places of the grid, ν in cycles a place. β is the best for signals of |ν| <= ``band`` (Beatty,
+Nishimura & Pauly 2005, IEEE TMI 24, 799, eq. 5, with the ratio 1/2 : band as its oversampling).
 """
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
+import drjit as dr
 import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike
+from scipy.special import i0
 
-from .bells import Bell
+from mitsonar.device.types import ArrayTypes, Float
 
-__all__ = ["KERNELS", "BandLimited", "Kernel", "Later", "Nearest", "Peterson", "element_responses", "in_band_error_db",
-           "make_kernel", "response_spectrum"]
+__all__ = ["BandLimited", "Bell", "KERNELS", "Kernel", "Later", "Nearest", "Peterson", "element_responses",
+           "in_band_error_db", "make_kernel", "response_spectrum", "tap_weights", "turned"]
+
+
+@dataclass(frozen=True)
+class Bell:
+    """Kaiser-Bessel bell over four places.
+
+    Attributes
+    ----------
+    band : float [cycles a place]
+        Of the signals it serves, below 1/2.
+    """
+
+    band: float
+
+    taps = 4
+
+    @cached_property
+    def shape(self) -> float:
+        """Beatty's β."""
+        ratio = 0.5 / self.band
+        return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
+
+    def impulse(self, x: ArrayLike) -> np.ndarray:
+        """Give k at x places from the echo."""
+        inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
+        return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
+
+    def spectrum(self, frequency: ArrayLike) -> np.ndarray:
+        """Give the Fourier transform of k at `frequency` [cycles a place]."""
+        root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
+        near = np.abs(root) < 1e-6
+        return np.real(np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root))) * self.taps / i0(self.shape)
+
 
 FLAT = 1 / 3                       # [cycles per sample], edge of the flat band
 GUARD = 64                         # [samples] of zeros on either side of a record while its spectrum is divided
@@ -288,3 +336,68 @@ def _transform(kernel: "Kernel", frequency: ArrayLike) -> np.ndarray:
 def _division(length: int) -> np.ndarray:
     kernel, frequency = BandLimited(), scipy.fft.fftfreq(length)
     return kernel.response(frequency) / kernel.spectrum(frequency)
+
+
+POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell: higher ones leave the error as it is
+
+
+def tap_weights(lib: ArrayTypes, kernel: Kernel | Bell, x: Float) -> list[Float]:
+    """Give the kernel's taps for an echo x in [0, 1) after the middle one."""
+    if isinstance(kernel, Nearest):
+        return [lib.Float(1)]
+    if isinstance(kernel, Peterson):
+        return _hann_sinc(lib, x, kernel.taps)
+    x = x - 0.5
+    pairs = [_even_and_odd(lib, x, coefficients) for coefficients in _bell(kernel)]
+    return [even + odd for even, odd in pairs] + [even - odd for even, odd in reversed(pairs)]
+
+
+def turned(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
+    """Give cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
+    x = (cycles - dr.round(cycles)) * np.pi
+    x2 = x * x
+    x4 = x2 * x2
+    sine = x * dr.fma(x4, dr.fma(x4, lib.Float(1 / 362880), dr.fma(x2, lib.Float(-1 / 5040), lib.Float(1 / 120))),
+                      dr.fma(x2, lib.Float(-1 / 6), lib.Float(1)))
+    cosine = dr.fma(x4, dr.fma(x4, dr.fma(x2, lib.Float(-1 / 3628800), lib.Float(1 / 40320)),
+                               dr.fma(x2, lib.Float(-1 / 720), lib.Float(1 / 24))),
+                    dr.fma(x2, lib.Float(-0.5), lib.Float(1)))
+    twice = sine + sine
+    return dr.fma(-twice, sine, 1), twice * cosine
+
+
+@lru_cache
+def _bell(kernel: Bell) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Polynomials, even and odd part, of the bell's first two taps for an echo x = -1/2..1/2 off their middle."""
+    x = 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
+    fits = (np.polynomial.Polynomial.fit(x, kernel.impulse(tap - (kernel.taps - 1) / 2 - x), POLYNOMIAL, domain=[-1, 1])
+            for tap in range(kernel.taps // 2))
+    return [(fit.coef[0::2], fit.coef[1::2]) for fit in fits]
+
+
+def _even_and_odd(lib: ArrayTypes, x: Float, coefficients: tuple[np.ndarray, np.ndarray]) -> tuple[Float, Float]:
+    x2, parts = x * x, []
+    for series in coefficients:
+        total = lib.Float(float(series[-1]))
+        for coefficient in series[-2::-1]:
+            total = dr.fma(total, x2, lib.Float(float(coefficient)))
+        parts.append(total)
+    return parts[0], parts[1] * x
+
+
+def _hann_sinc(lib: ArrayTypes, x: Float, taps: int) -> list[Float]:
+    """Taps of the Peterson kernel for an echo x after tap taps/2 - 1."""
+    turn = x * (1 / taps)
+    cosine, sine = turned(lib, turn)
+    wave = turned(lib, x * 0.5)[1] * (1 / np.pi)            # sin(πx)/π
+    weights = []
+    for tap in range(taps):
+        whole = tap - (taps // 2 - 1)
+        angle = 2 * np.pi * whole / taps
+        window = 0.5 + 0.5 * dr.fma(cosine, lib.Float(np.cos(angle)), sine * float(np.sin(angle)))
+        away = whole - x
+        near = abs(away) < 1e-4
+        # sin(π (whole - x)) = -(-1)^whole sin(πx)
+        sinc = dr.select(near, 1, (wave if whole % 2 else -wave) / dr.select(near, 1, away))
+        weights.append(window * sinc)
+    return weights

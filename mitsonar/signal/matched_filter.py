@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ..sonar.pulse import Pulse, Window
+from mitsonar.sonar.pulse import Pulse, Window
+
 from .reception import band_filter, check_record, padded_length
 
 __all__ = ["compression", "matched_filter", "matched_filter_transposed", "rms_bandwidth"]

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.chance import Salt
-from ..units import db_from_power, power_from_db
+from mitsonar.device.chance import Salt
+from mitsonar.units import db_from_power, power_from_db
 
 __all__ = ["ElementNoise", "isotropic_coherence"]
 

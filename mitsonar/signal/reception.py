@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ..sonar.pulse import Pulse
-from ..units import amplitude_from_db
+from mitsonar.sonar.pulse import Pulse
+from mitsonar.units import amplitude_from_db
 
 __all__ = ["absorbed", "band_filter", "check_record", "delayed", "excess_loss_rate", "least_rate", "occupied_band",
            "padded_length", "received", "received_classes", "transmitted"]

@@ -1,6 +1,13 @@
 """Sonars: arrays and their beams, pulses, tracks and the motion of what carries them."""
-from .array_makers import (Array, cylindrical_array, element_array, line_array, mills_cross, planar_array,
-                           spherical_array)
+from .array_makers import (
+                           Array,
+                           cylindrical_array,
+                           element_array,
+                           line_array,
+                           mills_cross,
+                           planar_array,
+                           spherical_array,
+)
 from .axes import body_direction
 from .beam_patterns import beam_pattern, directivity_index_db, element_directivity_index_db
 from .directivity import Aperture, length_for_beam_width

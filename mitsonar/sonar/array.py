@@ -18,7 +18,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Numbers, Triple
+from mitsonar.device.types import Numbers, Triple
+
 from .array_checks import as_numbers, check_face, checked_speed, positions_of, refuse, vector_of
 from .axes import axis_vector
 from .element_patterns import element_pressure

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..spelling import meant
+from mitsonar.spelling import meant
 
 __all__ = ["AXES", "across", "axis_vector", "body_direction"]
 

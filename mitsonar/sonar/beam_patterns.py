@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..units import db_from_power
+from mitsonar.units import db_from_power
+
 from .array import Array
 
 __all__ = ["beam_pattern", "directivity_index_db", "element_directivity_index_db"]

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
+
 from .shading import window_weights
 
 __all__ = ["EVEN", "BeamShape", "half_power", "line_shape", "measured_shape"]

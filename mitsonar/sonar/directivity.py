@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import drjit as dr
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
+
 from .beam_shapes import EVEN, BeamShape
 
 __all__ = ["Aperture", "length_for_beam_width"]

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import j1, y1
 
-from ..device.types import Numbers, Triple
+from mitsonar.device.types import Numbers, Triple
+
 from .directivity import sinc
 
 __all__ = ["BAFFLES", "PATTERNS", "element_pressure", "piston"]

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..spelling import meant
-from ..units import db_from_power
+from mitsonar.spelling import meant
+from mitsonar.units import db_from_power
 
 __all__ = ["WINDOWS", "taper_loss_db", "window_weights"]
 

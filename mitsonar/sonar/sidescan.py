@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.types import Numbers
+from mitsonar.device.types import Numbers
+
 from .directivity import Aperture
 
 __all__ = ["SIDES", "Sidescan"]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Real
+from mitsonar.device.types import Real
 
 __all__ = ["Track", "mounting_matrix", "rotation_matrix"]
 

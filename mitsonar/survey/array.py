@@ -7,14 +7,15 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ..imaging import fan
-from ..scene import materials
-from ..scene.geometry import Geometry
-from ..signal.noise import ElementNoise
-from ..signal.reception import least_rate, occupied_band
-from ..sonar.array import Array
-from ..sonar.beam_patterns import element_directivity_index_db
-from ..sonar.pulses import Pulse
+from mitsonar.imaging import fan
+from mitsonar.scene import materials
+from mitsonar.scene.geometry import Geometry
+from mitsonar.signal.noise import ElementNoise
+from mitsonar.signal.reception import least_rate, occupied_band
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.beam_patterns import element_directivity_index_db
+from mitsonar.sonar.pulses import Pulse
+
 from .array_survey import ArraySurvey
 from .fan_pictures import FanPictures
 from .sensor import RunSettings, Sensor, head_speed, slowest_speed

@@ -1,19 +1,47 @@
-"""What a run of a sonar with arrays is: scene, water, pulse, arrays, and the record that is asked for. Data only."""
+"""What a run of a sonar with arrays is: scene, water, pulse, arrays, and the record that is asked for. Data only.
+
+When the samples of a record are taken, and about which carrier.
+"""
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ..signal.noise import ElementNoise
-from ..sonar.array import Array
-from ..sonar.pulses import Pulse
-from ..sonar.trajectory import PingTravel
-from .elements.sampling import Sampling
+from mitsonar.device.types import Float, Float64, Int32
+from mitsonar.signal.accumulation import centre
+from mitsonar.signal.noise import ElementNoise
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.pulses import Pulse
+from mitsonar.sonar.trajectory import PingTravel
+
 from .sources import RaySources
 from .survey import Survey
 
-__all__ = ["ArraySurvey"]
+__all__ = ["ArraySurvey", "Sampling"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """The samples of a record in complex baseband.
+
+    Attributes
+    ----------
+    start : float [s]
+        Time of sample 0, from the transmission on.
+    sampling_rate, frequency : float [Hz]
+        Of the samples; of the carrier.
+    """
+
+    start: float
+    sampling_rate: float
+    frequency: float
+
+    def place(self, delay: Float64) -> tuple[Float, Int32, Float]:
+        """Give the carrier phase [cycles], the sample and the fraction of a sample of delays (R,) [s]; see `centre`."""
+        return centre(delay, start=self.start, frequency=self.frequency, sampling_rate=self.sampling_rate)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,15 +13,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.chance import Salt, ping_key
-from ..device.types import Vector
-from ..echoes.paths import Paths
-from ..tracing.aimed_launch import DrawnRays
+from mitsonar.device.chance import Salt, ping_key
+from mitsonar.device.types import Vector
+from mitsonar.echoes.paths import Paths
+from mitsonar.tracing.aimed_launch import DrawnRays
+
 from .array_beams import ArrayBeams
+from .array_survey import ArraySurvey
 from .coherent_beams import CoherentBeams
 from .energy_bins import EnergyBins
 from .places import Place
-from .array_survey import ArraySurvey
 from .rows import EchoSource, Rays, RowResponse
 from .sound_paths import SoundPaths
 from .underway import Underway

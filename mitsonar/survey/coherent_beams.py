@@ -12,14 +12,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.types import Vector
-from ..echoes.point_targets import PointTargets
-from ..echoes.record import Echoes
-from ..echoes.smooth.targets import SmoothTargets
-from ..imaging.energy_record import CoherentRecord, CoherentSums
+from mitsonar.device.types import Vector
+from mitsonar.echoes.point_targets import PointTargets
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.smooth.targets import SmoothTargets
+from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums
+
+from .array_survey import ArraySurvey
 from .energy_bins import EnergyBins
 from .places import Place
-from .array_survey import ArraySurvey
 from .sound_paths import SoundPaths
 from .target_echoes import band_of, target_echoes
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..imaging.energy_record import CoherentRecord, CoherentSums, joined
-from ..imaging.sidescan import pulse_cells
+from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums, joined
+from mitsonar.imaging.sidescan import pulse_cells
+
 from .sidescan_survey import SidescanSurvey
 
 __all__ = ["Arrivals", "CoherentPulses"]

@@ -19,11 +19,12 @@ import mitsuba as mi
 import numpy as np
 from scipy.special import fresnel
 
-from ..device.arrays import upload
-from ..echoes.point_targets import PointTargets
-from ..echoes.record import Echoes
-from ..echoes.smooth.targets import SmoothTargets
-from ..imaging.energy_record import CoherentSums, joined
+from mitsonar.device.arrays import upload
+from mitsonar.echoes.point_targets import PointTargets
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.smooth.targets import SmoothTargets
+from mitsonar.imaging.energy_record import CoherentSums, joined
+
 from .coherent_pulses import Arrivals, CoherentPulses
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place

@@ -11,10 +11,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..imaging import fan
-from ..scene.geometry import Geometry
-from ..tracing.tracer import registry_index
+from mitsonar.device.arrays import upload
+from mitsonar.imaging import fan
+from mitsonar.scene.geometry import Geometry
+from mitsonar.tracing.tracer import registry_index
+
 from . import placement
 from .sensor import Sensor, slowest_speed
 from .survey import Survey

@@ -25,12 +25,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of
-from ..echoes.energy_sums import EchoSums
-from ..echoes.origin_sums import OriginSums
-from ..echoes.paths import Paths
-from ..imaging.energy_record import EnergyRecord, gathered
-from ..tracing.hits import Hits
+from mitsonar.device.arrays import arrays_of
+from mitsonar.echoes.energy_sums import EchoSums
+from mitsonar.echoes.origin_sums import OriginSums
+from mitsonar.echoes.paths import Paths
+from mitsonar.imaging.energy_record import EnergyRecord, gathered
+from mitsonar.tracing.hits import Hits
+
 from .first_hits import FirstHits, received
 from .places import Place, Places
 from .rows import RaysOf, Rows

@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..device.chance import ping_key
-from ..echoes.element_beams import ElementBeams
-from ..echoes.ensonification import Ensonification
-from ..echoes.record import Echoes
-from ..echoes.scatterers import Scatterers
+from mitsonar.device.chance import ping_key
+from mitsonar.echoes.element_beams import ElementBeams
+from mitsonar.echoes.ensonification import Ensonification
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.scatterers import Scatterers
+
 from .array_survey import ArraySurvey
 from .elements.ping_source import PingSource
 from .target_echoes import band_of

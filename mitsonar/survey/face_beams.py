@@ -14,12 +14,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.lookups import held
-from ..device.types import DrJitArray, Float
-from ..sonar.beam_shapes import BeamShape
-from ..sonar.directivity import Aperture, sinc
-from ..sonar.sidescan import Sidescan
+from mitsonar.device.arrays import held, upload
+from mitsonar.device.types import DrJitArray, Float
+from mitsonar.sonar.beam_shapes import BeamShape
+from mitsonar.sonar.directivity import Aperture, sinc
+from mitsonar.sonar.sidescan import Sidescan
 
 __all__ = ["BEAM_EDGE", "Face", "FaceBeams", "Lobes"]
 

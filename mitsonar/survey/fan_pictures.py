@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..imaging import fan
-from ..imaging.energy_record import EnergyRecord, gathered
-from ..scene import objects
-from ..scene.labels import classes_of
+from mitsonar.imaging import fan
+from mitsonar.imaging.energy_record import EnergyRecord, gathered
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+
 from . import energy, limits
 from .array_survey import ArraySurvey
 from .beam_domain.frames import Frames, why_not

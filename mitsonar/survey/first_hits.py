@@ -11,10 +11,11 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from ..echoes.sonar_equation import echo_energy, speed_ratio
-from ..scene.materials import scattering_strength
-from ..tracing.hits import Hits
-from ..tracing.water import Way
+from mitsonar.echoes.sonar_equation import echo_energy, speed_ratio
+from mitsonar.scene.materials import scattering_strength
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.water import Way
+
 from .places import Place
 from .rows import Rays, RowResponse, Rows
 from .underway import Reception

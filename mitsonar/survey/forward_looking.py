@@ -10,7 +10,8 @@ from typing import Protocol
 import numpy as np
 import xarray as xr
 
-from ..imaging import fan
+from mitsonar.imaging import fan
+
 from .array import ArraySensor, plan, plan_elements, rows
 from .array_survey import ArraySurvey
 from .fan_pictures import FanPictures

@@ -17,17 +17,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..echoes.eigenray_table import EigenrayTable, TableLegs
-from ..echoes.scatterers import Cells, Scatterers
-from ..echoes.sonar_equation import GRAZING, along_legs
-from ..echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
-from ..scene.labels import OBJECT, SEABED
-from ..scene.materials import scattering_strength
-from ..tracing.bed_cover import bed_height, covered
-from ..tracing.bed_horizon import BedHorizon
-from ..tracing.hits import Hits
-from ..tracing.object_shadows import ObjectShadows
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.echoes.eigenray_table import EigenrayTable, TableLegs
+from mitsonar.echoes.scatterers import Cells, Scatterers
+from mitsonar.echoes.sonar_equation import GRAZING, along_legs
+from mitsonar.echoes.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
+from mitsonar.scene.labels import OBJECT, SEABED
+from mitsonar.scene.materials import scattering_strength
+from mitsonar.tracing.bed_cover import bed_height, covered
+from mitsonar.tracing.bed_horizon import BedHorizon
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.object_shadows import ObjectShadows
+
 from .array_survey import ArraySurvey
 from .ensonified_ping import ensonification_of
 

@@ -11,17 +11,16 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import xarray as xr
 
-from ..hydrography.attitude import mounted
-from ..imaging import interferometric as imaging
-from ..imaging.energy_record import EnergyRecord, gathered, joined
-from ..scene import objects
-from ..scene.labels import classes_of
-from ..water.profile import SoundSpeedProfile
+from mitsonar.hydrography.attitude import mounted
+from mitsonar.imaging import interferometric as imaging
+from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+from mitsonar.water.profile import SoundSpeedProfile
+
 from . import limits
-from .interferometry.instrument import Interferometer
-from .interferometry.measuring import measured_rows
-from .interferometry.plan import InterferometricSensor, plan, plan_elements
-from .interferometry.survey import InterferometricSurvey
+from .interferometry.instrument import Interferometer, measured_rows
+from .interferometry.plan import InterferometricSensor, InterferometricSurvey, plan, plan_elements
 from .swath.soundings import SoundingLine
 
 __all__ = ["picture", "plan", "plan_elements", "rows", "sounding_line"]

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from ..water.profile import SoundSpeedProfile
+    from mitsonar.water.profile import SoundSpeedProfile
+
     from .array_survey import ArraySurvey
     from .sensor import RunSettings
     from .survey import Survey

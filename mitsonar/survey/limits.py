@@ -3,7 +3,8 @@ import os
 
 import numpy as np
 
-from ..imaging.sidescan import speckle_gates
+from mitsonar.imaging.sidescan import speckle_gates
+
 from .array_survey import ArraySurvey
 from .sidescan_survey import SidescanSurvey
 

@@ -14,11 +14,12 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ..imaging import fan
-from ..imaging.energy_record import EnergyRecord, gathered, joined
-from ..scene import objects
-from ..scene.labels import classes_of
-from ..water.profile import SoundSpeedProfile
+from mitsonar.imaging import fan
+from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+from mitsonar.water.profile import SoundSpeedProfile
+
 from . import limits
 from .array_survey import ArraySurvey
 from .sensor import RunSettings

@@ -5,11 +5,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..device.types import Real
-from ..scene.geometry import Geometry
-from ..sonar.track import Track
-from ..tracing.tracer import registry_index
+from mitsonar.device.arrays import upload
+from mitsonar.device.types import Real
+from mitsonar.scene.geometry import Geometry
+from mitsonar.sonar.track import Track
+from mitsonar.tracing.tracer import registry_index
 
 __all__ = ["check", "check_local", "check_near", "lifted", "lines_up", "soundings"]
 

@@ -9,10 +9,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.chance import row_keys
-from ..device.types import DrJitArray, UInt32, Vector
-from ..tracing.tracer import Sources, Tracer
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import row_keys
+from mitsonar.device.types import DrJitArray, UInt32, Vector
+from mitsonar.tracing.tracer import Sources, Tracer
+
 from .survey import Survey
 from .underway import Reception, Underway
 

@@ -19,19 +19,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..echoes.ensonification import Ensonification
-from ..echoes.record import Echoes
-from ..signal.accumulation import ImpulseResponses
-from ..signal.doppler import glide_of
-from ..sonar.pulses import Pulse
+from mitsonar.echoes.ensonification import Ensonification
+from mitsonar.echoes.record import Echoes
+from mitsonar.signal.accumulation import ImpulseResponses
+from mitsonar.signal.doppler import glide_of
+from mitsonar.sonar.pulses import Pulse
+
 from .array_survey import ArraySurvey
-from .elements.arrivals import ArrivalCounts
-from .elements.delays import ElementDelays
+from .elements.delays import ArrivalCounts, ElementDelays
 from .elements.echo_classes import DopplerClasses, EchoClasses, OneClass
 from .elements.eigenrays import EigenrayDelays
-from .elements.guarded import GuardedDelays
 from .elements.ping_source import PingSource
-from .elements.vectors import GUARD, VectorDelays
+from .elements.vectors import GUARD, GuardedDelays, VectorDelays
 from .ensonified_ping import EnsonifiedPing, ensonification_of
 
 __all__ = ["PressureRecord"]

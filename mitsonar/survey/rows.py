@@ -12,11 +12,12 @@ from typing import Protocol, TypeVar
 import mitsuba as mi
 import numpy as np
 
-from ..device.types import Vector
-from ..echoes.energy_sums import EchoSums
-from ..echoes.paths import Paths
-from ..imaging.energy_record import CoherentSums
-from ..tracing.hits import Hits
+from mitsonar.device.types import Vector
+from mitsonar.echoes.energy_sums import EchoSums
+from mitsonar.echoes.paths import Paths
+from mitsonar.imaging.energy_record import CoherentSums
+from mitsonar.tracing.hits import Hits
+
 from .energy_bins import EnergyBins
 from .places import Place
 from .sound_paths import SoundPaths

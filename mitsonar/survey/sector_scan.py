@@ -14,27 +14,28 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ..imaging import sector_scan as imaging
-from ..imaging.energy_record import EnergyRecord, only_row
-from ..scene import objects
-from ..scene.geometry import Geometry
-from ..scene.labels import classes_of
-from ..signal.matched_filter import compression, matched_filter
-from ..sonar.array import Array
-from ..sonar.array_makers import element_array
-from ..sonar.beam_patterns import element_directivity_index_db
-from ..sonar.directivity import length_for_beam_width
-from ..sonar.pulses import Pulse
-from ..sonar.rotating_head import Head, HeadTrajectory, turned_voyage
-from ..units import db_from_power, power_from_db
+from mitsonar.imaging import sector_scan as imaging
+from mitsonar.imaging.energy_record import EnergyRecord, only_row
+from mitsonar.scene import objects
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import classes_of
+from mitsonar.signal.matched_filter import compression, matched_filter
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.array_makers import element_array
+from mitsonar.sonar.beam_patterns import element_directivity_index_db
+from mitsonar.sonar.directivity import length_for_beam_width
+from mitsonar.sonar.pulses import Pulse
+from mitsonar.sonar.rotating_head import Head, HeadTrajectory, turned_voyage
+from mitsonar.units import db_from_power, power_from_db
+
 from . import array, energy, limits
 from .array_survey import ArraySurvey
 from .pressure import PressureRecord
-from .sensor import RunSettings, Sensor, head_speed, slowest_speed
-from .signals import LEAD, received_signals
 from .rotating_head.echoes import StepEchoes
 from .rotating_head.signals import StepSignals
 from .rotating_head.steps import Steps
+from .sensor import RunSettings, Sensor, head_speed, slowest_speed
+from .signals import LEAD, received_signals
 
 __all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows", "steps_of"]
 

@@ -5,9 +5,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ..water.column import AbsorptionColumn
-from ..water.profile import SoundSpeedProfile
-from ..water.volume import VolumeScattering
+from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.water.volume import VolumeScattering
+
 from .voyage import Route
 
 __all__ = ["Film", "RunSettings", "Sensor", "Water", "head_speed", "slowest_speed"]

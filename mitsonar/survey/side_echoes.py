@@ -12,12 +12,13 @@ from collections.abc import Iterator
 import drjit as dr
 import mitsuba as mi
 
-from ..device.chance import Salt, seeded
-from ..echoes.energy_sums import EchoSums
-from ..echoes.ghosts import Ghosts
-from ..echoes.multipath import Bounces
-from ..echoes.volume import WaterEchoes
-from ..tracing.hits import Hits
+from mitsonar.device.chance import Salt, seeded
+from mitsonar.echoes.energy_sums import EchoSums
+from mitsonar.echoes.ghosts import Ghosts
+from mitsonar.echoes.multipath import Bounces
+from mitsonar.echoes.volume import WaterEchoes
+from mitsonar.tracing.hits import Hits
+
 from .energy_bins import EnergyBins
 from .face_beams import FaceBeams
 from .places import Place

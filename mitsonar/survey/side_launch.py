@@ -9,6 +9,18 @@ Rays aside of the core, |u| < u_c, are drawn by azimuth α and angle β below th
 
 and those with |u| < u_c weigh nothing. w -> share of rays aside in the cell; δ(α) makes up for how the body is tilted
 towards α, so that a cell of φ is about one slant range on a level bed whatever α is.
+
+Pings that find out for their neighbours where rays are needed.
+
+The first pass of a ping tells which cells of its table lead into time bins that few rays reach (`ray_need`). Pings of a
+group ask one of them, the scout. Its table is carried to their own roll and height (`side_launch.SideLaunch.carried`):
+far off, a degree of roll is worth the range over the height. It decides where rays go, never what they weigh.
+
+    |x_i - x_s| + R |e_i - e_s| < w R
+
+x -> position, e -> forward axis of the body, R -> ``farthest``, w -> ``width``: a ping asks its scout s where both see
+ground in common at the end of the record, else it is a scout itself. Nearer by, the scout's answer is that of ground
+beside the ping's. Groups are numbered in the whole survey: blocks do not matter.
 """
 from __future__ import annotations
 
@@ -20,19 +32,52 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.chance import Salt, even_bits, hashed, other_pair, pair, salted, seeded, stratified, uniform
-from ..device.types import DrJitArray
-from ..tracing.launch import (
-    CELLS, WIDE_SHARE, Strata, across_quantiles, along_quantiles, core_of, core_quantiles, draw, first_quantiles,
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import Salt, even_bits, hashed, other_pair, pair, salted, seeded, stratified, uniform
+from mitsonar.device.types import DrJitArray
+from mitsonar.sonar.track import Track
+from mitsonar.tracing.launch import (
+    CELLS,
+    WIDE_SHARE,
+    Strata,
+    across_quantiles,
+    along_quantiles,
+    core_of,
+    core_quantiles,
+    draw,
+    first_quantiles,
     one_way_quantiles,
 )
+
 from .places import Place
 from .rows import Rays
 from .sidescan_survey import SidescanSurvey
 from .underway import Underway
 
-__all__ = ["SideLaunch", "SideRays", "Tables", "drawn_across", "ray_grid", "strata_of"]
+__all__ = ["GROUP", "SideLaunch", "SideRays", "Tables", "drawn_across", "ray_grid", "scouts", "strata_of"]
+
+
+GROUP = 4                          # pings that may have a scout in common
+
+
+def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
+    """Give the number of the ping that each ping asks, (P,) int.
+
+    Parameters
+    ----------
+    track : Track
+    farthest : float [m]
+        Slant range where the record ends.
+    width : float [rad]
+        Of the beam along the track.
+    """
+    ping = np.arange(track.pings)
+    scout = np.minimum(ping // GROUP * GROUP + GROUP // 2, track.pings - 1)
+    position, forward = track.position, track.rotation()[..., 0]
+    apart = np.linalg.norm(position - position[scout], axis=-1)
+    apart += farthest * np.linalg.norm(forward - forward[scout], axis=-1)
+    return np.where(apart < width * farthest, scout, ping)
+
 
 TALL = 16                          # strata of φ in a tall tile
 BOUNCE_SHARE = 1 / 3               # of a pass's rays: as many more are drawn for paths of several bounces

@@ -3,11 +3,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..echoes.ground_speckle import LATTICES, GroundSpeckle, SpeckleBeam, SpeckleWay
-from ..imaging.sidescan import speckle_gates
-from ..sonar.near_field import near_pressure
-from ..sonar.sidescan import Sidescan
-from ..sonar.track import rotation_matrix
+from mitsonar.echoes.ground_speckle import LATTICES, GroundSpeckle, SpeckleBeam, SpeckleWay
+from mitsonar.imaging.sidescan import speckle_gates
+from mitsonar.sonar.near_field import near_pressure
+from mitsonar.sonar.sidescan import Sidescan
+from mitsonar.sonar.track import rotation_matrix
+
 from .sidescan_survey import SidescanSurvey
 
 __all__ = ["main_lobe", "side_speckle"]

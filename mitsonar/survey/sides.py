@@ -12,20 +12,19 @@ from typing import final
 import mitsuba as mi
 import numpy as np
 
-from ..device.chance import Salt
-from ..device.types import Vector
-from ..echoes.origin_sums import PLACE, WORDS
-from ..imaging.sidescan import mean_intensity, pulse_shares
-from ..tracing.launch import CELLS, refined
+from mitsonar.device.chance import Salt
+from mitsonar.device.types import Vector
+from mitsonar.echoes.origin_sums import PLACE, WORDS
+from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.tracing.launch import CELLS, refined
+
 from .coherent_sidescan import CoherentSidescan
-from .energy_bins import EnergyBins
+from .energy_bins import EnergyBins, aside_need
 from .face_beams import BEAM_EDGE, FaceBeams
 from .places import Place
-from .ray_need import aside_need
-from .scouts import GROUP, scouts
 from .rows import EchoSource, RowResponse
 from .side_echoes import SideMultipath, SideWater
-from .side_launch import SideLaunch, SideRays, Tables
+from .side_launch import GROUP, SideLaunch, SideRays, Tables, scouts
 from .sidescan_survey import SidescanSurvey
 from .sound_paths import SoundPaths
 from .underway import Underway

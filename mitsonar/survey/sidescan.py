@@ -6,21 +6,22 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ..imaging import sidescan as imaging
-from ..imaging.recorder import Recorder
-from ..scene import materials, objects
-from ..scene.geometry import Geometry
-from ..scene.labels import classes_of
-from ..sonar.array_makers import element_array
-from ..sonar.faces import BuiltFace
-from ..sonar.pulses import cw
-from ..sonar.sidescan import Sidescan
-from ..units import db_from_amplitude, db_from_power, power_from_db
+from mitsonar.imaging import sidescan as imaging
+from mitsonar.imaging.recorder import Recorder
+from mitsonar.scene import materials, objects
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import classes_of
+from mitsonar.sonar.array_makers import element_array
+from mitsonar.sonar.faces import BuiltFace
+from mitsonar.sonar.pulses import cw
+from mitsonar.sonar.sidescan import Sidescan
+from mitsonar.units import db_from_amplitude, db_from_power, power_from_db
+
 from . import array, energy, limits
 from .array_survey import ArraySurvey
 from .sensor import RunSettings, Sensor, head_speed, slowest_speed
-from .sides import Sides
 from .side_speckle import side_speckle
+from .sides import Sides
 from .sidescan_survey import SidescanSurvey
 from .voyage import Passage
 

@@ -3,7 +3,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..sonar.sidescan import Sidescan
+from mitsonar.sonar.sidescan import Sidescan
+
 from .survey import Survey
 
 __all__ = ["SidescanSurvey"]

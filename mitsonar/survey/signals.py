@@ -5,29 +5,87 @@
 
 SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, Σ |w_tx| made 1, s_b -> the pulse's
 envelope. The level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
+
+How fast elements close in on what they hear: the bounds of the Doppler factors that stand for the echoes of a ping.
+
+    -v <= u <= v                                v speed of the fastest element
+    min, max of v·d over directions d of the beams, ± v β        where side lobes are thinned
+
+Of the beams are all directions in which `ElementBeams.bound` is above the intensity that cells are thinned below. They
+are looked for among N of a Fibonacci lattice, no direction farther from one of them than β. Echoes from beyond are as
+weak, and are of the outermost class: their level, delay and mid frequency are right, the ends of a sweep are off.
 """
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ..signal.doppler import Glide, doppler_classes, glide_of, pieces_of
-from ..signal.reception import absorbed, check_record, delayed, received
-from ..sonar.pulses import Pulse
-from ..units import amplitude_from_db
+from mitsonar.device.arrays import upload
+from mitsonar.echoes.element_beams import ElementBeams
+from mitsonar.signal.doppler import Glide, doppler_classes, glide_of, pieces_of
+from mitsonar.signal.reception import absorbed, check_record, delayed, received
+from mitsonar.sonar.pulses import Pulse
+from mitsonar.units import amplitude_from_db
+
 from .array_survey import ArraySurvey
-from .closing_speeds import closing_speeds
 from .cost import sentence
-from .elements.arrivals import ArrivalCounts
+from .elements.delays import ArrivalCounts
 from .pressure import PressureRecord
 
-__all__ = ["LEAD", "SentPiece", "echoes_of_the_pulse", "pair_responses", "ping_attributes", "ping_coordinates",
-           "received_signals", "sent_pieces"]
+__all__ = ["LEAD", "SentPiece", "closing_speeds", "echoes_of_the_pulse", "pair_responses", "ping_attributes",
+           "ping_coordinates", "received_signals", "sent_pieces"]
+
+
+DIRECTIONS = 1 << 14               # N
+APART = 4.0 / np.sqrt(DIRECTIONS)  # β [rad]: no place of the sphere is farther off, by a wide margin
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+
+
+def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, acceleration: float,
+                   nearest: float) -> tuple[float, float]:
+    """Give the least and the largest closing speed of a ping's echoes, one way [m/s].
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    ping : int
+    fastest, acceleration : float [m/s], [m/s²]
+        Of the fastest element while echoes come in.
+    nearest : float [m]
+        From which on echoes matter.
+    """
+    beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength)
+    if not (survey.thin_below and beams):
+        return -fastest, fastest
+    direction = _lattice()
+    bound = beams.bound(mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)),
+                        dr.opaque(mi.Float, nearest), survey.track.rotation()[ping], dr.opaque(mi.Float, APART))
+    heard = direction[bound.numpy() > survey.thin_below]
+    if not len(heard):
+        return -fastest, fastest
+    velocity = survey.velocity[ping]
+    along = heard @ velocity
+    # what elements do besides: they turn, and the platform speeds up and down
+    spare = (fastest * APART + (fastest - float(np.linalg.norm(velocity)))
+             + acceleration * (survey.time[-1] + survey.pulse.duration))
+    return max(float(along.min()) - spare, -fastest), min(float(along.max()) + spare, fastest)
+
+
+@lru_cache(maxsize=1)
+def _lattice() -> np.ndarray:
+    """Directions (N, 3) that lie evenly on the sphere: of a Fibonacci lattice."""
+    number = np.arange(DIRECTIONS) + 0.5
+    height, angle = 1 - 2 * number / DIRECTIONS, GOLDEN_ANGLE * number
+    level = np.sqrt(1 - height ** 2)
+    return np.stack([level * np.cos(angle), level * np.sin(angle), height], 1)
+
 
 LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
 NEAREST = 1.0                      # [m]: nearer echoes do not decide into how many pieces a pulse is cut

@@ -3,11 +3,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..echoes.sights import Sights
-from ..tracing.connection import Connector
-from ..tracing.free_rays import FreeRays
-from ..tracing.tracer import Tracer
-from ..tracing.water import DeviceWater
+from mitsonar.echoes.sights import Sights
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.free_rays import FreeRays
+from mitsonar.tracing.tracer import Tracer
+from mitsonar.tracing.water import DeviceWater
+
 from .survey import Survey
 
 __all__ = ["SoundPaths"]

@@ -4,14 +4,15 @@ from functools import cached_property
 
 import numpy as np
 
-from ..echoes.paths import Paths
-from ..scene.geometry import Geometry
-from ..sonar.track import Track
-from ..sonar.trajectory import Voyage
-from ..tracing.water import DeviceWater
-from ..water.column import AbsorptionColumn
-from ..water.profile import SoundSpeedProfile
-from ..water.volume import VolumeScattering
+from mitsonar.echoes.paths import Paths
+from mitsonar.scene.geometry import Geometry
+from mitsonar.sonar.track import Track
+from mitsonar.sonar.trajectory import Voyage
+from mitsonar.tracing.water import DeviceWater
+from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.water.volume import VolumeScattering
+
 from .voyage import Passage
 
 __all__ = ["Survey"]

@@ -15,9 +15,7 @@ import xarray as xr
 from .sensor import RunSettings
 from .signals import LEAD
 from .strip.image import strip_image
-from .strip.plan import StripSensor
-from .strip.plan import plan as plan_strip
-from .strip.survey import StripSurvey
+from .strip.plan import StripSensor, StripSurvey, plan as plan_strip
 
 __all__ = ["picture", "plan", "plan_elements", "rows"]
 

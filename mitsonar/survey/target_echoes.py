@@ -6,11 +6,12 @@ from collections.abc import Iterator
 import drjit as dr
 import mitsuba as mi
 
-from ..echoes.point_targets import PointTargets
-from ..echoes.record import Echoes
-from ..echoes.sights import Sights
-from ..scattering.echo_taps import HeardBand
-from ..sonar.pulse import Pulse
+from mitsonar.echoes.point_targets import PointTargets
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.sights import Sights
+from mitsonar.scattering.echo_taps import HeardBand
+from mitsonar.sonar.pulse import Pulse
+
 from .places import Place
 
 __all__ = ["band_of", "band_of_tone", "target_echoes"]

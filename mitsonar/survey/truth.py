@@ -5,15 +5,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..echoes.energy_sums import SummedEnergy
-from ..echoes.origin_sums import OriginSums, sector
-from ..imaging import truth
-from ..imaging.energy_record import CoherentSums
-from ..imaging.truth import BinTruth
-from ..scene.geometry import Geometry
-from ..scene.labels import OBJECT, SEABED
-from ..tracing.hits import Hits
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.echoes.energy_sums import SummedEnergy
+from mitsonar.echoes.origin_sums import OriginSums, sector
+from mitsonar.imaging import truth
+from mitsonar.imaging.energy_record import CoherentSums
+from mitsonar.imaging.truth import BinTruth
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import OBJECT, SEABED
+from mitsonar.tracing.hits import Hits
+
 from .places import Place
 from .rows import Rays, RowResponse, Rows
 

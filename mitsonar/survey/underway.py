@@ -22,9 +22,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.types import Vector
-from ..sonar.trajectory import NEGLIGIBLE, PingTravel
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import Vector
+from mitsonar.sonar.trajectory import NEGLIGIBLE, PingTravel
 
 __all__ = ["Motion", "Reception", "Underway"]
 

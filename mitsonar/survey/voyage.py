@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..io.navigation import Frame, Navigation, Waypoints
-from ..scene.geometry import Geometry
-from ..sonar.motion import RandomMotion
-from ..sonar.track import Track
-from ..sonar.trajectory import Circled, Recorded, Sailed, Smooth, Trajectory, Voyage
-from ..sonar.waypoints import Course
+from mitsonar.io.navigation import Frame, Navigation, Waypoints
+from mitsonar.scene.geometry import Geometry
+from mitsonar.sonar.motion import RandomMotion
+from mitsonar.sonar.track import Track
+from mitsonar.sonar.trajectory import Circled, Recorded, Sailed, Smooth, Trajectory, Voyage
+from mitsonar.sonar.waypoints import Course
+
 from . import placement
 
 __all__ = ["MOST_PINGS", "Passage", "Route"]

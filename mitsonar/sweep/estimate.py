@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ..io.files import FilePath
+from mitsonar.io.files import FilePath
+
 from .execute import check_loading, default_folder, job, standing
 from .local import Local, cores, shares
 from .manifest import MANIFEST, read

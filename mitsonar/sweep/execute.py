@@ -11,8 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..io import files, scenes
-from ..io.files import FilePath
+from mitsonar.io import files, scenes
+from mitsonar.io.files import FilePath
+
 from .cluster import Cluster
 from .local import Local, shares
 from .manifest import LOCK, MANIFEST, Entry, Manifest, key, remove_leftovers

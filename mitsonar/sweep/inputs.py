@@ -8,9 +8,10 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 
-from ..io import scenes
+from mitsonar.io import scenes
+from mitsonar.spelling import meant
+
 from ..plugins import attributes, reference
-from ..spelling import meant
 from .manifest import MANIFEST
 from .values import shortened
 

@@ -19,7 +19,7 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..io.files import FULL, FilePath
+from mitsonar.io.files import FULL, FilePath
 
 __all__ = ["Entry", "Manifest", "key"]
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
-from ..io import scenes, tables
-from ..io.files import FilePath
-from ..spelling import meant
+from mitsonar.io import scenes, tables
+from mitsonar.io.files import FilePath
+from mitsonar.spelling import meant
+
 from .inputs import Inputs
 from .names import Pattern
 from .values import Draw, axis, draw, random_bits, shortened, value, whole

@@ -1,7 +1,7 @@
 """The versions that decide what a render's bytes are."""
 import importlib.metadata
 
-from .. import __version__
+from mitsonar import __version__
 
 __all__ = ["versions"]
 

@@ -54,8 +54,8 @@ def _listen(jobs):
 
 def _answer(job, threads):
     """Do a job; errors are answers too."""
-    from ..io.errors import sentence
-    from ..io.files import FULL
+    from mitsonar.io.errors import sentence
+    from mitsonar.io.files import FULL
 
     start = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
@@ -82,15 +82,15 @@ def _do(job, threads):
         raise ValueError(f"the folder {job['folder']} is not there where it was to be rendered; give one by -o that "
                          "all workers see")
     _set_up(threads)
-    from .. import load_file, render
-    from ..io import exr
+    from mitsonar import load_file, render
+    from mitsonar.io import exr
 
     try:
         scene = load_file(job["scene"], **job["parameters"])
     except ValueError as error:
         raise _Refused(str(error)) from error
     if job["output"] is None:
-        from ..verbs import opened
+        from mitsonar.verbs import opened
 
         opened(scene)
         return {}
@@ -99,7 +99,7 @@ def _do(job, threads):
     os.makedirs(os.path.dirname(path), exist_ok=True)
     exr.write(dataset, path)
     if job["preview"] is not None:
-        from .. import plots
+        from mitsonar import plots
 
         plots.preview(dataset, os.path.join(job["folder"], job["preview"]))
     with open(path, "rb") as file:

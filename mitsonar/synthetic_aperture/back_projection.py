@@ -23,9 +23,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import looped, upload
-from ..device.lookups import held
-from ..device.types import ArrayTypes, Float, Float64, UInt32
+from mitsonar.device.arrays import held, looped, upload
+from mitsonar.device.types import ArrayTypes, Float, Float64, UInt32
+
 from .delays import Plane
 from .grids import Grid
 from .motion import Moving

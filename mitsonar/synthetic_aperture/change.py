@@ -21,8 +21,8 @@ from scipy import ndimage, stats
 
 from .change_registration import Shift, registered, shift_between
 from .coherence_statistics import coherence_at, independent_looks, unbiased_coherence, windowed_coherence
+from .compression import window_samples
 from .record import check_image
-from .windows import window_samples
 
 __all__ = ["change_map", "laid_on"]
 

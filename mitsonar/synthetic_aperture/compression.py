@@ -5,17 +5,38 @@
 b -> ``pulse``, w -> ``window`` of the replica. An echo of amplitude a and delay τ peaks at τ with the value a. The fine
 axis has `FINER` samples to a cycle of the band, and the spectrum is divided by that of the straight lines between two
 of them, sinc²(f / rate): lines then err by -52 dB of an echo (rms over a flat band).
+
+Windows over an image, in metres and in points.
 """
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from scipy import fft
 
-from ..signal.reception import band_filter, check_record, padded_length
-from ..sonar.pulse import Pulse, Window
-from ..sonar.shading import window_weights
+from mitsonar.signal.reception import band_filter, check_record, padded_length
+from mitsonar.sonar.pulse import Pulse, Window
+from mitsonar.sonar.shading import window_weights
 
-__all__ = ["Compressor", "window_of"]
+__all__ = ["Compressor", "window_of", "window_samples"]
+
+
+def window_samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int, int]:
+    """Give the odd numbers of points along and across that a window [m] holds, the image's at most.
+
+    Raises
+    ------
+    ValueError
+        If a length is not finite and above 0.
+    """
+    size = []
+    for name, length in zip(("along_track", "across_track"), window):
+        step = float(np.abs(np.diff(image[name].values)).mean()) if image.sizes[name] > 1 else np.inf
+        if not (np.isfinite(length) and length > 0):
+            raise ValueError(f"the window's length {name.replace('_', ' ')} is {length} m; give one above 0")
+        size.append(min(2 * int(0.5 * length / step) + 1, image.sizes[name]))
+    return size[0], size[1]
+
 
 FINER = 8.0                        # samples of the fine axis to a cycle of the band
 TRIED = 64                         # samples that a window is tried on

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..propagation import eigenray
-from ..water import SoundSpeedProfile
+from mitsonar.propagation import eigenray
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["Plane", "TravelTables", "bends"]
 

@@ -19,12 +19,13 @@ import warnings
 import numpy as np
 import xarray as xr
 
-from ..device.types import DrJitArray
-from ..signal.beamforming.alignment import device_arrays
-from ..sonar.pulses import pulse_of
-from ..sonar.shading import window_weights
-from ..units import amplitude_from_db, db_from_amplitude
-from ..water import SoundSpeedProfile
+from mitsonar.device.types import DrJitArray
+from mitsonar.signal.beamforming.alignment import device_arrays
+from mitsonar.sonar.pulses import pulse_of
+from mitsonar.sonar.shading import window_weights
+from mitsonar.units import amplitude_from_db, db_from_amplitude
+from mitsonar.water import SoundSpeedProfile
+
 from .back_projection import WEIGHTS, Aperture, BackProjection, Sender, Water
 from .compression import Compressor, window_of
 from .delays import TravelTables, bends

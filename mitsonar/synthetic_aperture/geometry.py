@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from ..sonar.pulses import pulse_of
+from mitsonar.sonar.pulses import pulse_of
+
 from .micronavigation_pairs import arrays_of
 from .poses import poses_of
 from .record import IMAGE_VARIABLES

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..sonar.pulses import pulse_of
+from mitsonar.sonar.pulses import pulse_of
+
 from .motion import Motion
 
 __all__ = ["Grid", "circle_grid", "default_grid", "ground_grid", "slant_grid", "strip_grid"]

@@ -24,13 +24,35 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from ..signal.matched_filter import compression, matched_filter
-from ..sonar.pulses import pulse_of
+from mitsonar.signal.matched_filter import compression, matched_filter
+from mitsonar.sonar.pulses import pulse_of
+
 from .coherence import aperture_coherence, beam_spread, delay_deviation
-from .micronavigation_delays import correlated, finer, laid_on_ground, lagged
-from .micronavigation_pairs import (NODES, Arrays, Correction, Pairs, arrays_of, ground_points, overlapping,
-                                    pair_delays, together)
-from .micronavigation_step import (HIGHEST, LEAST, Found, Trust, fitted_surge, least_squares, phase_covariance, slants)
+from .micronavigation_pairs import (
+    NODES,
+    Arrays,
+    Correction,
+    Pairs,
+    arrays_of,
+    ground_points,
+    overlapping,
+    pair_delays,
+    together,
+)
+from .micronavigation_step import (
+    HIGHEST,
+    LEAST,
+    Found,
+    Trust,
+    correlated,
+    finer,
+    fitted_surge,
+    lagged,
+    laid_on_ground,
+    least_squares,
+    phase_covariance,
+    slants,
+)
 from .micronavigation_track import PARTS, integrated, since, step_record
 from .poses import MOTION, Poses, poses_of
 from .record import check_raw

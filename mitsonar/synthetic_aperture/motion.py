@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.polynomial import chebyshev, polynomial
 from scipy.interpolate import CubicSpline
 
-from ..sonar.track import rotation_matrix
+from mitsonar.sonar.track import rotation_matrix
 
 __all__ = ["Motion", "Moving"]
 

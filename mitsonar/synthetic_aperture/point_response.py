@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..units import db_from_amplitude, db_from_power
+from mitsonar.units import db_from_amplitude, db_from_power
+
 from .record import check_image
 
 __all__ = ["Cut", "PointResponse", "point_response"]

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from ..sonar.track import rotation_matrix
+from mitsonar.sonar.track import rotation_matrix
 
 __all__ = ["MOTION", "Poses", "poses_of", "two_way_delay"]
 

@@ -22,8 +22,8 @@ import xarray as xr
 from scipy import ndimage
 
 from .coherence_statistics import independent_looks
+from .compression import window_samples
 from .record import check_image
-from .windows import window_samples
 
 __all__ = ["Speckle", "speckle"]
 

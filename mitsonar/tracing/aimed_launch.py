@@ -12,9 +12,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.chance import pair, stratified, uniform
-from ..water.profile import SoundSpeedProfile
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import pair, stratified, uniform
+from mitsonar.water.profile import SoundSpeedProfile
+
 from .launch import Strata, draw, quantiles
 
 __all__ = ["DrawnRays"]

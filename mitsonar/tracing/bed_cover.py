@@ -5,9 +5,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import upload
-from ..scene.geometry import Geometry
-from ..scene.labels import SEABED
+from mitsonar.device.arrays import upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import SEABED
+
 from .tracer import registry_index
 
 __all__ = ["ROUNDING", "bed_height", "covered"]

@@ -19,11 +19,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.lookups import held
-from ..scene.geometry import Geometry
-from ..scene.labels import SEABED
-from ..scene.parts import scene_of
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import SEABED
+from mitsonar.scene.objects import scene_of
 
 __all__ = ["BedHorizon", "Horizon"]
 

@@ -12,11 +12,12 @@ from typing import cast
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import arrays_of
-from ..propagation.aiming import aim
-from ..propagation.arrivals import earliest
-from ..propagation.two_point import PointState
-from ..scene.geometry import Geometry
+from mitsonar.device.arrays import arrays_of
+from mitsonar.propagation.aiming import aim
+from mitsonar.propagation.arrivals import earliest
+from mitsonar.propagation.two_point import PointState
+from mitsonar.scene.geometry import Geometry
+
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, along_fan
 from .tracer import Sources
 from .water import DeviceWater

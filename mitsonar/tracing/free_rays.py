@@ -10,9 +10,10 @@ from typing import cast
 import drjit as dr
 import mitsuba as mi
 
-from ..device.types import Float64
-from ..propagation.ray_fans import arc_step, first_layer
-from ..propagation.two_point import arc_length, arc_time
+from mitsonar.device.types import Float64
+from mitsonar.propagation.ray_fans import arc_step, first_layer
+from mitsonar.propagation.two_point import arc_length, arc_time
+
 from .hits import Hits, towards_sound
 from .occlusion import LIFT, TOLERANCE, segment
 from .tracer import Tracer

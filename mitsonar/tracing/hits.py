@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from ..device.arrays import picked
+from mitsonar.device.arrays import picked
 
 __all__ = ["Hits", "towards_sound"]
 

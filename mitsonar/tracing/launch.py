@@ -23,7 +23,7 @@ from types import ModuleType
 import drjit as dr
 import numpy as np
 
-from ..sonar.sidescan import Sidescan
+from mitsonar.sonar.sidescan import Sidescan
 
 __all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles", "core_of", "core_quantiles", "draw",
            "first_quantiles", "one_way_quantiles", "quantiles", "refine_quantiles", "refined"]

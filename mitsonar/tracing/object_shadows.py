@@ -11,11 +11,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.lookups import held
-from ..scene.geometry import Geometry
-from ..scene.labels import OBJECT
-from ..scene.parts import scene_of
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import OBJECT
+from mitsonar.scene.objects import scene_of
+
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan
 from .tracer import Sources, Tracer
 from .water import DeviceWater

@@ -9,9 +9,9 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..device.types import ArrayTypes
-from ..propagation.layer_table import LayerTable
-from ..propagation.ray_fans import RayFans, arc_step, first_layer
+from mitsonar.device.types import ArrayTypes
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.propagation.ray_fans import RayFans, arc_step, first_layer
 
 __all__ = ["LIFT", "LIFT_PER_RANGE", "TOLERANCE", "along_arcs", "along_fan", "segment"]
 

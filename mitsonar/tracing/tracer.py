@@ -15,12 +15,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..device.arrays import arrays_of, where_any
-from ..device.record import Record
-from ..propagation.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
-from ..propagation.two_point import SourceState, to_hit
-from ..scene.geometry import Geometry, interpolated
-from ..scene.labels import OBJECT, SEABED
+from mitsonar.device.arrays import arrays_of, where_any
+from mitsonar.device.types import Record
+from mitsonar.propagation.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
+from mitsonar.propagation.two_point import SourceState, to_hit
+from mitsonar.scene.geometry import Geometry, interpolated
+from mitsonar.scene.labels import OBJECT, SEABED
+
 from .hits import Hits, towards_sound
 from .water import DeviceWater
 

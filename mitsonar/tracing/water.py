@@ -21,13 +21,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..propagation.layer_table import LayerTable, layer_table
-from ..propagation.two_point import SourceState, source_state
-from ..water.absorption_table import Absorption
-from ..water.column import AbsorptionColumn
-from ..water.profile import SoundSpeedProfile
-from ..water.volume import VolumeScattering
-from ..water.volume_table import VolumeTable, volume_table
+from mitsonar.propagation.layer_table import LayerTable, layer_table
+from mitsonar.propagation.two_point import SourceState, source_state
+from mitsonar.water.absorption_table import Absorption
+from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.water.volume import VolumeScattering
+from mitsonar.water.volume_table import VolumeTable, volume_table
 
 __all__ = ["DeviceWater", "Medium", "Way"]
 

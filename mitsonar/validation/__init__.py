@@ -6,8 +6,9 @@ whole chain is compared, and gives rows of got, expected and allowed.
 import time
 from collections.abc import Callable, Sequence
 
-from ..io.files import FilePath
-from ..spelling import meant
+from mitsonar.io.files import FilePath
+from mitsonar.spelling import meant
+
 from . import (
     beams,
     closure,

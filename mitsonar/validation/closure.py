@@ -1,9 +1,10 @@
 """The sonar equation closes: backscatter strength read back from the levels of a sidescan's whole ray chain."""
 import numpy as np
 
-from ..scattering import backscatter_strength_db
-from ..sonar.directivity import HALF_POWER
-from ..water import SoundSpeedProfile
+from mitsonar.scattering import backscatter_strength_db
+from mitsonar.sonar.directivity import HALF_POWER
+from mitsonar.water import SoundSpeedProfile
+
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst
 from .rays import SUMMER
@@ -53,8 +54,7 @@ def _example(name, rays):
 def _strengths(water, khz, material, law, rays, pings, seed=1):
     """Grazing angles [rad] of the bins, and strengths [dB] read back from their levels and by the law."""
     import mitsonar
-
-    from ..survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan import sonar_at
 
     profile = WATERS[water]
     scene = scenes.sidescan(

@@ -1,8 +1,9 @@
 """The range at which noise drowns reverberation: from a sidescan's levels, and by the sonar equation."""
 import numpy as np
 
-from ..scattering import backscatter_strength_db
-from ..water import SoundSpeedProfile, absorption_db, ambient_noise_db
+from mitsonar.scattering import backscatter_strength_db
+from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db
+
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, root_of
 from .sonar_equation import FlatBed
@@ -20,8 +21,7 @@ BINS, WINDOW = 600, 20                             # bins that are averaged on e
 def _levels(name, pings):
     """Slant ranges [m], intensities of bins with noise and speckle (bin,) and by the sonar equation, noise [µPa²]."""
     import mitsonar
-
-    from ..survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan import sonar_at
 
     khz, wind, sediment, source, pulse, farthest = CASES[name]
     scene = scenes.sidescan(

@@ -3,8 +3,9 @@ from functools import partial
 
 import numpy as np
 
-from ..scattering import backscatter_strength_db
-from ..water import SoundSpeedProfile
+from mitsonar.scattering import backscatter_strength_db
+from mitsonar.water import SoundSpeedProfile
+
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst
 from .rays import SUMMER

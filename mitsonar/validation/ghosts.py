@@ -1,8 +1,9 @@
 """Ghosts of a point target by way of a flat sea surface, in refracting water: time and level of every way."""
 import numpy as np
 
-from ..propagation import eigenray
-from ..water import SoundSpeedProfile
+from mitsonar.propagation import eigenray
+from mitsonar.water import SoundSpeedProfile
+
 from . import scenes
 from .case import Case, Line, Panel, Row, Table
 from .rays import SUMMER

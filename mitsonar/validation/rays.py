@@ -1,8 +1,9 @@
 """Rays: exact eigenrays against closed forms and 34-digit arithmetic, and traced hits against exact eigenrays."""
 import numpy as np
 
-from ..propagation import eigenray, eigenrays
-from ..water import SoundSpeedProfile
+from mitsonar.propagation import eigenray, eigenrays
+from mitsonar.water import SoundSpeedProfile
+
 from .case import Case, Line, Panel, Row, Table, worst
 
 __all__ = ["CASE"]
@@ -61,15 +62,15 @@ def _printed():
 
 def _traced(count):
     """Hits of traced rays on a rough bed, and the exact eigenrays to the same points: errors of time and spreading."""
-    from ..scene.loading import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     import mitsuba as mi
 
-    from ..device.arrays import arrays_of, upload
-    from ..scene.geometry import Geometry
-    from ..tracing.tracer import Tracer
-    from ..tracing.water import DeviceWater
+    from mitsonar.device.arrays import arrays_of, upload
+    from mitsonar.scene.geometry import Geometry
+    from mitsonar.tracing.tracer import Tracer
+    from mitsonar.tracing.water import DeviceWater
 
     geometry = Geometry(mi.load_dict({"type": "scene", "bed": {
         "type": "seabed", "depth": BED_DEPTH, "length": 400.0, "width": 400.0, "spacing": 1.0, "fractal_rms": 0.6,

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from ..water import SoundSpeedProfile
+    from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "interferometric", "lambert", "multibeam",
            "point_target", "sector_scan", "sediment", "sidescan", "water_of"]
@@ -105,7 +105,7 @@ def _still(depth: float) -> dict[str, Any]:
 
 def _loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sensor: Attributes | None,
             water: Attributes | None, film: Attributes, integrator: Attributes) -> "mi.Scene":
-    from ..scene.loading import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     import mitsuba as mi
@@ -149,7 +149,7 @@ def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0
     -------
     dict
     """
-    from ..scene.loading import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     import mitsuba as mi

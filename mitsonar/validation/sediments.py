@@ -4,7 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from ..scattering import ElasticSediment, LambertSeabed, Sediment, backscatter_strength_db, bistatic_strength_db
+from mitsonar.scattering import ElasticSediment, LambertSeabed, Sediment, backscatter_strength_db, bistatic_strength_db
+
 from .case import Case, Line, Panel, Row, Table, worst
 
 __all__ = ["CASE", "KHZ", "SIX", "holding"]

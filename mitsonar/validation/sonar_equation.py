@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from ..propagation import eigenray, eigenrays
-from ..water import SoundSpeedProfile
+from mitsonar.propagation import eigenray, eigenrays
+from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["FlatBed"]
 

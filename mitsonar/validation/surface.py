@@ -1,7 +1,8 @@
 """The sea surface: printed strengths and losses, and its return in a sidescan's picture."""
 import numpy as np
 
-from ..scattering import backscatter_strength_db, bubble_loss_db
+from mitsonar.scattering import backscatter_strength_db, bubble_loss_db
+
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst
 from .closure import WATERS
@@ -34,8 +35,7 @@ def _return(water, wind, rays):
     """Grazing angles [rad], strengths [dB] read back from the bins and by the law; centre [s] of the first with an echo
     and of that of the shortest way, and half a bin."""
     import mitsonar
-
-    from ..survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan import sonar_at
 
     profile = WATERS[water]
     scene = scenes.sidescan(

@@ -4,7 +4,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import j1
 
-from ..scattering import sphere_target_strength_db
+from mitsonar.scattering import sphere_target_strength_db
+
 from . import scenes
 from .case import Case, Line, Panel, Row, Table
 
@@ -149,7 +150,7 @@ def _tilted(quick):
 
 
 def _run(quick):
-    from ..scene.loading import prepare
+    from mitsonar.scene.loading import prepare
 
     prepare()
     rows, panels = _tilted(quick)

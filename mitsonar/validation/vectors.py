@@ -3,9 +3,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..propagation import eigenray, return_time
-from ..propagation.return_times import approximate
-from ..water import SoundSpeedProfile
+from mitsonar.propagation import eigenray, return_time
+from mitsonar.propagation.return_times import approximate
+from mitsonar.water import SoundSpeedProfile
+
 from .case import Case, Line, Panel, Row, Table, worst
 from .published import effective_speed, table_1
 from .rays import SIX_NODES, SUMMER

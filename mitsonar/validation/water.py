@@ -2,7 +2,8 @@
 import gsw
 import numpy as np
 
-from ..water import absorption_db, ambient_noise_db, sound_speed, thermal_noise_db
+from mitsonar.water import absorption_db, ambient_noise_db, sound_speed, thermal_noise_db
+
 from .case import Case, Line, Panel, Row, Table, worst
 
 __all__ = ["CASE"]

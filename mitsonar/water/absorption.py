@@ -13,8 +13,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Real
-from ..units import khz_from_hertz
+from mitsonar.device.types import Real
+from mitsonar.units import khz_from_hertz
+
 from .ranges import checked, chosen
 
 

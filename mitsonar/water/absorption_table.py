@@ -2,9 +2,9 @@
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.lookups import held
-from ..device.types import DrJitArray, Float
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.device.types import DrJitArray, Float
+
 from .column import AbsorptionColumn, column_integrals
 from .profile import SoundSpeedProfile
 

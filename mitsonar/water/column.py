@@ -18,7 +18,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..units import Values
+from mitsonar.units import Values
+
 from .profile import SoundSpeedProfile
 
 __all__ = ["AbsorptionColumn", "column_integrals"]

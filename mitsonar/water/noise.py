@@ -14,7 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..units import db_from_power, khz_from_hertz, power_from_db
+from mitsonar.units import db_from_power, khz_from_hertz, power_from_db
+
 from .ranges import checked
 
 BOLTZMANN = 1.380649e-23  # [J/K]

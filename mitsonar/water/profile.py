@@ -13,7 +13,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..units import Values
+from mitsonar.units import Values
 
 DEEPEST = 1e6                      # [m], of which float32 still tells a sixteenth of a metre
 _SIDES: dict[str, Literal["left", "right"]] = {"below": "right", "above": "left"}    # of a node, as NumPy says it

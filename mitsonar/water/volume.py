@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..device.types import Real
-from ..units import db_from_power, power_from_db
+from mitsonar.device.types import Real
+from mitsonar.units import db_from_power, power_from_db
 
 __all__ = ["LAYERS", "Layer", "VolumeScattering", "volume_reverberation_db"]
 

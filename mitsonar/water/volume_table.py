@@ -7,9 +7,9 @@ as `water.VolumeScattering` has it; found by bisection, so that edges of layers 
 import drjit as dr
 import numpy as np
 
-from ..device.arrays import arrays_of, upload
-from ..device.record import Record
-from ..device.types import ArrayTypes, Bool, DrJitArray, Float, UInt32
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import ArrayTypes, Bool, DrJitArray, Float, Record, UInt32
+
 from .volume import VolumeScattering
 
 __all__ = ["VolumeTable", "volume_table"]

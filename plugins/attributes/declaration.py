@@ -1,6 +1,6 @@
 """What a plugin declares of an attribute, of whatever kind."""
-from collections.abc import Mapping
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 

@@ -5,8 +5,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of
-from mitsonar.device.lookups import held
+from mitsonar.device.arrays import arrays_of, held
 from mitsonar.scattering.borders import displacement, drawn
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text

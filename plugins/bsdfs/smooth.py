@@ -8,6 +8,7 @@ import mitsuba as mi
 
 from .material import Material
 
+
 class Smooth(Material):
     """A smooth surface; subclasses say how it reflects."""
 

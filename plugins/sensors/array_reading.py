@@ -8,8 +8,15 @@ from typing import Any
 import numpy as np
 
 from mitsonar.io import arrays
-from mitsonar.sonar import (Array, body_direction, cylindrical_array, element_array, line_array, planar_array,
-                            spherical_array)
+from mitsonar.sonar import (
+    Array,
+    body_direction,
+    cylindrical_array,
+    element_array,
+    line_array,
+    planar_array,
+    spherical_array,
+)
 from mitsonar.sonar.axes import AXES, axis_vector
 from mitsonar.survey.sensor import Water
 from mitsonar.survey.voyage import Route

@@ -40,9 +40,8 @@ that one's share; without them borders are steps:
 """
 from typing import Any
 
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from mitsonar.io import bathymetry, sediment_map
 

@@ -11,9 +11,8 @@ Mitsuba's own `cylinder` is an open tube. Normals at the vertices are those of t
         <ref id="steel"/>
     </shape>
 """
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from ..attributes import Attributes, Integer, Number, Point, Transform
 from .grid_mesh import MATERIAL, GridMesh, fill

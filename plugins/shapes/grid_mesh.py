@@ -2,9 +2,8 @@
 from typing import NamedTuple
 
 import drjit as dr
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from ..attributes import Boolean, Nested, Transform
 

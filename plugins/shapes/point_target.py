@@ -33,9 +33,8 @@ closer than c / 4d, d the target's part farthest from `position`; the pulse's ba
     </shape>
 """
 import drjit as dr
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.scattering.scattering_functions import ScatteringFunction, SphereScattering
@@ -120,7 +119,7 @@ def _scattering(attributes: Attributes) -> ScatteringFunction | None:
         if kind == "constant":
             return None
         if kind == "table":
-            from mitsonar.io import scattering_tables          # with xarray, a third of a second
+            from mitsonar.io import scattering_tables  # with xarray, a third of a second
 
             return scattering_tables.read(attributes.table)
         if kind not in FILLED:

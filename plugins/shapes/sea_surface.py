@@ -8,9 +8,8 @@ It is no seabed: tracks and altitudes are laid as if it were not there.
 """
 from dataclasses import replace
 
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from ..attributes import Attributes, Nested, Number
 from ..bsdfs.windy_sea import WIND_SPEED

@@ -13,9 +13,8 @@ always has a node at the origin, and reaches at least as far as asked. A wave ne
         <ref id="sand"/>
     </shape>
 """
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from mitsonar.scattering import Fractal, Plane, Ripples, RoughnessSpectrum, Sinusoid
 

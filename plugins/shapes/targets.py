@@ -18,9 +18,8 @@ import warnings
 import zlib
 from typing import Any
 
-import numpy as np
-
 import mitsuba as mi
+import numpy as np
 
 from mitsonar.io import meshes
 from mitsonar.scene.errors import plain

@@ -14,10 +14,10 @@ import tempfile
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import mitsuba as mi
 import numpy as np
 
 import mitsonar  # before Mitsuba: it chooses the LLVM that Dr.Jit loads
-import mitsuba as mi
 from mitsonar.inversion.heights import fit_heights
 from mitsonar.inversion.image_fit import Stage
 from mitsonar.inversion.sediment_map import fit_sediment_map

@@ -19,7 +19,7 @@ from mitsonar.gradients.sounding_bed import BedGrid
 from mitsonar.gradients.sounding_times import SoundingTimes
 from mitsonar.hydrography.sounding_beams import SoundingBeams
 from mitsonar.inversion.profile import fit_profile
-from mitsonar.inversion.profile_priors import ProfilePrior
+from mitsonar.inversion.profile_problem import ProfilePrior
 from mitsonar.water import SoundSpeedProfile
 
 PINGS = round(20 * float(os.environ.get("TUTORIAL_SCALE", 1)))                       # of a line

@@ -19,13 +19,13 @@ import argparse
 import json
 
 import measuring
+import mitsuba as mi
 import numpy as np
 
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
-import mitsuba as mi
+from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
 from mitsonar.propagation import eigenrays
-from mitsonar.device.arrays import arrays_of
 from mitsonar.scene.loading import prepare
 from mitsonar.tracing.tracer import Tracer
 from mitsonar.tracing.water import DeviceWater

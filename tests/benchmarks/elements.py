@@ -32,6 +32,7 @@ def main(argv=None):
 def record_of(arguments, elements=1, **integrator):
     """Plan a ping."""
     import mitsuba as mi
+
     from mitsonar.scene.loading import prepare
     from mitsonar.survey.pressure import PressureRecord
 
@@ -59,6 +60,7 @@ def by_elements(arguments):
     """Print ms of ensonifying, of carrying and of reading, by the number of elements."""
     import drjit as dr
     import mitsuba as mi
+
     from mitsonar.survey.elements.echo_classes import SortedEchoes
 
     rows = []

@@ -60,7 +60,7 @@ def main(argv=None):
 def simulated(name, path, shallowest, deepest, **options):
     """Give the rows of a cast; options are of `surveyed`."""
     from mitsonar.inversion.profile import fit_profile
-    from mitsonar.inversion.profile_priors import ProfilePrior
+    from mitsonar.inversion.profile_problem import ProfilePrior
     from mitsonar.io import casts
     from mitsonar.water import SoundSpeedProfile
 
@@ -109,9 +109,8 @@ def real(path):
     from mitsonar.gradients.sounding_bed import BedGrid
     from mitsonar.hydrography.resounding import profile_of
     from mitsonar.hydrography.sounding_beams import beams_of
-    from mitsonar.inversion.profile import fit_profile
-    from mitsonar.inversion.profile_bed import laid_bed
-    from mitsonar.inversion.profile_priors import ProfilePrior
+    from mitsonar.inversion.profile import fit_profile, laid_bed
+    from mitsonar.inversion.profile_problem import ProfilePrior
     from mitsonar.io.survey_lines import reading
     from mitsonar.water import SoundSpeedProfile
 

@@ -22,15 +22,15 @@ import json
 import time
 from pathlib import Path
 
+import drjit as dr
 import measuring
 import numpy as np
+from drjit.auto import Float, Float64, UInt32
 
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
-import drjit as dr
-from drjit.auto import Float, Float64, UInt32
+from mitsonar.device.arrays import upload
 from mitsonar.io import casts
 from mitsonar.propagation import eigenray, return_time, return_time_error
-from mitsonar.device.arrays import upload
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.return_times import GUARD, approximate, leg_integrals
 from mitsonar.propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS

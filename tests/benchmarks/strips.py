@@ -40,6 +40,7 @@ def main(argv=None):
 def strip(arguments):
     """Plan a strip over a flat bed of two facets."""
     import mitsuba as mi
+
     from mitsonar.scene.loading import prepare
 
     prepare()
@@ -62,6 +63,7 @@ def strip(arguments):
 def work(arguments):
     """Make a step of a ping as often as lines come in; answer each with CPU and wall seconds and what there was."""
     import drjit as dr
+
     from mitsonar.survey import signals
     from mitsonar.survey.pressure import PressureRecord
 

@@ -14,14 +14,14 @@ sends them.
 """
 import argparse
 
+import drjit as dr
 import measuring
+import mitsuba as mi
 import numpy as np
 
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
-import drjit as dr
-import mitsuba as mi
-from mitsonar.io import casts
 from mitsonar.device.arrays import arrays_of
+from mitsonar.io import casts
 from mitsonar.scene.loading import prepare
 from mitsonar.tracing.tracer import Tracer, _angles, _first_hit
 from mitsonar.tracing.water import DeviceWater

@@ -45,10 +45,10 @@ def made(**parameters):
     import mitsonar
     from mitsonar.survey import energy
     from mitsonar.survey.pressure import PressureRecord
-    from mitsonar.survey.signals import received_signals
     from mitsonar.survey.rotating_head.echoes import StepEchoes
     from mitsonar.survey.rotating_head.signals import StepSignals
     from mitsonar.survey.rotating_head.steps import Steps
+    from mitsonar.survey.signals import received_signals
     from mitsonar.verbs import opened
 
     scene, sensor, integrator = opened(mitsonar.load_file(ROOT / "scenes" / "sector_scan.xml", **parameters))

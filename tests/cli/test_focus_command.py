@@ -14,8 +14,7 @@ from focused_image import focused_image
 from small_strip import TEXT
 
 import mitsonar
-from mitsonar.cli import focusing
-from mitsonar.cli import main as cli
+from mitsonar.cli import focusing, main as cli
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from labelled_sidescan import labelled
 from PIL import Image
 
 from mitsonar.cli import main as cli
 from mitsonar.io import exr
-
-from labelled_sidescan import labelled
 
 
 @pytest.fixture

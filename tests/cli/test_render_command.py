@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.cli import main as cli
-from mitsonar.cli import progress
+from mitsonar.cli import main as cli, progress
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pytest
 from labelled_sidescan import labelled
 
 import mitsonar
-from mitsonar.io import exr
 from mitsonar.dataset.labels.frames import frames
+from mitsonar.io import exr
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,19 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as arrays
 from labelled_sidescan import labelled
 from PIL import Image
 from rasterio.features import rasterize
 
-from mitsonar.imaging.objects import object_bins
-from mitsonar.io import exr
 from mitsonar.dataset.labels import Labels, write
 from mitsonar.dataset.labels.annotations import annotations, clipped, is_invisible
 from mitsonar.dataset.labels.frames import Tile, frames, tiles
 from mitsonar.dataset.labels.pictures import greys
 from mitsonar.dataset.labels.polygons import joined, polygons
+from mitsonar.imaging.objects import object_bins
+from mitsonar.io import exr
 
 
 def filled(rings, shape):

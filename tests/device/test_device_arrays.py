@@ -1,9 +1,9 @@
 """Work within a kernel that is done where a mask holds."""
+import drjit as dr
 import numpy as np
 import pytest
-
-import drjit as dr
 from drjit.auto import Bool, Float, UInt32
+
 from mitsonar.device.arrays import upload, where_any
 
 

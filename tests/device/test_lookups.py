@@ -11,25 +11,24 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
+import drjit as dr
 import numpy as np
 import pytest
 from drjit.auto import Float, Float64, UInt32
 
-import drjit as dr
-from mitsonar.device.lookups import held
-from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.echoes.origin_sums import SECTORS, sector
 from mitsonar.propagation.exact_returns import exact_return
-from mitsonar.propagation.ray_fans import build_ray_fans
 from mitsonar.propagation.layer_table import layer_table
+from mitsonar.propagation.ray_fans import build_ray_fans
 from mitsonar.propagation.travel import steady
 from mitsonar.propagation.two_point import source_state, to_hit, walk
-from mitsonar.water.volume_table import volume_table
 from mitsonar.scattering.lobe_table import LobeTable, RatioTable
-from mitsonar.water.absorption_table import Absorption
-from mitsonar.echoes.origin_sums import SECTORS, sector
 from mitsonar.tracing.launch import CELLS, draw
 from mitsonar.water import SoundSpeedProfile, VolumeScattering
+from mitsonar.water.absorption_table import Absorption
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.volume_table import volume_table
 
 ROOT = Path(__file__).resolve().parents[2]
 WILD = [np.nan, np.inf, -np.inf, 1e30, -1e30, 5e9, -5e9, 0.0, 12.0]

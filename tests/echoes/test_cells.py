@@ -15,8 +15,8 @@ from drjit.auto import Float
 from scipy.stats import chisquare, kstest
 
 from mitsonar.device.arrays import arrays_of
-from mitsonar.echoes.cells import cell_of, divisions, place
 from mitsonar.device.chance import gaussian, hashed, shape_key
+from mitsonar.echoes.cells import cell_of, divisions, place
 
 SIGNIFICANCE = 1e-3
 PLACE, AMPLITUDE = 11, 12          # what tells the hashes of a cell's point and of its amplitude apart

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mitsonar.echoes.element_beams import ElementBeams
 from mitsonar.device.arrays import upload
+from mitsonar.echoes.element_beams import ElementBeams
 from mitsonar.sonar import element_array
 
 TURN, WAVELENGTH = 0.05, 0.015

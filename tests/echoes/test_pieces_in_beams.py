@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.pieces_in_beams import NEGLIGIBLE, pieces_in_beams
+from mitsonar.echoes.pieces import NEGLIGIBLE, pieces_in_beams
 from mitsonar.survey.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 

@@ -8,9 +8,9 @@ import warnings
 import numpy as np
 import pytest
 
-from mitsonar.scene.loading import prepare
 from mitsonar.echoes.smooth.facets import SmoothFacets, too_coarse, warn_where_too_coarse
 from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.loading import prepare
 
 CENTRE = np.array([1.0, 2.0, -8.0])
 

@@ -1,9 +1,9 @@
 """Sums of several words a bin: the same as a packet and word by word, wherever rays fall."""
+import drjit as dr
 import numpy as np
 import pytest
-
-import drjit as dr
 from drjit.auto import UInt32, UInt64
+
 from mitsonar.device.arrays import upload
 from mitsonar.echoes.energy_sums import add_words
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from mitsonar.gradient_verbs import scene_model
+from mitsonar.gradients.jump_lines import triangles_meet
 from mitsonar.gradients.mesh_edges import NO_FACE, mesh_edges
-from mitsonar.gradients.mesh_meetings import triangles_meet
 
 TOGETHER = 8                       # bins
 THERMOCLINE = "0:1492, 18:1490, 24:1478, 30:1474, 50:1474"

@@ -5,9 +5,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from inputs.gradient_scenes import sidescan
 
 import mitsonar
-from inputs.gradient_scenes import sidescan
 
 KEY = "bed.bsdf.strength"
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import mitsuba as mi
 import numpy as np
 import pytest
+from inputs.gradient_scenes import WATERS, forward_looking, sidescan
 
 import mitsonar
-from inputs.gradient_scenes import WATERS, forward_looking, sidescan
 
 POSITIONS, STRENGTH = "bed.vertex_positions", "bed.bsdf.strength"
 

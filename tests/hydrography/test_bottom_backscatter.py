@@ -1,11 +1,11 @@
 """Bed strength of soundings and snippets: a known one returns, and areas end where the pulse or the beam ends them."""
 import numpy as np
 import pytest
+from swath_echoes import SOUND_SPEED, Sounder, bed, halves, head_of, lambertian
+
 from mitsonar.hydrography.bottom_backscatter import DB_MEAN_BIAS, ensonified_area, strength_db
 from mitsonar.hydrography.detection import detect
 from mitsonar.hydrography.snippets import snippets
-
-from swath_echoes import SOUND_SPEED, Sounder, bed, halves, head_of, lambertian
 
 
 def areas(sounder, found):

@@ -1,11 +1,11 @@
 """What must not capture beams, and what no detector can use: fish, side lobes, steps, silence, gaps in the record."""
 import numpy as np
 import pytest
+from swath_echoes import Sounder, bed, coloured, halves, head_of, lambertian, specular, time_of_plane, with_point
+
 from mitsonar.hydrography.amplitude_detection import slopes
 from mitsonar.hydrography.detection import detect
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
-
-from swath_echoes import Sounder, bed, coloured, halves, head_of, lambertian, specular, time_of_plane, with_point
 
 DEPTH = 20.0
 SOUNDER = Sounder(duration=0.085, taper=0.8)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from mitsonar.hydrography import legs
-from mitsonar.hydrography.columns import COEFFICIENTS, Column
-from mitsonar.hydrography.legs import Starts
+from mitsonar.hydrography.legs import COEFFICIENTS, Column, Starts
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"

@@ -4,7 +4,7 @@ import pytest
 from sounded_line import SUMMER
 
 from mitsonar.hydrography.attitude import Motion
-from mitsonar.hydrography.losses import mean_absorption, transmission_loss_db
+from mitsonar.hydrography.bottom_backscatter import mean_absorption, transmission_loss_db
 from mitsonar.hydrography.reduction import Installation, Measured, located
 from mitsonar.propagation.eigenrays import eigenray
 from mitsonar.water import SoundSpeedProfile

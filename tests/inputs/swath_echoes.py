@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from mitsonar.hydrography.detection import Head
 from scipy import sparse
+
+from mitsonar.hydrography.detection import Head
 
 SOUND_SPEED = 1500.0
 

@@ -1,10 +1,9 @@
 """Fits of closed forms: posteriors, speckle, when they stop, what they say of what they cannot see."""
 import numpy as np
 import pytest
+from closed_models import Exponential, Matrix
 
 from mitsonar.inversion import LBFGS, Adam, Classes, Gamma, Gaussian, GaussNewton, Prior, Stopping, fit
-
-from closed_models import Exponential, Matrix
 
 TO_THE_END = Stopping(iterations=30, noise=None, fall=1e-13)
 EXACT = GaussNewton(inner=200, tolerance=1e-12)

@@ -6,12 +6,12 @@ asked for, and of the mean depth, that the first return tells, the start's error
 """
 import numpy as np
 import pytest
-from scenes import BED, STRENGTH, looked, model, scene, vertices
 
 from mitsonar.inversion.heights import fit_heights
 from mitsonar.inversion.image_fit import Stage
 from mitsonar.inversion.image_record import ImageRecord
 from mitsonar.inversion.smooth_field import grid_of
+from scenes import BED, STRENGTH, looked, model, scene, vertices
 
 STAGES = Stage(bins=6, steps=4, products=6, first_only=True), Stage(bins=6, steps=3, products=12)
 

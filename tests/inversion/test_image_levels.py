@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.image_levels import image_intensities
+from mitsonar.inversion.scene_fit import image_intensities
 
 
 def _image(level=None, *, sonar="sidescan", last=10.0):

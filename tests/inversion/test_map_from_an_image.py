@@ -7,10 +7,10 @@ import mitsonar  # noqa: F401  isort: skip
 import mitsuba as mi
 import numpy as np
 import pytest
-from scenes import SCENE, looked, model
 
 from mitsonar.inversion.image_fit import Stage
 from mitsonar.inversion.sediment_map import fit_sediment_map
+from scenes import SCENE, looked, model
 
 KEY = "bed.bsdf.mu_db.data"
 CLASSES = {"mud": -27.0, "sand": -20.0}

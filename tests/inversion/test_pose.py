@@ -8,12 +8,12 @@ import mitsonar  # noqa: F401  isort: skip
 import mitsuba as mi
 import numpy as np
 import pytest
-from scenes import SCENE, looked, model
 
 from mitsonar.inversion.image_fit import Stage
 from mitsonar.inversion.image_record import saturated
 from mitsonar.inversion.pose import PosePrior, PoseUnknowns, fit_pose, searched
 from mitsonar.inversion.scene_fit import _model
+from scenes import SCENE, looked, model
 
 BOX = "box.vertex_positions"
 CUBE = """<shape type="cube" id="box"> <transform name="to_world"><scale x="1" y="1.5" z="0.8"/>

@@ -13,7 +13,7 @@ import pytest
 from mitsonar.gradients.sounding_bed import BedGrid
 from mitsonar.hydrography.sounding_beams import SoundingBeams
 from mitsonar.inversion.profile import fit_profile
-from mitsonar.inversion.profile_priors import ProfilePrior
+from mitsonar.inversion.profile_problem import ProfilePrior
 from mitsonar.water import SoundSpeedProfile
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.inversion.profile_lines import fit_lines, nodes_over
+from mitsonar.inversion.profile import fit_lines, nodes_over
 from mitsonar.plots.canvas import save
 from mitsonar.plots.profile_fit import profile_fit_figure
 from mitsonar.water import SoundSpeedProfile

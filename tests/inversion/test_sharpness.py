@@ -66,9 +66,10 @@ def test_sway_is_found_but_for_shift_and_trend(rng):
 
 
 def test_images_of_pings_add_up_to_the_focused_one_and_turn_as_the_trajectory_moves(variant, tmp_path):
+    from small_strip import TEXT
+
     import mitsonar
     from mitsonar.inversion.ping_images import PingImages, moved
-    from small_strip import TEXT
     path = tmp_path / "strip.xml"
     path.write_text(TEXT)
     raw = mitsonar.raw_echoes(path)
@@ -87,6 +88,7 @@ def test_images_of_pings_add_up_to_the_focused_one_and_turn_as_the_trajectory_mo
 
 def test_what_cannot_be_is_refused(variant, tmp_path, rng):
     from raw_record import raw_record
+
     from mitsonar.inversion.ping_images import PingImages
     from mitsonar.inversion.sharpness import sharpened, sway_of_targets
     raw = raw_record()

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 import rasterio
 import xarray as xr
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 

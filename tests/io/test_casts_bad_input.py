@@ -2,8 +2,7 @@
 import cast_samples
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from mitsonar.io import casts
 

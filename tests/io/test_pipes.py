@@ -3,8 +3,20 @@ import os
 
 import pytest
 
-from mitsonar.io import (arrays, bathymetry, casts, exr, files, meshes, pictures, reading, scenes, signals, tables,
-                         tracks)
+from mitsonar.io import (
+    arrays,
+    bathymetry,
+    casts,
+    exr,
+    files,
+    meshes,
+    pictures,
+    reading,
+    scenes,
+    signals,
+    tables,
+    tracks,
+)
 from mitsonar.io.survey_lines import reading as survey_lines
 
 READERS = {"array": arrays.read, "bathymetry": bathymetry.read, "cast": casts.read, "exr": exr.read,

@@ -11,8 +11,8 @@ import pytest
 import rasterio
 import xarray as xr
 from h5py import h5d, h5p, h5s, h5t
-from raw_record import raw_record
 from rasterio.transform import from_origin
+from raw_record import raw_record
 from soundings_line import soundings_line
 from synthetic_sidescan import sidescan
 

@@ -6,8 +6,7 @@ tan γ = tan(λ - λ0) sin φ on the sphere, within 1e-5 rad of it on the ellips
 """
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from mitsonar.io import tracks
 from mitsonar.io.navigation import Frame, Waypoints, course

@@ -7,8 +7,7 @@ from matplotlib.colors import to_rgb
 from synthetic_fan import fan
 
 from mitsonar import plots
-from mitsonar.plots import fan_sheet
-from mitsonar.plots import fans as room
+from mitsonar.plots import fan_sheet, fans as room
 from mitsonar.plots.truth import BRIGHT, SHADOW_COLOUR
 
 

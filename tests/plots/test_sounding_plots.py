@@ -9,9 +9,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
+from drawn_line import HEAD, line, smile
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.text import Text
-from drawn_line import HEAD, line, smile
 from soundings_line import soundings_line
 
 from mitsonar import plots

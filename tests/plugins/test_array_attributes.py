@@ -5,7 +5,7 @@ The attributes are given to the reader as Mitsuba gives them to a sensor. Exact 
 import numpy as np
 import pytest
 
-from mitsonar.sonar import (cylindrical_array, element_array, line_array, mills_cross, planar_array, spherical_array)
+from mitsonar.sonar import cylindrical_array, element_array, line_array, mills_cross, planar_array, spherical_array
 
 mi = pytest.importorskip("mitsuba")
 ROUNDING = 1e-12

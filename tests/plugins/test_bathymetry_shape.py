@@ -5,10 +5,10 @@
 from pathlib import Path
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 from mitsonar.scene.errors import plain
 
 rasterio = pytest.importorskip("rasterio")

@@ -2,10 +2,10 @@
 
 Tolerance: 0.003 dB, as of the bsdf `sediment`, whose lobe it shares.
 """
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 from mitsonar.scattering import ELASTIC_SEDIMENTS, ElasticSediment, bistatic_strength_db
 from mitsonar.scene.loading import prepare
 

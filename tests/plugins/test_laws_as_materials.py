@@ -3,10 +3,10 @@
 Tolerance 0.005 dB: what float32 leaves of laws with narrow lobes, here at most 1e-3 dB.
 """
 import laws
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 from mitsonar.scattering import LAWS, ElasticSediment, SeaSurface, Sediment
 from mitsonar.scene.loading import prepare
 

@@ -7,10 +7,10 @@ one (midpoint rule); the mean share of 400,000 draws against the integral of σ 
 0.2 % for the integral.
 """
 import laws
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 from mitsonar.scene.loading import prepare
 
 MATERIALS = {

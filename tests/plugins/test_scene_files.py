@@ -3,11 +3,10 @@ import os
 import shutil
 
 import pytest
-
-import mitsonar
-
 from mesh_files import FACES, ascii_ply, binary_ply, damaged, obj, serialized
 from picture_files import png_of
+
+import mitsonar
 
 SCENE = """<scene version="3.0.0">
     <default name="mesh" value="sound.ply"/>

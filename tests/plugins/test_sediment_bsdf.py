@@ -6,10 +6,10 @@ Derivatives: against central differences of the float64 law, to 0.5 % (the diffe
 """
 from types import SimpleNamespace
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 from mitsonar.scattering import SEDIMENTS, Sediment, bistatic_strength_db
 from mitsonar.scene.loading import prepare
 

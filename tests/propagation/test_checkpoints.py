@@ -10,13 +10,18 @@ import gsw
 import numpy as np
 import pytest
 
-from mitsonar.scattering import (SEDIMENTS, Sediment, backscatter_strength_db, bubble_loss_db,
-                                 sphere_target_strength_db)
+from mitsonar.scattering import SEDIMENTS, Sediment, backscatter_strength_db, bubble_loss_db, sphere_target_strength_db
 from mitsonar.scattering.facets import triangle_integral
 from mitsonar.scattering.rough_interface import ALPHA_RANGE, lobe_integral
 from mitsonar.signal.doppler import two_way_doppler
-from mitsonar.water import (absorption_db, ambient_noise_db, noise_components_db, sound_speed, thermal_noise_db,
-                            volume_reverberation_db)
+from mitsonar.water import (
+    absorption_db,
+    ambient_noise_db,
+    noise_components_db,
+    sound_speed,
+    thermal_noise_db,
+    volume_reverberation_db,
+)
 
 TABLE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
 LATITUDE = 45.0

@@ -3,14 +3,14 @@
 Both solve one equation by independent code; NumPy's is checked against brute force. Tolerance 1e-10 s: the series of
 the device leave 4e-11 s.
 """
+import drjit as dr
 import numpy as np
 import pytest
 from drjit.auto import Float, Float64
 from summer import SUMMER_TABLE
 
-import drjit as dr
-from mitsonar.propagation import eigenray, return_time
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.propagation import eigenray, return_time
 from mitsonar.propagation.exact_returns import exact_return
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.travel import steady

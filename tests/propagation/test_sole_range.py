@@ -3,14 +3,14 @@
 Truth: every direct and once-turned ray as NumPy's solver lists them. Profiles at random, of 2 to 12 nodes, uniform
 layers among them, that end above the points; ends close to one another, at nodes and beyond them.
 """
+import drjit as dr
 import numpy as np
 import pytest
 from drjit.auto import Float, Float64
 from summer import SUMMER
 
-import drjit as dr
-from mitsonar.propagation import eigenrays, exact_returns
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.propagation import eigenrays, exact_returns
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.sole_range import sole_range
 from mitsonar.propagation.travel import REST

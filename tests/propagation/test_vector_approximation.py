@@ -7,22 +7,29 @@ Bias: float32 rounds a delay of d/c = 0.3 ms to 0.015 ns rms, 0.08 ns at most; t
 its own estimate below 1 ns. Tolerances: 0.1 ns for float32 against float64 of the same function, 1 ns against exact
 rays where the estimate is below 0.5 ns.
 """
+import drjit as dr
 import numpy as np
 import pytest
+from drjit.auto import Array3f64, Float, Float64, UInt32
 from scipy.spatial.transform import Rotation
 
-import drjit as dr
-from drjit.auto import Array3f64, Float, Float64, UInt32
-from mitsonar.propagation import eigenray, return_time
 from mitsonar.device.arrays import upload
+from mitsonar.propagation import eigenray, return_time
 from mitsonar.propagation.layer_table import layer_table
 from mitsonar.propagation.return_paths import return_paths
 from mitsonar.propagation.slices import Slices
 from mitsonar.propagation.travel import REST, steady
 from mitsonar.propagation.two_point import source_state
 from mitsonar.propagation.vector_approximation import (
-    DIFFERENCES, ELEMENT_FIELDS, corrections, difference_of, expected_error, level_difference, vector_difference,
-    vector_element_fields)
+    DIFFERENCES,
+    ELEMENT_FIELDS,
+    corrections,
+    difference_of,
+    expected_error,
+    level_difference,
+    vector_difference,
+    vector_element_fields,
+)
 from mitsonar.propagation.vector_legs import matched_leg
 from mitsonar.water import SoundSpeedProfile
 

@@ -20,8 +20,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.scattering import ELASTIC_SEDIMENTS, ElasticSediment, Sediment, backscatter_strength_db
-from mitsonar.scattering import bistatic_strength_db
+from mitsonar.scattering import (
+    ELASTIC_SEDIMENTS,
+    ElasticSediment,
+    Sediment,
+    backscatter_strength_db,
+    bistatic_strength_db,
+)
 from mitsonar.scattering.arithmetic import NUMPY
 from mitsonar.scattering.elastic import STRONGEST_VOLUME, Elastic
 

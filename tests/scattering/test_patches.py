@@ -14,6 +14,7 @@ from mitsonar.scattering.patches import Patches, gamma_cells
 @pytest.fixture
 def patches(variant):
     import mitsuba as mi
+
     from mitsonar.device.arrays import arrays_of, upload
 
     return lambda shape, size=1.0, border=0.0: Patches(shape, size, arrays_of(mi.Float), upload, border)

@@ -60,8 +60,7 @@ def test_the_elastic_sphere_satisfies_the_boundary_conditions():
 
     Radial displacement and stress continuous, no shear stress: potentials φ ~ j_n(k1 r) P_n, ψ ~ j_n(k2 r) dP_n/dθ.
     """
-    from scipy.special import spherical_jn as j
-    from scipy.special import spherical_yn as y
+    from scipy.special import spherical_jn as j, spherical_yn as y
 
     n, ka, c, rho, solid = 2, 7.0, 1500.0, 1026.0, MATERIALS["copper"]
     x, x1, x2 = ka, ka * c / solid.compressional_speed, ka * c / solid.shear_speed

@@ -1,8 +1,8 @@
 """Normals at the nodes of a mesh: closed forms, Mitsuba's own, and the same bytes every time."""
+import mitsuba as mi
 import numpy as np
 
-import mitsuba as mi
-from mitsonar.scene.vertex_normals import vertex_normals
+from mitsonar.scene.geometry import vertex_normals
 
 
 def test_a_cubes_corners_look_outwards_however_its_sides_are_cut():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mitsonar.device.arrays import upload
-from mitsonar.signal.beam_grid.cell_sums import cell_sums
+from mitsonar.signal.beam_grid.stripes import cell_sums
 
 ROWS, COLUMNS = 37, 53
 

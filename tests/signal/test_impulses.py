@@ -9,8 +9,16 @@ which 1000 are enough to 1 dB.
 import numpy as np
 import pytest
 
-from mitsonar.signal.impulses import (FLAT, KERNELS, BandLimited, Peterson, element_responses, in_band_error_db,
-                                      make_kernel, response_spectrum)
+from mitsonar.signal.impulses import (
+    FLAT,
+    KERNELS,
+    BandLimited,
+    Peterson,
+    element_responses,
+    in_band_error_db,
+    make_kernel,
+    response_spectrum,
+)
 
 FREQUENCY, RATE, SAMPLES, START = 300e3, 40e3, 512, 0.0123
 IN_BAND_DB = {"nearest": -9.2, "peterson": -61.0, "band_limited": -57.0}

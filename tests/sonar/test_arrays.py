@@ -9,8 +9,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from mitsonar.sonar import (Array, beam_pattern, body_direction, cylindrical_array, directivity_index_db, element_array,
-                            line_array, mills_cross, planar_array, spherical_array)
+from mitsonar.sonar import (
+    Array,
+    beam_pattern,
+    body_direction,
+    cylindrical_array,
+    directivity_index_db,
+    element_array,
+    line_array,
+    mills_cross,
+    planar_array,
+    spherical_array,
+)
 from mitsonar.sonar.axes import AXES
 from mitsonar.sonar.shading import WINDOWS, taper_loss_db, window_weights
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.survey import cost as array_cost
 from mitsonar.echoes import ensonification
+from mitsonar.survey import cost as array_cost
 from mitsonar.survey.pressure import PressureRecord
 from mitsonar.survey.signals import LEAD
 from mitsonar.validation.scenes import array_sonar, bed

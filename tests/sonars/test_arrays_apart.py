@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.survey.interferometry.sides import both_sides
+from mitsonar.survey.interferometry.instrument import both_sides
 from mitsonar.validation.scenes import array_sonar, bed, interferometric, lambert, multibeam, synthetic_aperture
 from mitsonar.verbs import opened
 

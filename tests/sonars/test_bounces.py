@@ -10,10 +10,10 @@ in gates of (R_b + D + R_w)/2. The sum is drawn evenly over both faces (standard
 record over 40 pings (its own spread says its error); 4 joint standard errors are asked for, each below 7 % (0.3
 dB). Gates begin behind the corner where both meet: the integrand has no variance there.
 """
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 import mitsonar
 from mitsonar.io import exr
 from mitsonar.survey.sidescan import sonar_at

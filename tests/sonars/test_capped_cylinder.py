@@ -9,8 +9,8 @@ import pytest
 
 import mitsonar
 import mitsonar.scene.loading
-from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert
 from mitsonar.survey.pressure import PressureRecord
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert
 
 WAVELENGTH, RADIUS, LENGTH = 0.015, 0.1, 0.5
 AT = np.array([0.0, 150.0, -10.0])                                      # the sonar at the origin, 10 m deep

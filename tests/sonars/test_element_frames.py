@@ -18,10 +18,10 @@ from track_files import write_track
 import mitsonar
 from mitsonar.signal import doppler_classes
 from mitsonar.sonar import Track, cw
-from mitsonar.units import KNOT
-from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 from mitsonar.survey.elements import echo_classes
 from mitsonar.survey.pressure import PressureRecord
+from mitsonar.units import KNOT
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 
 C, F0, RANGE, PULSE = 1500.0, 100e3, 20.0, 4e-3
 LONG = {"pulse": "cw", "pulse_ms": 1000 * PULSE, "pulse_window": "hann"}

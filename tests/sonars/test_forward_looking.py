@@ -3,13 +3,13 @@
 A line of Taylor shading (4, 30 dB), D long, hears a target in beams 1.125 λ / D wide [rad] about broadside (-3 dB), and
 ψ off it in 1 / cos ψ times that.
 """
+import mitsuba as mi
 import numpy as np
 import pytest
 import xarray as xr
 
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-import mitsuba as mi
 from mitsonar.sonar import beam_pattern
 from mitsonar.sonar.presets import presets
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, forward_looking, lambert, point_target

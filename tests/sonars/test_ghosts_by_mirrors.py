@@ -15,9 +15,8 @@ from itertools import product
 import numpy as np
 from scipy.stats import qmc
 
-from mitsonar.validation.scenes import array_sonar
-
 from mitsonar.survey.pressure import PressureRecord
+from mitsonar.validation.scenes import array_sonar
 
 EDGES = np.array([34.0, 38.0])
 SOURCE = np.array([[0.0], [0.0], [-10.0]])

@@ -11,12 +11,12 @@ A box stands on the bed, H below the sonar, its face at y0, its back at y1, h hi
 """
 import functools
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from imaging_kinds import members, pulse_width
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-import mitsuba as mi
 from mitsonar.scene.errors import as_exception
 from mitsonar.survey.kinds import FRAMES
 from mitsonar.validation.scenes import bed, buried_bed, lambert, point_target

@@ -9,20 +9,27 @@ the echo when it is received and v the rows' velocity. On a level bed two rows d
 """
 import functools
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-import mitsuba as mi
 from mitsonar.propagation.eigenrays import eigenray
 from mitsonar.scene.errors import as_exception
 from mitsonar.signal.matched_filter import matched_filter
 from mitsonar.sonar.track import rotation_matrix
+from mitsonar.survey.interferometry.instrument import both_sides
 from mitsonar.survey.interferometry.plan import up_along
-from mitsonar.survey.interferometry.sides import both_sides
-from mitsonar.validation.scenes import buried_bed, interferometric, lambert, point_target, sediment, water_of
-from mitsonar.validation.scenes import bed as bed_of
+from mitsonar.validation.scenes import (
+    bed as bed_of,
+    buried_bed,
+    interferometric,
+    lambert,
+    point_target,
+    sediment,
+    water_of,
+)
 from mitsonar.verbs import opened
 from mitsonar.water import SoundSpeedProfile
 

@@ -9,15 +9,15 @@ in the pings from -y1 to y1. Bins are 5 cm, pings 25 cm apart, as wide as the be
 """
 import json
 
-from mean_intensity import render
+import mitsuba as mi
 import numpy as np
 import pytest
+from mean_intensity import render
 from PIL import Image
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-import mitsuba as mi
-from mitsonar.io import exr
 from mitsonar.dataset.labels import Labels, write
+from mitsonar.io import exr
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 H, HEIGHT, NEAR, FAR, HALF_LENGTH = 10.0, 1.0, 28.0, 30.0, 3.0

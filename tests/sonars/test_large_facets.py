@@ -4,10 +4,10 @@ import pytest
 
 from mitsonar.echoes.pieces import pieces_in_reach
 from mitsonar.echoes.scatterers import Scatterers
-from mitsonar.scene.loading import prepare
 from mitsonar.scene.geometry import Geometry
-from mitsonar.validation.scenes import array_sonar, bed
+from mitsonar.scene.loading import prepare
 from mitsonar.survey.pressure import PressureRecord
+from mitsonar.validation.scenes import array_sonar, bed
 
 
 def tilted(tmp_path):

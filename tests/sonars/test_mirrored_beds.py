@@ -10,9 +10,8 @@ all cells are lit or those that rays find. Tolerance 0.02 dB with every cell, 0.
 import numpy as np
 import pytest
 
-from mitsonar.validation.scenes import array_sonar, bed, lambert
-
 from mitsonar.survey.pressure import PressureRecord
+from mitsonar.validation.scenes import array_sonar, bed, lambert
 
 GATES = np.array([22.0, 26.0, 30.0, 34.0, 38.0])
 H_DIRECT, H_IMAGE, MU = 10.0, 30.0, 0.1

@@ -7,9 +7,9 @@ energy. Levels are relative to the same bed without patches; 45 rays a bin add 0
 """
 import functools
 
-from mean_intensity import render
 import numpy as np
 import pytest
+from mean_intensity import render
 from scipy.special import gamma, kv
 from scipy.stats import kstest
 

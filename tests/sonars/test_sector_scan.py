@@ -7,12 +7,12 @@ at ψ and receives at ψ + ω t: the point appears ω t / 2 early, where both lo
 A box on the bed, H below the head, its face y0 ahead, its back y1, h high: its highlight lies from hypot(y0, H - h) to
 hypot(y1, H - h), its shadow from there to hypot(y1 H / (H - h), H), see `test_truth_of_a_fan`.
 """
+import mitsuba as mi
 import numpy as np
 import pytest
 from track_files import write_track
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-import mitsuba as mi
 from mitsonar.validation.scenes import bed, buried_bed, point_target, sector_scan
 
 SPEED = 1500.0
@@ -311,7 +311,7 @@ def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_blocks(mo
     finally:
         dr.set_thread_count(threads)
     monkeypatch.setattr("mitsonar.survey.rotating_head.signals.ROWS", 4)
-    monkeypatch.setattr("mitsonar.survey.rotating_head.pairs.AT_ONCE", 1)
+    monkeypatch.setattr("mitsonar.survey.rotating_head.echoes.AT_ONCE", 1)
     np.testing.assert_allclose(rendered(), first, atol=1e-3)
 
 

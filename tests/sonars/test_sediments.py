@@ -4,11 +4,11 @@ A flat square of two halves, clay to the west and sandy gravel to the east, unde
 border: each side's level is that of a square of its sediment alone. The rays are the same, so the levels agree to
 float32, 0.001 dB.
 """
-from mean_intensity import render
+import mitsuba as mi
 import numpy as np
 import pytest
+from mean_intensity import render
 
-import mitsuba as mi
 from mitsonar.validation.scenes import array_sonar, bed, sidescan
 
 HALVES = np.array([[0.0, 1.0]], np.float32)

@@ -4,10 +4,10 @@ The shadow is that of a long box on one side. The other side has an open bed. Cl
 lobes f of either way see at a slant range, relative to that of the main lobe: the ring of bed around the sonar, on one
 side ∫ f² dψ = π f², over the main lobe's Φ = ∫ b⁴ dψ; the box hides its share of the ring.
 """
+import mitsuba as mi
 import numpy as np
 import pytest
 
-import mitsuba as mi
 import mitsonar
 import mitsonar.scene.loading
 from mitsonar.survey.sidescan import sonar_at

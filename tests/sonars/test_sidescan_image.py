@@ -1,11 +1,11 @@
 """What a sidescan image shows: first return, shadow, layover, labels, speckle, noise, and the same bytes every time."""
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.stats import kstest
 from track_files import write_track
 
-import mitsuba as mi
 import mitsonar
 import mitsonar.scene.loading
 from mitsonar.imaging.sidescan import pulse_shares

@@ -9,12 +9,11 @@ Here the integral over the gate and over azimuth is done numerically, so that no
 the pattern taken at sin ψ = cos θ sin φ. Levels are compared as mean intensities over pings; the tolerances are the
 Monte-Carlo errors, estimated from the pings themselves, and 0.02 dB where rays are plenty.
 """
-from mean_intensity import render
+import mitsuba as mi
 import numpy as np
 import pytest
+from mean_intensity import render
 from scipy.integrate import trapezoid
-
-import mitsuba as mi
 
 from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan

@@ -1,9 +1,9 @@
 """A sidescan's shadows are filled by side lobes, which rays of their own sample evenly and without bias."""
+import mitsuba as mi
 import numpy as np
 import pytest
 from track_files import write_track
 
-import mitsuba as mi
 import mitsonar
 import mitsonar.scene.loading
 from mitsonar.survey.energy import EnergyBlock

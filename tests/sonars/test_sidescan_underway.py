@@ -9,10 +9,10 @@ and has the transmitting pattern towards I at t_0 and the receiving one towards 
 """
 from dataclasses import dataclass, replace
 
-from mean_intensity import render
 import mitsuba as mi
 import numpy as np
 import pytest
+from mean_intensity import render
 from scipy.integrate import cumulative_trapezoid, trapezoid
 from track_files import write_track
 

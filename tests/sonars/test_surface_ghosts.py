@@ -15,9 +15,9 @@ from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.propagation import eigenray
+from mitsonar.survey.pressure import PressureRecord
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target
-from mitsonar.survey.pressure import PressureRecord
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
 WHERE = np.array([4.0, 18.0, -15.0])

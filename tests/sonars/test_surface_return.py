@@ -5,8 +5,8 @@ is the sonar equation integrated over range and azimuth as in `test_sidescan_lev
 strength at sin θ = 28/R and once with the surface's at sin θ = 12/R; the two add. The surface is summed in steps of a
 bin's 1/80, as its strength near the vertical falls by 1 dB in 0.05 m. 0.05 dB is left for the noise of 2 million rays.
 """
-from mean_intensity import render
 import numpy as np
+from mean_intensity import render
 from scipy.integrate import trapezoid
 
 import mitsonar

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 import mitsonar
+from mitsonar.survey.pressure import PressureRecord
 from mitsonar.survey.sidescan import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target, sidescan
-from mitsonar.survey.pressure import PressureRecord
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
 

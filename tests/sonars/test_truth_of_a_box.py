@@ -9,13 +9,13 @@ The sonar is H above the bed, the box h high from x0 to x1 abeam. At slant range
 
 Edges fall within a bin of w = 5 cm; they may be off by one bin, for a bin that is cut counts as a whole.
 """
-from mean_intensity import render
+import mitsuba as mi
 import numpy as np
 import pytest
+from mean_intensity import render
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.validation.scenes import bed, lambert, sidescan
-import mitsuba as mi
 
 H, HEIGHT, NEAR, FAR, WIDTH = 10.0, 1.0, 28.0, 30.0, 0.05
 

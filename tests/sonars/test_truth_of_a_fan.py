@@ -10,12 +10,12 @@ Across, the face reaches to arcsin(w / R) on either side. Edges are those of the
 pulse, which is 1.3 samples wide; a shadow begins a sample later still, when the top, 12 dB brighter than the bed, has
 died away, and across the box names bins as far as its beams are not 12 dB down: about a width of the unshaded beam.
 """
+import mitsuba as mi
 import numpy as np
 import pytest
 from track_files import write_track
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-import mitsuba as mi
 from mitsonar.imaging.fan import fan_directions
 from mitsonar.survey.beams import Beams
 from mitsonar.survey.places import Places

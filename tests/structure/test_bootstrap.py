@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from mitsonar.__main__ import main
 from mitsonar.cli import bootstrap
 from mitsonar.device import llvm
-from mitsonar.__main__ import main
 
 ROOT = Path(__file__).resolve().parents[2]
 UV = """#!/bin/sh

@@ -4,10 +4,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from mitsonar.echoes.origin_sums import runs
 from mitsonar.imaging import truth
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.scene.labels import ShapeLabels, classes_of, fingerprint
-from mitsonar.echoes.origin_sums import runs
 
 GATES = {"shorter than a bin": pulse_shares(1.0, 0.7), "of three bins": pulse_shares(1.0, 3.0)}
 

@@ -8,8 +8,8 @@ import pytest
 from mitsonar.device.arrays import upload
 from mitsonar.echoes.element_beams import ElementBeams
 from mitsonar.survey import signals
-from mitsonar.survey.closing_speeds import closing_speeds
 from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.signals import closing_speeds
 from mitsonar.validation.scenes import array_sonar, bed
 
 SIDE = {f"{array}_{name}": value for array in ("transmit", "receive") for name, value in {

@@ -4,7 +4,7 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.survey.beam_domain.frame_bins import FrameBins
-from mitsonar.survey.beam_domain.record import GridEchoes
+from mitsonar.survey.beam_domain.ping_echoes import GridEchoes
 
 EDGES = np.sin(np.deg2rad(np.linspace(-61, 59, 42)))                       # equal steps of angle
 BINS, LEAD = 50, 7

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from mitsonar.imaging.fan import fan_directions
 from mitsonar.survey.beams import Beams
 from mitsonar.survey.energy import record

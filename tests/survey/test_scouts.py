@@ -1,10 +1,11 @@
 """Pings that find out for their neighbours where rays are needed: who asks whom, and that blocks play no part."""
 import numpy as np
 import pytest
+
 from mitsonar.sonar.track import Track
 from mitsonar.survey import sides as module
 from mitsonar.survey.energy import record
-from mitsonar.survey.scouts import GROUP, scouts
+from mitsonar.survey.side_launch import GROUP, scouts
 from mitsonar.survey.sides import Sides
 from mitsonar.validation.scenes import bed, lambert, sidescan
 

@@ -1,11 +1,11 @@
 """How a sidescan's rays are drawn: each of them evenly over its beam, those aside of the beam by the tile."""
 from types import SimpleNamespace
 
+import drjit as dr
 import numpy as np
 import pytest
-
-import drjit as dr
 from drjit.auto import UInt32
+
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.chance import Salt
 from mitsonar.survey.side_launch import drawn_across, ray_grid, strata_of

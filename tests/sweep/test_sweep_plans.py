@@ -7,7 +7,6 @@ from pathlib import Path
 import hypothesis
 import pytest
 from hypothesis import strategies
-
 from small_scene import TEXT
 
 from mitsonar.io import scenes

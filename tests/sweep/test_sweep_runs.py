@@ -14,7 +14,6 @@ from pathlib import Path
 import hypothesis
 import pytest
 from hypothesis import strategies
-
 from small_scene import TEXT
 
 from mitsonar.sweep import estimate, execute, load_plan, local, manifest, run

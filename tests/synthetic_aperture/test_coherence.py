@@ -8,11 +8,23 @@ takes 3e-3 from that.
 import numpy as np
 import pytest
 
-from mitsonar.synthetic_aperture.coherence import (aperture_coherence, baseline_coherence, delay_deviation,
-                                                   noise_coherence, phase_deviation, shift_coherence)
-from mitsonar.synthetic_aperture.coherence_statistics import (coherence_at, coherence_chance, independent_looks,
-                                                              mean_coherence, phase_spread, unbiased_coherence,
-                                                              windowed_coherence)
+from mitsonar.synthetic_aperture.coherence import (
+    aperture_coherence,
+    baseline_coherence,
+    delay_deviation,
+    noise_coherence,
+    phase_deviation,
+    shift_coherence,
+)
+from mitsonar.synthetic_aperture.coherence_statistics import (
+    coherence_at,
+    coherence_chance,
+    independent_looks,
+    mean_coherence,
+    phase_spread,
+    unbiased_coherence,
+    windowed_coherence,
+)
 
 WINDOWS = 20000
 

@@ -15,8 +15,7 @@ from mitsonar.synthetic_aperture.coherence_statistics import phase_spread
 from mitsonar.synthetic_aperture.focusing import focus
 from mitsonar.synthetic_aperture.geometry import array_paths
 from mitsonar.synthetic_aperture.grids import ground_grid
-from mitsonar.synthetic_aperture.interferometry import height_of_phase, interferogram, phase_of_height
-from mitsonar.synthetic_aperture.unwrapping import unwrapped
+from mitsonar.synthetic_aperture.interferometry import height_of_phase, interferogram, phase_of_height, unwrapped
 
 FREQUENCY, SOUND_SPEED, BED = 100e3, 1500.0, 20.0
 WAVENUMBER = 2 * np.pi * FREQUENCY / SOUND_SPEED

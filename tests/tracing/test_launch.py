@@ -5,16 +5,22 @@ error; chi² over equal-probability cells is 0 for jittered strata, so the share
 """
 from dataclasses import replace
 
+import drjit as dr
 import numpy as np
 import pytest
+from drjit.auto import Float, UInt32
 from scipy.integrate import trapezoid
 
-import drjit as dr
-from drjit.auto import Float, UInt32
 from mitsonar.device.arrays import upload
 from mitsonar.sonar import Aperture, Sidescan
 from mitsonar.tracing.launch import (
-    CELLS, along_quantiles, draw, first_quantiles, one_way_quantiles, quantiles, refine_quantiles,
+    CELLS,
+    along_quantiles,
+    draw,
+    first_quantiles,
+    one_way_quantiles,
+    quantiles,
+    refine_quantiles,
 )
 
 

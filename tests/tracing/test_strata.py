@@ -1,9 +1,9 @@
 """How rays are numbered: every ray has strata of its own, and sixteen neighbours lie close together."""
+import drjit as dr
 import numpy as np
 import pytest
-
-import drjit as dr
 from drjit.auto import UInt32
+
 from mitsonar.device.arrays import arrays_of
 from mitsonar.tracing.launch import Strata
 

@@ -8,13 +8,13 @@ import json
 from pathlib import Path
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from summer import SUMMER_TABLE
 
-import mitsuba as mi
-from mitsonar.propagation import eigenrays
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.propagation import eigenrays
 from mitsonar.scene.geometry import Geometry
 from mitsonar.tracing.tracer import Tracer
 from mitsonar.tracing.water import DeviceWater

@@ -9,7 +9,7 @@ import pytest
 
 from mitsonar.validation import CASES, Case, Line, Panel, Row, Table, report, validate
 from mitsonar.validation.case import worst
-from mitsonar.validation.drawing import draw
+from mitsonar.validation.report import draw
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,12 +1,12 @@
 """Mean absorption along a ray from integrals over depth."""
 import numpy as np
 import pytest
+from drjit.auto import Float
 from scipy.integrate import trapezoid
 
-from drjit.auto import Float
 from mitsonar.device.arrays import upload
-from mitsonar.water.absorption_table import Absorption
 from mitsonar.water import SoundSpeedProfile, absorption_db
+from mitsonar.water.absorption_table import Absorption
 from mitsonar.water.column import AbsorptionColumn
 
 DEPTH = np.array([0.0, 6.0, 10.0, 14.0, 18.0, 24.0, 60.0])

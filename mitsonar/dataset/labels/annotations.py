@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from ...imaging.objects import object_bins
+from mitsonar.imaging.objects import object_bins
+
 from .frames import Frame, Tile
 
 __all__ = ["HIGHLIGHT", "SHADOW", "WHOLE", "Annotation", "annotations", "category", "clipped", "is_invisible"]

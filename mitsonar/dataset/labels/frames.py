@@ -15,10 +15,10 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from ...imaging.focused import GROUND, EvenGrid, even_grid, to_starboard
-from ...imaging.raster import Sweep, bearings, looks_down, sweeps
-from ...imaging.raster_map import in_order
-from ...io.files import FilePath
+from mitsonar.imaging.focused import GROUND, EvenGrid, even_grid, to_starboard
+from mitsonar.imaging.raster import Sweep, bearings, looks_down, sweeps
+from mitsonar.imaging.raster_map import in_order
+from mitsonar.io.files import FilePath
 
 __all__ = ["FORMS", "CartesianFrame", "FocusedFrame", "Form", "Frame", "Part", "PolarFrame", "Tile", "Waterfall",
            "frames", "tiles"]

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ...imaging.focused import bin_dims, is_focused
-from ...io.files import FilePath
-from ...plots.gain import Tvg, display_gain, display_window
+from mitsonar.imaging.focused import bin_dims, is_focused
+from mitsonar.io.files import FilePath
+from mitsonar.plots.gain import Tvg, display_gain, display_window
+
 from .frames import CartesianFrame, Frame
 
 __all__ = ["Greys", "grey", "greys", "write_png"]

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from ... import __version__
-from ...plots.gain import Tvg
-from .frames import FORMS as PICTURES
-from .frames import Form
+from mitsonar import __version__
+from mitsonar.plots.gain import Tvg
+
+from .frames import FORMS as PICTURES, Form
 from .yolo import FORMS
 
 __all__ = ["Labels"]

@@ -20,9 +20,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ...device.arrays import arrays_of, reinterpreted, upload
-from ...scene.geometry import Geometry
-from ...scene.tessellation import FINEST_SAGITTA, Grids, grid_of
+from mitsonar.device.arrays import arrays_of, reinterpreted, upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.tessellation import FINEST_SAGITTA, Grids, grid_of
+
 from ..cells import place
 
 __all__ = ["SmoothCells", "SmoothFacets", "too_coarse", "warn_where_too_coarse"]

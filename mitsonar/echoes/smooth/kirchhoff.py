@@ -16,7 +16,8 @@ from collections.abc import Sequence
 import drjit as dr
 import mitsuba as mi
 
-from ...scattering.facets import phase_mean
+from mitsonar.scattering.facets import phase_mean
+
 from ..cells import place
 from .facets import SmoothCells, SmoothFacets
 

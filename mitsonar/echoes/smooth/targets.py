@@ -29,12 +29,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of, compressed, upload
-from ...scattering.facets import phase_mean
-from ...scene.materials import reflection
-from ...tracing.hits import Hits
-from ...tracing.occlusion import LIFT
-from ...tracing.tracer import Sources
+from mitsonar.device.arrays import arrays_of, compressed, upload
+from mitsonar.scattering.facets import phase_mean
+from mitsonar.scene.materials import reflection
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.occlusion import LIFT
+from mitsonar.tracing.tracer import Sources
+
 from ..cells import divisions
 from ..record import Echoes, Leg
 from ..sight import path_of, product

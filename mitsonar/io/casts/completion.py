@@ -10,8 +10,9 @@ over all seas the gradient differs by 3 %), at rising pressure, about 0.0164 1/s
 import gsw
 import numpy as np
 
-from ...water import SoundSpeedProfile, sound_speed
-from ...water.profile import FASTEST, SLOWEST
+from mitsonar.water import SoundSpeedProfile, sound_speed
+from mitsonar.water.profile import FASTEST, SLOWEST
+
 from .cleaning import cleaned
 from .records import Cast, Samples
 

@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...water.ranges import RANGES
+from mitsonar.water.ranges import RANGES
+
 from .records import Samples
 
 # quantity -> the names that titles give it, without case

@@ -16,7 +16,8 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from ...hydrography.record import check
+from mitsonar.hydrography.record import check
+
 from ..files import FilePath, check_readable, check_writable
 from . import lines
 from .lines import Blocks, Place, Written

@@ -2,6 +2,8 @@
 
 A reader gives a `Line` once and a `Ping` after the other; `dataset` puts them together. Angles are radians, metres are
 metres and times are seconds of the line by then; a reader converts at its border.
+
+Casts of survey lines, as the record takes them.
 """
 from __future__ import annotations
 
@@ -12,9 +14,31 @@ from datetime import datetime, timezone
 import numpy as np
 import xarray as xr
 
-from ...hydrography.record import VARIABLES, variable
+from mitsonar.hydrography.record import VARIABLES, variable
 
-__all__ = ["MOST_BEAMS", "Column", "Line", "Ping", "dataset"]
+__all__ = ["Column", "Line", "MOST_BEAMS", "Ping", "cast_of", "dataset"]
+
+
+SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
+
+
+def cast_of(nodes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Give depths, increasing, and sound speeds, of nodes (K, 2) [m], [m/s] in any order.
+
+    Raises
+    ------
+    ValueError
+        If there is none that is water's.
+    """
+    if nodes is None:
+        raise ValueError("it has no cast of sound speed.")
+    nodes = nodes[np.isfinite(nodes).all(1)]
+    nodes = nodes[(nodes[:, 1] > SLOWEST) & (nodes[:, 1] < FASTEST)]
+    nodes = nodes[np.unique(nodes[:, 0], return_index=True)[1]]
+    if not len(nodes):
+        raise ValueError("its cast of sound speed is empty.")
+    return nodes[:, 0], nodes[:, 1]
+
 
 MOST_BEAMS = 4096                  # soundings of a ping, more than any echo sounder has
 MOST_SECTORS = 64

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from ...hydrography.record import VARIABLES
+from mitsonar.hydrography.record import VARIABLES
+
 from .lines import Line, pings
 
 __all__ = ["ONLY_SOUNDINGS", "Cloud", "cloud", "of_soundings"]

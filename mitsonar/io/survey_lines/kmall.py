@@ -9,10 +9,9 @@ import struct
 
 from ..files import FilePath, replacing
 from .column import column_of, offset_of, water_column
-from .held import COLUMN, SOUNDINGS
 from .kmall_pings import soundings
 from .kmall_sensors import MODEL, head_speed, installation, model, profile, sensors, settings
-from .lines import Blocks, Place, Written, left_out, line_of, lost, pings, rated
+from .lines import COLUMN, SOUNDINGS, Blocks, Place, Written, left_out, line_of, lost, pings, rated
 from .passage import passage_of
 
 __all__ = ["write"]

@@ -13,7 +13,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...units import deg_from_radians
+from mitsonar.units import deg_from_radians
+
 from .lines import Line, Ping
 from .passage import Passage
 
@@ -60,7 +61,7 @@ def body(ping: Ping, number: int) -> dict[str, int]:
 
 def installation(line: Line, passage: Passage) -> bytes:
     """Give #IIP: arrays and sensors in the ship."""
-    from ... import __version__
+    from mitsonar import __version__
 
     number = model(line)
     # Readers look for the versions before they find the serial numbers.

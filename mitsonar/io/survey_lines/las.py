@@ -11,7 +11,8 @@ import datetime
 import laspy
 import numpy as np
 
-from ...hydrography.record import VARIABLES
+from mitsonar.hydrography.record import VARIABLES
+
 from ..files import FilePath, replacing
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
@@ -50,7 +51,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
 
 
 def _header(line, extra, crs):
-    from ... import __version__
+    from mitsonar import __version__
 
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales = np.full(3, SCALE)

@@ -2,6 +2,8 @@
 
     since 1970 = start + time                    latitude, longitude = on the globe (x, y)
     true heading = heading from the y axis + convergence of the meridians there
+
+What the formats of soundings hold of the record, for the words on what they do not.
 """
 from __future__ import annotations
 
@@ -13,11 +15,25 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ...hydrography.record import VARIABLES, check
+from mitsonar.hydrography.record import VARIABLES, check
+
 from ..navigation import Frame
 
-__all__ = ["Blocks", "Line", "Ping", "Place", "Written", "check_asked", "line_of", "left_out", "lost", "pings", "rated",
-           "rotation"]
+__all__ = ["Blocks", "COLUMN", "Line", "Ping", "Place", "SOUNDINGS", "Written", "check_asked", "left_out", "line_of",
+           "lost", "pings", "rated", "rotation"]
+
+
+SOUNDINGS = frozenset({
+    "cast_depth", "cast_sound_speed", "transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting",
+    "motion_time", "motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading",
+    "ping_time", "ping_x", "ping_y", "ping_depth", "ping_roll", "ping_pitch", "ping_heading", "head_sound_speed",
+    "sector_frequency", "sector_delay", "sector_angle", "sector_pulse_length", "sector_bandwidth",
+    "sector_source_level_db", "sector_absorption_db", "travel_time", "angle", "transmit_angle", "sector", "depth",
+    "x", "y", "across_track", "along_track", "detection", "quality", "uncertainty", "horizontal_uncertainty",
+    "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head",
+})
+COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db"})
+
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
 Place = tuple[float, float]                # latitude and longitude [degrees]
@@ -83,7 +99,7 @@ class Line:
 
     def provenance(self) -> str:
         """Say in one sentence where the line comes from."""
-        from ... import __version__
+        from mitsonar import __version__
 
         about = {name: self.first.attrs.get(name)
                  for name in ("title", "scene", "seed", "preset", "profile", "backscatter")}

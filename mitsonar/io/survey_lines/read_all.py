@@ -17,15 +17,26 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ...hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
-from .all_datagrams import (ATTITUDE, CAST_NODE, COLUMN_BEAM, COLUMN_SECTOR, RANGE_BEAM, RANGE_SECTOR, XYZ_BEAM,
-                            Datagram, at, datagrams, seconds)
-from .assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping
+from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
+
+from .all_datagrams import (
+    ATTITUDE,
+    CAST_NODE,
+    COLUMN_BEAM,
+    COLUMN_SECTOR,
+    RANGE_BEAM,
+    RANGE_SECTOR,
+    XYZ_BEAM,
+    Datagram,
+    at,
+    datagrams,
+    seconds,
+)
+from .assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping, cast_of
 from .kongsberg_file import KongsbergFile
 from .kongsberg_install import Installation, of_all, part_of
 from .motion import motion_of
 from .places import across_and_along, levelled
-from .profiles import cast_of
 
 __all__ = ["AllFile"]
 

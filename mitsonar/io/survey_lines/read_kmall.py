@@ -14,13 +14,12 @@ from typing import BinaryIO
 
 import numpy as np
 
-from .assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping
+from .assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping, cast_of
 from .kmall_datagrams import Datagram, at, beams_of, column_of, datagrams, decoded, position_of
 from .kongsberg_file import KongsbergFile
 from .kongsberg_install import of_kmall
 from .motion import motion_of
 from .places import across_and_along
-from .profiles import cast_of
 
 __all__ = ["KmallFile"]
 

@@ -109,7 +109,7 @@ def _platform(file, line, passage):
 
 def _sonar(file, line):
     sonar = file.create_group("Sonar")
-    from ... import __version__
+    from mitsonar import __version__
 
     for name, text in (("manufacturer", "simulated"), ("model", line.sonar), ("serial_number", "none"),
                        ("software_name", "mitsonar"), ("software_version", __version__), ("type", "multibeam sonar")):
@@ -170,7 +170,7 @@ def _transmissions(file, group):
 
 def _provenance(file, line):
     group = file.create_group("Provenance")
-    from ... import __version__
+    from mitsonar import __version__
 
     for name, text in (("conversion_software_name", "mitsonar"), ("conversion_software_version", __version__),
                        ("history", line.provenance())):

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...hydrography.record import VARIABLES
+from mitsonar.hydrography.record import VARIABLES
+
 from ..files import FilePath, replacing
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of

@@ -17,8 +17,9 @@ import drjit as dr
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from ...device.types import ArrayTypes, Float
-from ..bells import Bell
+from mitsonar.device.types import ArrayTypes, Float
+
+from ..impulses import Bell
 
 __all__ = ["AbsorptionTerms", "absorption_terms"]
 

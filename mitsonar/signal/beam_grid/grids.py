@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from ...device.types import DrJitArray, Float, UInt32
-from ..bells import Bell
+from mitsonar.device.types import DrJitArray, Float, UInt32
+
+from ..impulses import Bell
 from .absorption import AbsorptionTerms
 from .spreading import GridSums
 

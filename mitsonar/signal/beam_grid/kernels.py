@@ -15,8 +15,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from ...device.arrays import arrays_of, upload
-from ...device.types import ArrayTypes, Float, UInt32
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import ArrayTypes, Float, UInt32
+
 from .noise import gaussians
 from .pulse_response import RowTransfers
 from .transforms import divided, tiles

@@ -19,12 +19,12 @@ from collections.abc import Callable
 import numpy as np
 from scipy import fft
 
-from ...device.arrays import arrays_of, upload
-from ...device.chance import Salt, salted
-from ...device.types import DrJitArray, Float
-from ...sonar.pulse import Pulse, Window
-from ..bells import Bell
-from ..impulses import BandLimited
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import Salt, salted
+from mitsonar.device.types import DrJitArray, Float
+from mitsonar.sonar.pulse import Pulse, Window
+
+from ..impulses import BandLimited, Bell
 from .grids import MARGIN, BeamGrid, GridShape
 from .kernels import Noise, Reading, Sizes, Waves, by_beam, by_frequency, through_the_line
 from .line_response import FADE, FINER, OVERSAMPLING, LineResponse, Rows, stride_of

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from ..bells import Bell
+from ..impulses import Bell
 
 __all__ = ["FADE", "FINER", "LineResponse", "OVERSAMPLING", "Rows", "stride_of"]
 

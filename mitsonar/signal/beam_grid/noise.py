@@ -17,9 +17,10 @@ from types import ModuleType
 
 import numpy as np
 
-from ...device.chance import gaussian, hashed_pair
-from ...device.types import Float, UInt32
-from ...units import power_from_db
+from mitsonar.device.chance import gaussian, hashed_pair
+from mitsonar.device.types import Float, UInt32
+from mitsonar.units import power_from_db
+
 from ..noise import ElementNoise
 
 __all__ = ["NoiseDensity", "gaussians"]

@@ -19,8 +19,9 @@ from functools import cached_property
 import numpy as np
 from scipy import fft
 
-from ...device.types import Real
-from ...sonar.pulse import Pulse, Window
+from mitsonar.device.types import Real
+from mitsonar.sonar.pulse import Pulse, Window
+
 from ..impulses import BandLimited
 from ..reception import band_filter, check_record, excess_loss_rate, padded_length
 from .absorption import AbsorptionTerms, absorption_terms

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.fft import fftfreq
 from scipy.optimize import minimize_scalar
 
-from ...device.types import Numbers
-from ...sonar.pulse import Pulse
+from mitsonar.device.types import Numbers
+from mitsonar.sonar.pulse import Pulse
 
 __all__ = ["ResidualDoppler", "residual_doppler"]
 

@@ -11,12 +11,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...device.arrays import arrays_of, upload
-from ...device.chance import Salt
-from ...device.types import DrJitArray
-from ...sonar.pulse import Pulse, Window
-from ..bells import Bell
-from ..impulses import BandLimited
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import Salt
+from mitsonar.device.types import DrJitArray
+from mitsonar.sonar.pulse import Pulse, Window
+
+from ..impulses import BandLimited, Bell
 from .grids import MARGIN, GridShape, RowGrid
 from .kernels import Noise, Sizes, along_rows
 from .noise import NoiseDensity

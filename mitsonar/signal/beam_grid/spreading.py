@@ -19,11 +19,10 @@ from typing import Any, cast
 import drjit as dr
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.lookups import held
-from ...device.types import Array4f, Bool, DrJitArray, Float, UInt32
-from ..bells import Bell
-from ..taps import tap_weights
+from mitsonar.device.arrays import arrays_of, held
+from mitsonar.device.types import Array4f, Bool, DrJitArray, Float, UInt32
+
+from ..impulses import Bell, tap_weights
 from .absorption import AbsorptionTerms
 from .stripes import STRIPE, add_by_stripes, ordered
 

@@ -14,8 +14,8 @@ import drjit as dr
 import numpy as np
 from scipy import fft
 
-from ...device.arrays import arrays_of, upload
-from ...device.types import ArrayTypes, Float, UInt32
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import ArrayTypes, Float, UInt32
 
 __all__ = ["TILE", "divided", "tiles", "transformed"]
 

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import drjit as dr
 import numpy as np
 
-from ...device.arrays import arrays_of, looped, upload
-from ...device.types import Array4f, ArrayTypes, DrJitArray, Float, Int32, UInt32
+from mitsonar.device.arrays import arrays_of, looped, upload
+from mitsonar.device.types import Array4f, ArrayTypes, DrJitArray, Float, Int32, UInt32
+
 from .interpolation import MARGIN, RATE, corrected, interpolation_named
 from .recording import Recording
 

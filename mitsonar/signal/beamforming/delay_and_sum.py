@@ -18,8 +18,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from ...device.arrays import upload
-from ...device.types import DrJitArray
+from mitsonar.device.arrays import upload
+from mitsonar.device.types import DrJitArray
+
 from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
 from .interpolation import RATE
 from .recording import Recording, Shading, beam_signals, look_directions, point_signals, read_recording, weights_of

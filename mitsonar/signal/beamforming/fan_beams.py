@@ -15,8 +15,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ...sonar.axes import axis_vector
-from ...units import khz_from_hertz
+from mitsonar.sonar.axes import axis_vector
+from mitsonar.units import khz_from_hertz
+
 from .recording import Shading, beam_signals, read_recording, uniform_line, weights_of
 
 __all__ = ["fan_beams", "fft_beams"]

@@ -19,7 +19,7 @@ from numpy.polynomial import Polynomial
 from scipy import fft
 from scipy.special import i0
 
-from ...device.types import Numbers
+from mitsonar.device.types import Numbers
 
 __all__ = ["INTERPOLATIONS", "MARGIN", "RATE", "KaiserBessel", "Linear", "corrected", "corrected_transposed",
            "interpolation_named"]

@@ -20,7 +20,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
-from ...device.types import DrJitArray
+from mitsonar.device.types import DrJitArray
+
 from .alignment import ElementSignals, device_arrays
 from .delay_and_sum import aligned
 from .recording import beam_signals, look_directions, read_recording, uniform_line

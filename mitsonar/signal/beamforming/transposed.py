@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from ...device.types import DrJitArray
+from mitsonar.device.types import DrJitArray
+
 from .alignment import ElementSignals, device_arrays
 from .delay_and_sum import BLOCK, beam_foci
 from .interpolation import MARGIN, RATE, corrected_transposed

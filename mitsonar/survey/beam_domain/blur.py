@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import upload
+from mitsonar.device.arrays import upload
 
 __all__ = ["Blur", "OneBeam"]
 

@@ -8,12 +8,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of, upload
-from ...device.lookups import held
-from ...echoes.energy_sums import sum_size
-from ...echoes.origin_sums import SECTORS, sector
-from ...signal.beam_grid.cell_sums import cell_sums
-from .record import GridEchoes
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.echoes.energy_sums import sum_size
+from mitsonar.echoes.origin_sums import SECTORS, sector
+from mitsonar.signal.beam_grid.stripes import cell_sums
+
+from .ping_echoes import GridEchoes
 
 __all__ = ["FrameBins"]
 

@@ -4,27 +4,64 @@
     grid       their sums over sine and time                                             `signal.beam_grid`
     beams      pulse, matched filter, line, noise                                        `signal.beam_grid`
     truth      whose energy, and what is hidden                                          `truth`
+
+All echoes of a ping on a grid of sine and time.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import chain
 
 import mitsuba as mi
 import numpy as np
 
-from ...device.chance import ping_key
-from ...imaging.energy_record import EnergyRecord
-from ...signal.beam_grid import LineBeams, NoiseDensity
-from ...signal.reception import delayed
-from ...units import amplitude_from_db, power_from_db
+from mitsonar.device.chance import ping_key
+from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.signal.beam_grid import BeamGrid, LineBeams, NoiseDensity
+from mitsonar.signal.reception import delayed
+from mitsonar.units import amplitude_from_db, power_from_db
+
 from ..array_survey import ArraySurvey
 from .blur import Blur
-from .laying import lay
 from .line import LineArray, refusal
-from .ping_echoes import PingEchoes
+from .ping_echoes import GridEchoes, PingEchoes, TargetEchoes
 from .truth import FrameTruth
 
-__all__ = ["Frames", "why_not"]
+__all__ = ["Frames", "LaidPing", "lay", "why_not"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaidPing:
+    """What of a ping its truth is made from.
+
+    Attributes
+    ----------
+    scatterers : GridEchoes or None
+        None where there are none.
+    targets : list of TargetEchoes
+    """
+
+    scatterers: GridEchoes | None
+    targets: list[TargetEchoes]
+
+
+def lay(echoes: PingEchoes, grid: BeamGrid, ping: int, seed: int) -> LaidPing:
+    """Add a ping's echoes to a grid: scatterers, targets, ghosts, the water."""
+    scatterers = echoes.of_scatterers(ping)
+    if scatterers is not None:
+        _add(grid, scatterers)
+    targets = list(echoes.of_targets(ping))
+    for target in targets:
+        _add(grid, target.echoes)
+    for some in chain(echoes.mirrored(ping), echoes.by_chance(ping, seed)):
+        _add(grid, some)
+    return LaidPing(scatterers=scatterers, targets=targets)
+
+
+def _add(grid: BeamGrid, echoes: GridEchoes) -> None:
+    grid.add(column=echoes.column, sine=echoes.sine, real=echoes.real, imaginary=echoes.imaginary)
+
 
 REFERRED = 0.01                    # wavelengths that an array's centre may lie off the origin, and still be there
 
@@ -124,4 +161,3 @@ class Frames:
         near = (R - np.linalg.norm(point - centre, axis=-1)) / speed - far[:, None]
         turn = np.exp(-2j * np.pi * survey.frequency * near).astype(np.complex64)
         return delayed(beams, far, survey.sampling_rate, survey.frequency) * turn
-

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...sonar.array import Array
+from mitsonar.sonar.array import Array
 
 __all__ = ["LineArray", "refusal"]
 

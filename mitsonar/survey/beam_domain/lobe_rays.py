@@ -17,10 +17,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of, opaque_vector, upload
-from ...device.chance import pair, stratified, uniform
-from ...echoes.volume import GOLDEN
-from ...tracing.launch import CELLS, Strata, draw, quantiles
+from mitsonar.device.arrays import arrays_of, opaque_vector, upload
+from mitsonar.device.chance import pair, stratified, uniform
+from mitsonar.echoes.volume import GOLDEN
+from mitsonar.tracing.launch import CELLS, Strata, draw, quantiles
 
 __all__ = ["LobeRays"]
 

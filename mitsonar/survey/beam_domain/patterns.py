@@ -8,15 +8,15 @@ An array that is steered anew at every ping, by u, is heard along n - u.
 """
 from __future__ import annotations
 
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import opaque_vector
-from ...echoes.element_beams import omni, pressure
-from ...sonar.array import Array
-from ..array_sums import ArraySum, LineSum, along_a_line
+from mitsonar.device.arrays import opaque_vector
+from mitsonar.echoes.element_beams import omni, pressure
+from mitsonar.sonar.array import Array
+
+from ..array_beams import ArraySum, LineSum, along_a_line
 from ..array_survey import ArraySurvey
 from .line import LineArray
 

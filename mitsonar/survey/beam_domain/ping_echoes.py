@@ -6,32 +6,86 @@
     others     point targets, smooth surfaces, ghosts, the water                        `echoes.ensonification`
 
 The first three are one kernel, for all scatterers of a ping.
+
+Echoes of a ping in the beam domain: where they lie on the grid of time and sine, how strong, and whose they are.
 """
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of, compressed, upload
-from ...device.chance import ping_key
-from ...device.lookups import held
-from ...echoes.element_beams import ElementBeams
-from ...echoes.record import Echoes
-from ...echoes.thinned_scatterers import Density, TransmitLobe
-from ...signal.beam_grid.residual_doppler import residual_doppler
+from mitsonar.device.arrays import arrays_of, compressed, held, upload
+from mitsonar.device.chance import ping_key
+from mitsonar.echoes.element_beams import ElementBeams
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.thinned_scatterers import Density, TransmitLobe
+from mitsonar.signal.beam_grid.residual_doppler import residual_doppler
+
 from ..array_survey import ArraySurvey
 from ..ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
 from .patterns import Patterns
 from .reception import Arrival, Reception
-from .record import GridEchoes, TargetEchoes
 
-__all__ = ["PingEchoes"]
+__all__ = ["GridEchoes", "PingEchoes", "TargetEchoes"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridEchoes:
+    """Some echoes, on the device.
+
+    Attributes
+    ----------
+    column : Float (R,)
+        Samples after the record's start, the delay that Doppler makes of a sweep included.
+    sine : Float (R,)
+    real, imaginary : Float (R,)
+        Complex amplitude for a source level of 0 dB, the carrier's phase included; 0 where the way is not free.
+    energy : Float (R,)
+        Mean square of the amplitude over chance, as if the way were free; 0 where there is no echo.
+    state : UInt32 (R,)
+        What hides it: `ground.FREE`, `HIDDEN_BY_BED` or `HIDDEN_BY_OBJECT`.
+    label : UInt32 (R,)
+        Number of the instance.
+    launch_sine : Float (R,)
+        Of the way out, below the horizon.
+    x, y, depth : Float (R,) [m]
+        Place, scene coordinates; x and y from the ping's origin.
+    """
+
+    column: mi.Float
+    sine: mi.Float
+    real: mi.Float
+    imaginary: mi.Float
+    energy: mi.Float
+    state: mi.UInt32
+    label: mi.UInt32
+    launch_sine: mi.Float
+    x: mi.Float
+    y: mi.Float
+    depth: mi.Float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetEchoes:
+    """Echoes with a phase of their own, of one instance or several.
+
+    Attributes
+    ----------
+    echoes : GridEchoes
+    label : (R,) uint32
+        Numbers of the instances; 0 of what belongs to none.
+    """
+
+    echoes: GridEchoes
+    label: np.ndarray
+
 
 WATER = 0.4                        # points of the water for every scatterer that a cell of the ground has
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is not looked at
@@ -266,5 +320,3 @@ class _RowDoppler:
         low, high = (dr.gather(mi.Float, self._factors, node + step) for step in (0, 1))
         row = low + (high - low) * (place - mi.Float(node))
         return (arrival.doppler - row) / (1 + row)
-
-

@@ -32,8 +32,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import opaque_vector
-from ...propagation.travel import Travel, rotated
+from mitsonar.device.arrays import opaque_vector
+from mitsonar.propagation.travel import Travel, rotated
+
 from ..array_survey import ArraySurvey
 
 __all__ = ["Arrival", "Reception"]

@@ -17,14 +17,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import compressed, upload
-from ...imaging.energy_record import EnergyRecord
-from ...imaging.truth import HALF, BinTruth
-from ...scene.labels import ShapeLabels
+from mitsonar.device.arrays import compressed, upload
+from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.imaging.truth import HALF, BinTruth
+from mitsonar.scene.labels import ShapeLabels
+
 from ..ground import FREE
 from .blur import Blur, OneBeam
 from .frame_bins import FrameBins
-from .record import GridEchoes, TargetEchoes
+from .ping_echoes import GridEchoes, TargetEchoes
 
 __all__ = ["FrameTruth"]
 

@@ -1,4 +1,7 @@
-"""Delays of echoes between one source of rays and the elements of an array: what all ways to find them share."""
+"""Delays of echoes between one source of rays and the elements of an array: what all ways to find them share.
+
+Counts of the arrivals of echoes at elements, and of those for which the vector approximation is in doubt.
+"""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -8,16 +11,64 @@ from typing import TypeVar
 import drjit as dr
 import numpy as np
 
-from ...device.types import Float, Float64, Int32
-from ...signal.accumulation import ImpulseResponses
-from ...sonar.array import Array
-from .arrivals import ArrivalCounts
+from mitsonar.device.types import Float, Float64, Int32
+from mitsonar.signal.accumulation import ImpulseResponses
+from mitsonar.sonar.array import Array
+
+from ..array_survey import Sampling
 from .doppler import factor_per_metre
 from .echo_classes import SortedEchoes
 from .ping_source import PingSource
-from .sampling import Sampling
 
-__all__ = ["ALL_ROWS", "ElementDelays"]
+__all__ = ["ALL_ROWS", "ArrivalCounts", "ElementDelays"]
+
+
+MOST_DOUBTFUL = 0.5                # share of doubtful echoes at which an array is too large for the approximation,
+SMALL_ARRAY = 1.0                  # [m] unless it is smaller: then they are traced one by one without a word
+FEWEST_JUDGED = 1000               # echoes: fewer say little
+
+
+class ArrivalCounts:
+    """Count arrivals while pings are made.
+
+    Parameters
+    ----------
+    radius : float [m]
+        Of the arrays.
+    guard : float [s]
+        Expected error of a delay above which an echo is in doubt.
+
+    Attributes
+    ----------
+    arrivals, lost : int
+        Arrivals of echoes at elements, and those among them that no ray brings although one reaches the centre.
+    judged, doubtful : int
+        Echoes whose expected error was looked at, and those in doubt.
+    """
+
+    def __init__(self, *, radius: float, guard: float):
+        self.radius, self.guard = radius, guard
+        self.arrivals = self.lost = self.judged = self.doubtful = 0
+
+    def count(self, arrivals: int, lost: int = 0) -> None:
+        """Count arrivals, and how many of them are lost."""
+        self.arrivals, self.lost = self.arrivals + arrivals, self.lost + lost
+
+    def judge(self, echoes: int, doubtful: int) -> None:
+        """Count echoes in doubt.
+
+        Raises
+        ------
+        ValueError
+            If they are so many that a large array had better be computed with eigenrays altogether.
+        """
+        self.judged, self.doubtful = self.judged + echoes, self.doubtful + doubtful
+        if self.radius > SMALL_ARRAY and self.doubtful > MOST_DOUBTFUL * max(self.judged, FEWEST_JUDGED):
+            raise ValueError(f"the array reaches {self.radius:.3g} m from its centre, too far for the vector "
+                             f"approximation here: for {100 * self.doubtful / self.judged:.0f} % of the echoes it may "
+                             f"be off by more than {1e9 * self.guard:g} ns, soonest where rays turn or run nearly "
+                             "level; take return_path=\"eigenray\", a smaller array or a shorter range")
+
 
 ALL_ROWS = slice(None)
 DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle

@@ -13,11 +13,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.types import Float64
-from ...echoes.record import Echoes
-from ...propagation.travel import rotated
-from ...signal.doppler import two_way_doppler
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import Float64
+from mitsonar.echoes.record import Echoes
+from mitsonar.propagation.travel import rotated
+from mitsonar.signal.doppler import two_way_doppler
+
 from .ping_source import PingSource, opaque64
 
 __all__ = ["factor_per_metre", "receiver_groups", "time_scale"]

@@ -13,12 +13,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of, compressed, picked
-from ...device.lookups import held
-from ...device.types import Float64, UInt32
-from ...echoes.record import Echoes
-from ...signal.doppler import Glide, factor_tolerance
-from ...sonar.pulses import Pulse
+from mitsonar.device.arrays import arrays_of, compressed, held, picked
+from mitsonar.device.types import Float64, UInt32
+from mitsonar.echoes.record import Echoes
+from mitsonar.signal.doppler import Glide, factor_tolerance
+from mitsonar.sonar.pulses import Pulse
+
 from .doppler import receiver_groups, time_scale
 from .ping_source import PingSource
 

@@ -8,12 +8,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.types import UInt32
-from ...echoes.element_beams import omni
-from ...propagation.exact_returns import exact_return
-from ...propagation.travel import REST, rotated
-from ...signal.accumulation import ImpulseResponses
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import UInt32
+from mitsonar.echoes.element_beams import omni
+from mitsonar.propagation.exact_returns import exact_return
+from mitsonar.propagation.travel import REST, rotated
+from mitsonar.signal.accumulation import ImpulseResponses
+
 from .delays import ALL_ROWS, ElementDelays
 from .echo_classes import SortedEchoes
 from .ping_source import opaque64

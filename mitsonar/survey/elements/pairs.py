@@ -22,14 +22,20 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.types import Bool, Float, Triple
-from ...propagation.line_difference import NODES, Line, polynomial
-from ...propagation.return_paths import ReturnPaths
-from ...propagation.straight_vectors import dot
-from ...propagation.vector_approximation import ELEMENT_FIELDS, difference_of, level_difference, vector_element_fields
-from ...sonar.array import Array
-from ...sonar.element_patterns import element_pressure
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import Bool, Float, Triple
+from mitsonar.propagation.line_difference import NODES, Line, polynomial
+from mitsonar.propagation.return_paths import ReturnPaths
+from mitsonar.propagation.straight_vectors import dot
+from mitsonar.propagation.vector_approximation import (
+    ELEMENT_FIELDS,
+    difference_of,
+    level_difference,
+    vector_element_fields,
+)
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.element_patterns import element_pressure
+
 from .ping_source import Method, View, opaque
 
 __all__ = ["CURVATURE", "Pairs", "ReceivedEchoes", "offset_from", "seen_from"]

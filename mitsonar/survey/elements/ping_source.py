@@ -14,18 +14,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.types import Float, Float64, Triple
-from ...echoes.element_beams import pressure
-from ...echoes.record import Echoes, Leg
-from ...propagation.layer_table import LayerTable
-from ...propagation.return_paths import ReturnPaths, return_paths
-from ...propagation.travel import REST, Travel
-from ...propagation.two_point import SourceState
-from ...sonar.array import Array
-from ...sonar.trajectory import PingTravel
-from ...tracing.water import DeviceWater, Medium
-from ...water.profile import SoundSpeedProfile
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import Float, Float64, Triple
+from mitsonar.echoes.element_beams import pressure
+from mitsonar.echoes.record import Echoes, Leg
+from mitsonar.propagation.layer_table import LayerTable
+from mitsonar.propagation.return_paths import ReturnPaths, return_paths
+from mitsonar.propagation.travel import REST, Travel
+from mitsonar.propagation.two_point import SourceState
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.trajectory import PingTravel
+from mitsonar.tracing.water import DeviceWater, Medium
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["PingSource", "View", "opaque", "opaque64"]
 

@@ -6,6 +6,8 @@
 
 The pattern of an element is that towards where its own ray leaves or comes from: at the transmission on the way out,
 and as the turned array sees it at the echo's own reception on the way back.
+
+Echoes at the elements by the vector approximation, and by eigenrays where that is in doubt.
 """
 from __future__ import annotations
 
@@ -16,20 +18,23 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.arrays import arrays_of
-from ...device.types import Bool, Float, Float64, UInt32
-from ...echoes.element_beams import omni
-from ...echoes.record import Echoes
-from ...propagation.return_paths import ReturnPaths
-from ...propagation.travel import rotated
-from ...propagation.vector_approximation import vector_difference, vector_element_fields
-from ...signal.accumulation import NOWHERE, ImpulseResponses
+from mitsonar.device.arrays import arrays_of, compressed
+from mitsonar.device.types import Bool, Float, Float64, UInt32
+from mitsonar.echoes.element_beams import omni
+from mitsonar.echoes.record import Echoes
+from mitsonar.propagation.return_paths import ReturnPaths
+from mitsonar.propagation.travel import rotated
+from mitsonar.propagation.vector_approximation import vector_difference, vector_element_fields
+from mitsonar.signal.accumulation import NOWHERE, ImpulseResponses
+
 from .delays import ALL_ROWS, ElementDelays
 from .echo_classes import SortedEchoes
+from .eigenrays import EigenrayDelays
 from .pairs import CURVATURE, ReceivedEchoes, seen_from
 from .ping_source import View, opaque
 
-__all__ = ["GUARD", "VectorDelays"]
+__all__ = ["GUARD", "GuardedDelays", "VectorDelays"]
+
 
 GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
 
@@ -124,3 +129,31 @@ class VectorDelays(ElementDelays):
             offset = opaque(mi.Float, view.offsets(transmit)[element])
             towards = seen_from(towards, offset, way_out.hit_fields[CURVATURE])
         return factor * view.pattern(transmit, element, towards, self.wavelength)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GuardedDelays(ElementDelays):
+    """Delays by the vector approximation, exact where it may be off by more than `vectors.GUARD`."""
+
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
+            rows: slice = ALL_ROWS) -> None:
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
+
+        Raises
+        ------
+        ValueError
+            If most echoes are in doubt and the array is large; see `ArrivalCounts.judge`.
+        """
+        vector = self.changed_to(VectorDelays)
+        doubtful = vector.doubtful(some.echoes) if self._extended else None
+        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
+        if doubtful is not None:
+            exact = compressed(doubtful)
+            if dr.width(exact):
+                self.counts.judge(some.echoes.count, dr.width(exact))
+                self.changed_to(EigenrayDelays).add(responses, some.chosen(exact), element, weight=weight, rows=rows)
+
+    @property
+    def _extended(self) -> bool:
+        """Whether any element is not where the source is."""
+        return any(np.any(array.position != self.source.position) for array in (self.transmit, self.receive))

@@ -3,26 +3,180 @@
 The instrument reads a phase with its own sound speed c_h, as a sine that is c_h / c of the true one. What a face sees
 it refers to the sonar's centre (`hydrography.faces_aside`). A sounding's depth h errs by the angle's and the time's
 deviations: σ_h² = (y σ_θ)² + (c σ_t cos θ / 2)², y its distance across the track; its quality is log10 h / σ_h.
+
+The signals of a side's rows in the beam domain, and the truth of its bins from the same echoes.
+
+Rows are apertures of one element each of the line that they make: a beam of one element, steered nowhere, is what the
+element hears. Waves are plane over the rows; the pulse comes to them one after the other.
+
+What an interferometric sidescan measures of a ping: level, angle and coherence for every bin of either side.
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import mitsuba as mi
 import numpy as np
 
-from ...hydrography.bottom_backscatter import strength_db
-from ...hydrography.faces_aside import AsideFace
-from ...hydrography.losses import mean_absorption, transmission_loss_db
-from ...hydrography.quality import gravity_deviation
-from ...hydrography.record import BY_PHASE, NOT_DETECTED
-from ...hydrography.reduction import Installation, Located, Measured
-from ...hydrography.uncertainty import Deviations
-from ...units import db_from_power
-from ..swath.soundings import Finding
-from .measuring import Measurement, measured_rows
-from .plan import up_along
-from .sides import both_sides
-from .survey import InterferometricSurvey
+from mitsonar.device.chance import ping_key, sonar_seed
+from mitsonar.hydrography.bottom_backscatter import mean_absorption, strength_db, transmission_loss_db
+from mitsonar.hydrography.faces_aside import AsideFace
+from mitsonar.hydrography.quality import gravity_deviation
+from mitsonar.hydrography.record import BY_PHASE, NOT_DETECTED
+from mitsonar.hydrography.reduction import Installation, Located, Measured
+from mitsonar.hydrography.uncertainty import Deviations
+from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.signal.beam_grid import LineBeams, NoiseDensity
+from mitsonar.sonar.array import Array
+from mitsonar.units import amplitude_from_db, db_from_power, power_from_db
 
-__all__ = ["Interferometer"]
+from ..beam_domain.blur import OneBeam
+from ..beam_domain.frames import LaidPing, lay
+from ..beam_domain.line import LineArray
+from ..beam_domain.ping_echoes import PingEchoes
+from ..beam_domain.truth import FrameTruth
+from ..swath.soundings import Finding
+from .plan import SIDES, InterferometricSurvey, up_along
+
+__all__ = ["Interferometer", "Measurement", "SideRows", "both_sides", "measured_rows"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurement:
+    """Of a ping; arrays (B,), port's bins from the last to the first, then starboard's.
+
+    Attributes
+    ----------
+    valid : bool
+        Coherent enough, and within the sector.
+    sector : int32
+        0 of port, 1 of starboard.
+    time : [s]
+        Of the bins' middles, after the transmission.
+    sine : [-]
+        Along the rows' axis, by the true sound speed at the head.
+    sine_deviation : [-]
+    coherence : [-]
+    phase : [rad]
+    power : [µPa²]
+        Mean of the rows over the window.
+    level : [µPa²]
+        Mean over the bin of the sum of the rows' powers.
+    """
+
+    valid: np.ndarray
+    sector: np.ndarray
+    time: np.ndarray
+    sine: np.ndarray
+    sine_deviation: np.ndarray
+    coherence: np.ndarray
+    phase: np.ndarray
+    power: np.ndarray
+    level: np.ndarray
+
+    def by_side(self, values: np.ndarray) -> np.ndarray:
+        """Give values (B,) as (side, bin), both from the first bin on."""
+        half = len(values) // 2
+        return np.stack([values[:half][::-1], values[half:]])
+
+
+def measured_rows(survey: InterferometricSurvey, signals: tuple[np.ndarray, np.ndarray]) -> Measurement:
+    """Compare the rows of both sides, signals (rows, samples) [µPa] each."""
+    per_bin = survey.per_bin
+    found, levels = [], []
+    for rows in signals:
+        found.append(survey.rows.angles(rows, per_bin=per_bin, window=survey.window, looks=_looks(survey),
+                                        relative_bandwidth=survey.relative_bandwidth))
+        levels.append((np.abs(rows) ** 2).sum(0, dtype=float).reshape(survey.bins, per_bin).mean(1))
+
+    def both(name: str) -> np.ndarray:
+        return _joined(*(getattr(one, name) for one in found))
+
+    coherence = both("coherence")
+    return Measurement(
+        valid=both("inside") & (coherence >= survey.least_coherence), time=_joined(survey.time, survey.time),
+        sector=np.repeat(np.arange(2, dtype=np.int32), survey.bins), sine=both("sine"), coherence=coherence,
+        sine_deviation=both("deviation"), phase=both("phase"), power=both("power"), level=_joined(*levels))
+
+
+def _looks(survey: InterferometricSurvey) -> float:
+    """Independent samples in a window, 1 or more."""
+    return max(1.0, survey.window / (survey.sides[0].sampling_rate * survey.pulse_length))
+
+
+def _joined(port: np.ndarray, starboard: np.ndarray) -> np.ndarray:
+    return np.concatenate([port[::-1], starboard])
+
+
+WIDEST = 1.05                      # sine: rows that move see echoes from beyond 1
+
+
+def both_sides(survey: InterferometricSurvey) -> tuple[SideRows, SideRows]:
+    """Make what hears for either side; they share what they know of the scene."""
+    port = SideRows(survey, 0)
+    return port, SideRows(survey, 1, beside=port)
+
+
+class SideRows:
+    """Make the signals of one side.
+
+    Parameters
+    ----------
+    survey : InterferometricSurvey
+    number : int
+        0 is port.
+    beside : SideRows or None
+        The other side.
+    """
+
+    def __init__(self, survey: InterferometricSurvey, number: int, beside: SideRows | None = None):
+        self._whole, self._number = survey, number
+        self.survey = side = survey.sides[number]
+        self.line = line = _line(side.receive, side.wavelength)
+        longest = max(side.transmit.length, side.receive.length)
+        self._echoes = PingEchoes(side, line, per_cell=side.per_cell, beams_from_origin=False,
+                                  beside=None if beside is None else beside._echoes,
+                                  lobe=(side.receive.along[0], side.wavelength / longest))
+        self._beams = LineBeams(
+            mi.Float, position=line.place, weight=np.eye(len(line.place)), pulse=side.pulse, samples=side.samples,
+            sampling_rate=side.sampling_rate, lead=side.lead, start=side.start, sines=np.zeros(1),
+            sound_speed=side.sound_speed(0), absorption_db=side.absorption_db)
+        self._noise = NoiseDensity.of(side.noise, side.source_level_db)
+        per_bin = survey.per_bin
+        self._truth = FrameTruth(OneBeam(WIDEST, side.pulse.bandwidth * per_bin / side.sampling_rate),
+                                 lead=side.lead, bins=survey.bins, named=side.geometry.named, per_bin=per_bin,
+                                 of_objects=True)
+
+    def signals(self, ping: int, seed: int) -> np.ndarray:
+        """Give the compressed signals (rows, samples) [µPa] of a ping, complex64."""
+        return self._heard(ping, seed)[0]
+
+    def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
+        """Give the same, and the truth of the bins, arrays (1, ..., bins)."""
+        signals, laid = self._heard(ping, seed)
+        side = self.survey
+        truth = self._truth.of(
+            laid.scatterers, self._echoes.hiding(ping, laid.scatterers), laid.targets,
+            origin=side.track.position[ping], depth_below=float(side.depth_below[ping]),
+            farthest=0.5 * side.time[-1] * side.sound_speed(ping),
+            source_power=float(power_from_db(side.source_level_db)))
+        return signals, truth
+
+    def _heard(self, ping: int, seed: int) -> tuple[np.ndarray, LaidPing]:
+        own = seed if not self._number else sonar_seed(seed, SIDES[self._number])
+        grid = self._beams.grid()
+        laid = lay(self._echoes, grid, ping, own)
+        rows = self._beams.form_each(grid, doppler=self._echoes.doppler(ping), noise=self._noise,
+                                     key=ping_key(own, ping))[:, 0]
+        return rows * np.float32(amplitude_from_db(self.survey.source_level_db)), laid
+
+
+def _line(receive: Array, wavelength: float) -> LineArray:
+    """The rows as a line along the face's upward axis."""
+    sines = np.array([-0.5, 0.0, 0.5])
+    fan = sines[:, None] * up_along(receive) + np.sqrt(1 - sines ** 2)[:, None] * receive.normal[0]
+    return LineArray.of(receive, fan, wavelength)
+
 
 WORDS = ("mean intensity over the window, noise included; corrected for source level, spreading and absorption along "
          "the bent path, patterns of transmitting face and rows, and the area that pulse and beam let sound at once on "

@@ -1,26 +1,98 @@
-"""Planning of an interferometric sidescan's run: one route, and for either side a run of arrays over the same scene."""
+"""Planning of an interferometric sidescan's run: one route, and for either side a run of arrays over the same scene.
+
+What a run of an interferometric sidescan is: a run of arrays for either side, and how rows are compared.
+"""
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import mitsuba as mi
 import numpy as np
 
-from ...hydrography.motion_errors import MotionErrors
-from ...hydrography.row_angles import Rows, sector_of
-from ...scene import materials
-from ...scene.geometry import Geometry
-from ...sonar.array import Array
-from ...sonar.array_makers import element_array
-from ...sonar.pulse import Pulse
-from ...units import db_from_amplitude
+from mitsonar.hydrography.errors import MotionErrors
+from mitsonar.hydrography.row_angles import Rows, sector_of
+from mitsonar.scene import materials
+from mitsonar.scene.geometry import Geometry
+from mitsonar.signal.matched_filter import compression, rms_bandwidth
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.array_makers import element_array
+from mitsonar.sonar.pulse import Pulse
+from mitsonar.units import db_from_amplitude
+
 from ..array import survey_of
 from ..array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..signals import LEAD
-from .survey import InterferometricSurvey
+from ..swath.survey import SoundedSurvey, Transmission
 
-__all__ = ["InterferometricSensor", "plan", "plan_elements"]
+__all__ = ["InterferometricSensor", "InterferometricSurvey", "SIDES", "plan", "plan_elements"]
+
+
+SIDES = ("port", "starboard")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InterferometricSurvey(SoundedSurvey):
+    """A run of an interferometric sidescan.
+
+    Attributes
+    ----------
+    sides : (ArraySurvey, ArraySurvey)
+        Port and starboard. The receive elements are the rows, from the lowest up.
+    bins : int
+        Of each side's record, which are as many soundings.
+    rows : Rows
+        Those of either side.
+    looks : float
+        Range cells that phases are averaged over, at least.
+    least_coherence : float
+        Of a valid sounding.
+    """
+
+    sides: tuple[ArraySurvey, ArraySurvey]
+    bins: int
+    rows: Rows
+    looks: float
+    least_coherence: float
+
+    @property
+    def per_bin(self) -> int:
+        """Samples of a bin."""
+        return (self.sides[0].samples - self.sides[0].lead) // self.bins
+
+    @cached_property
+    def relative_bandwidth(self) -> float:
+        """Of an even band that strays as the compressed pulse's, over the carrier."""
+        side = self.sides[0]
+        return float(np.sqrt(12) * rms_bandwidth(side.pulse, side.sampling_rate) / side.frequency)
+
+    @cached_property
+    def pulse_length(self) -> float:
+        """∫|χ|² dt of the compressed pulse [s]."""
+        return float(compression(self.sides[0].pulse, self.sides[0].sampling_rate)[0])
+
+    @property
+    def window(self) -> int:
+        """Samples that phases are averaged over."""
+        per_bin, wanted = self.per_bin, int(np.ceil(self.looks * self.pulse_length * self.sides[0].sampling_rate))
+        return per_bin + 2 * max(0, -(-(wanted - per_bin) // 2))
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the bins' middles (bins,) [s]."""
+        side = self.sides[0]
+        return side.time[side.lead:].reshape(self.bins, -1).mean(1)
+
+    @property
+    def transmissions(self) -> Sequence[Transmission]:
+        """One a side, at once; soundings run from port's last bin to starboard's."""
+        pings = self.track.pings
+        return [Transmission(survey=side, delay=0.0, sines=np.zeros(pings),
+                             beams=slice(k * self.bins, (k + 1) * self.bins)) for k, side in enumerate(self.sides)]
+
 
 SAMPLES = 2.0, 3.0                 # to one over a pulse's bandwidth: of sweeps, whose skirts are steep, and of others
 SWEEP = 4.0                        # duration times bandwidth from which on a pulse is one
@@ -111,4 +183,3 @@ def _run(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings, 
     return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=transmit,
                      receive=receive, pulse=sensor.pulse, source_level_db=source_level_db, bins_are_samples=False,
                      whole_bins=True, self_noise_db=sensor.self_noise_db, usual_rate=rate)
-

@@ -11,11 +11,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...device.types import Vector
-from ...imaging.sidescan import mean_intensity, pulse_shares
-from ...signal.matched_filter import compression
-from ...sonar.directivity import Aperture
-from ...sonar.sidescan import Sidescan
+from mitsonar.device.types import Vector
+from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.signal.matched_filter import compression
+from mitsonar.sonar.directivity import Aperture
+from mitsonar.sonar.sidescan import Sidescan
+
 from ..array_survey import ArraySurvey
 from ..face_beams import BEAM_EDGE, FaceBeams
 from ..places import Place

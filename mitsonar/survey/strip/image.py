@@ -1,23 +1,98 @@
-"""The image of a strip: raw echoes focused ping by ping, and the truth of every point."""
+"""The image of a strip: raw echoes focused ping by ping, and the truth of every point.
+
+Raw echoes of a strip ping by ping, each with what all pings have in common: see `synthetic_aperture.record`.
+"""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import drjit as dr
+import numpy as np
 import xarray as xr
 
-from ...scene import objects
-from ...scene.labels import classes_of
-from ...synthetic_aperture.focusing import Focuser
-from ...synthetic_aperture.grids import Grid, default_grid
+from mitsonar.hydrography.bottom_backscatter import mean_absorption
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+from mitsonar.synthetic_aperture.focusing import Focuser
+from mitsonar.synthetic_aperture.grids import Grid, default_grid
+from mitsonar.synthetic_aperture.record import RAW_VARIABLES
+
 from ..cost import sentence
 from ..pressure import PressureRecord
-from .raw import common, raw_pings
-from .survey import StripSurvey
+from ..signals import received_signals
+from .plan import StripSurvey
 from .truth import strip_truth
 
-__all__ = ["focused", "strip_image", "survey_grid", "with_truth"]
+__all__ = ["RATE", "common", "focused", "raw_pings", "strip_image", "survey_grid", "with_truth"]
+
+
+RATE = 200.0                       # [Hz] of the trajectory: splines through it err by 1e-6 m for the fastest strum
+MARGIN = 0.05                      # [s] before the first transmission and after the last reception
+
+
+def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "band_limited",
+              return_path: str = "vector") -> Iterator[xr.Dataset]:
+    """Yield raw echoes of one ping after the other; a ping's are the same wherever one starts.
+
+    Parameters
+    ----------
+    survey : StripSurvey
+        It must lead by a pulse.
+    seed : int
+        Of the noise.
+    start : int
+        The first ping.
+    kernel, return_path
+        As of `mitsonar.element_signals`.
+    """
+    record = PressureRecord(survey, seed=seed, kernel=kernel, return_path=return_path)
+    known = common(survey)
+    for ping in range(start, survey.track.pings):
+        heard = received_signals(record, [ping])
+        yield known.assign({name: _variable(name, values) for name, values in (
+            ("signal", heard.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
+            ("transmitter", np.array([survey.sender(ping)], np.int32)))}).assign_coords(ping=[ping])
+
+
+def common(survey: StripSurvey) -> xr.Dataset:
+    """Give what all pings of a strip have in common: arrays, trajectory, water, targets and attributes."""
+    trajectory, track = survey.voyage.trajectory, survey.track
+    first = track.time[0] - MARGIN
+    count = int(np.ceil((track.time[-1] + survey.time[-1] + MARGIN - first) * RATE)) + 1
+    time = first + np.arange(count) / RATE
+    position, attitude = trajectory.pose(time)
+    values = {
+        "time": survey.time[survey.lead:], "tx_position": survey.transmit.position,
+        "rx_position": survey.receive.position, "rx_bank": survey.bank.astype(np.int32),
+        "motion_time": time, "motion_x": position[:, 0], "motion_y": position[:, 1], "motion_depth": -position[:, 2],
+        "motion_roll": attitude[:, 0], "motion_pitch": attitude[:, 1], "motion_heading": np.unwrap(attitude[:, 2]),
+        "cast_depth": survey.profile.depth, "cast_sound_speed": survey.profile.sound_speed, **_targets(survey)}
+    top = -float(track.position[:, 2].mean())
+    return xr.Dataset({name: _variable(name, some) for name, some in values.items()}, attrs={
+        "sonar": "synthetic_aperture", "preset": survey.preset, "frequency": survey.frequency,
+        "sampling_rate": survey.sampling_rate, "pulse": survey.pulse.numbers,
+        "source_level_db": survey.source_level_db,
+        "absorption_db": float(mean_absorption(survey.absorption, top, max(survey.bed_depth, top + 1.0))),
+        "look": [float(part) for part in survey.look], "tx_length": survey.transmit.length,
+        "rx_length": survey.receive.length, "bed_depth": survey.bed_depth})
+
+
+def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
+    """Point targets of the scene."""
+    found = survey.geometry.targets()
+    place = np.array([one.position for one in found], float).reshape(-1, 3)
+    return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
+            "target_strength_db": np.array([
+                one.strength_at(survey.frequency, float(survey.profile.at(-one.position[2]))) for one in found], float),
+            "target_name": np.array([survey.labels[one.label] for one in found], str)}
+
+
+def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
+    """A variable of the record with its dimensions, unit and meaning."""
+    one = RAW_VARIABLES[name]
+    return one.dims, values, {"units": one.unit, "long_name": one.meaning}
+
 
 Progress = Callable[[float, float], None]
 

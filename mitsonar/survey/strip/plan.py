@@ -1,23 +1,58 @@
-"""Planning of a synthetic aperture's run: the survey of its arrays, which of them sends, and the bed that it sees."""
+"""Planning of a synthetic aperture's run: the survey of its arrays, which of them sends, and the bed that it sees.
+
+What a run of a synthetic aperture is. Data only.
+"""
 from __future__ import annotations
 
 import warnings
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import mitsuba as mi
 import numpy as np
 
-from ...scene.geometry import Geometry
-from ...sonar.array import Array
-from ...sonar.pulses import Pulse
+from mitsonar.scene.geometry import Geometry
+from mitsonar.sonar.array import Array
+from mitsonar.sonar.pulses import Pulse
+
 from .. import placement
 from ..array import survey_of
 from ..array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
-from .survey import StripSurvey
 
-__all__ = ["StripSensor", "plan"]
+__all__ = ["StripSensor", "StripSurvey", "plan"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StripSurvey(ArraySurvey):
+    """A run of a synthetic aperture.
+
+    Attributes
+    ----------
+    bank : (rx,) int
+        Number of the row that each receiver is in.
+    look : (3,) [-]
+        Unit vector that the elements look along, body frame.
+    bed_depth : float [m]
+        Mean depth of the bed that the record sees.
+    grid : {"ground", "slant"}
+        Of the picture.
+    grid_spacing : float or None [m]
+        Between its points; None: half the resolution.
+    aperture_window, range_window : str
+        Over the aperture's angles and over the pulse's band, of the picture.
+    preset : str
+    """
+
+    bank: np.ndarray
+    look: np.ndarray
+    bed_depth: float
+    grid: str
+    grid_spacing: float | None
+    aperture_window: str
+    range_window: str
+    preset: str
+
 
 ALONG, ACROSS = 9, 17              # soundings of the bed that a record sees
 

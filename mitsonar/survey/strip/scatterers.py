@@ -11,9 +11,10 @@ import drjit as dr
 import numpy as np
 import xarray as xr
 
-from ...echoes.pieces import pieces_in_reach
-from ...echoes.scatterers import Scatterers
-from .survey import StripSurvey
+from mitsonar.echoes.pieces import pieces_in_reach
+from mitsonar.echoes.scatterers import Scatterers
+
+from .plan import StripSurvey
 from .truth import MeanLine
 
 __all__ = ["MOST", "scatterers_of"]

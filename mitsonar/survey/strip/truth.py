@@ -19,21 +19,22 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ...device.arrays import arrays_of, upload
-from ...imaging import sidescan as sidescan_image
-from ...propagation.eigenrays import eigenray
-from ...scene.labels import classes_of
-from ...sonar.directivity import Aperture
-from ...sonar.sidescan import SIDES, Sidescan
-from ...sonar.track import Track
-from ...sonar.trajectory import Recorded, Trajectory, Voyage
-from ...tracing.connection import Connector
-from ...tracing.tracer import Tracer, registry_index
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.imaging import sidescan as sidescan_image
+from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.scene.labels import classes_of
+from mitsonar.sonar.directivity import Aperture
+from mitsonar.sonar.sidescan import SIDES, Sidescan
+from mitsonar.sonar.track import Track
+from mitsonar.sonar.trajectory import Recorded, Trajectory, Voyage
+from mitsonar.tracing.connection import Connector
+from mitsonar.tracing.tracer import Tracer, registry_index
+
 from .. import energy
 from ..sides import Sides
 from ..sidescan_survey import SidescanSurvey
 from ..voyage import Passage
-from .survey import StripSurvey
+from .plan import StripSurvey
 
 __all__ = ["MeanLine", "strip_truth"]
 

@@ -7,13 +7,14 @@ import mitsuba as mi
 import numpy as np
 from scipy import ndimage
 
-from ...device.chance import Salt, ping_key, sonar_seed
-from ...imaging.energy_record import EnergyRecord
-from ...signal.beam_grid import LineBeams, NoiseDensity
-from ...sonar.sectors import half_power_width
-from ...units import amplitude_from_db, power_from_db
+from mitsonar.device.chance import Salt, ping_key, sonar_seed
+from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.signal.beam_grid import LineBeams, NoiseDensity
+from mitsonar.sonar.sectors import half_power_width
+from mitsonar.units import amplitude_from_db, power_from_db
+
 from ..beam_domain.blur import Blur
-from ..beam_domain.laying import LaidPing, lay
+from ..beam_domain.frames import LaidPing, lay
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth

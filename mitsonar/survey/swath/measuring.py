@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...hydrography.bottom_track import reduced
-from ...hydrography.detection import Detections, Head, detect
-from ...hydrography.side_lobes import mean_between, of_main_lobes, through_side_lobes
-from ...signal.matched_filter import compression
-from ...units import power_from_db
+from mitsonar.hydrography.bottom_track import reduced
+from mitsonar.hydrography.detection import Detections, Head, detect
+from mitsonar.hydrography.side_lobes import mean_between, of_main_lobes, through_side_lobes
+from mitsonar.signal.matched_filter import compression
+from mitsonar.units import power_from_db
+
 from ..limits import check_soundings
 from .beams import Halves, SectorBeams, sector_beams
 from .survey import SwathSurvey

@@ -6,30 +6,145 @@
 
 An array that moves with v meets waves from n' at a slant, with the sine a_r·n' c / (c + n'·v). Instruments leave that
 out: it counts as an error by motion.
+
+The motion of a swath's platform as its sensors have it: what is true, and what they say.
+
+The bed that soundings should find: what lies at x, y, whose it is, and how strongly it scatters there.
 """
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from typing import Any, Protocol
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from ...hydrography.errors import Reduction, errors
-from ...hydrography.motion_errors import MotionErrors
-from ...hydrography.record import variable
-from ...hydrography.reduction import Installation, Located, Measured
-from ...hydrography.uncertainty import Accuracies, Deviations, with_uncertainty
-from ...units import db_from_power
-from ...water.profile import SoundSpeedProfile
-from .bed_truth import BedPoints, bed_at, bed_depth
-from .motion import said_motion, true_motion
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import sonar_seed
+from mitsonar.hydrography.attitude import Motion
+from mitsonar.hydrography.errors import MotionErrors, Reduction, disturbed, errors
+from mitsonar.hydrography.record import variable
+from mitsonar.hydrography.reduction import Installation, Located, Measured
+from mitsonar.hydrography.uncertainty import Accuracies, Deviations, with_uncertainty
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.materials import scattering_strength
+from mitsonar.sonar.trajectory import Trajectory
+from mitsonar.tracing.hits import Hits
+from mitsonar.tracing.tracer import registry_index
+from mitsonar.units import db_from_power
+from mitsonar.water.profile import SoundSpeedProfile
+
 from .survey import SoundedSurvey
 
-__all__ = ["Instrument", "Finding", "SoundingLine"]
+__all__ = ["BedPoints", "Finding", "Instrument", "RATE", "SoundingLine", "bed_at", "bed_depth", "said_motion",
+           "true_motion"]
+
+
+ASIDE = 1e-3                       # [m] beside an edge of facets, where a ray that slips between them is sent again
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BedPoints:
+    """What lies below places, (N,) each.
+
+    Attributes
+    ----------
+    label : uint32
+        Of the instance; 0 where nothing lies.
+    strength : [-]
+        By the material's law, for sound that comes from where it was sent; NaN where nothing lies.
+    """
+
+    label: np.ndarray
+    strength: np.ndarray
+
+
+def bed_depth(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float) -> np.ndarray:
+    """Give the depth of what lies below places, (N,) [m]; NaN where nothing does.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    x, y : (N,) [m]
+    above : float [m]
+        Depth that is looked from: what floats above it does not count.
+    """
+    depth = np.full(len(x), np.nan)
+    for aside in (0.0, ASIDE):
+        lost = np.flatnonzero(np.isnan(depth) & np.isfinite(x))
+        if lost.size:
+            si = geometry.scene.ray_intersect(_down(x[lost] + aside, y[lost] + 0.6 * aside, above))
+            depth[lost] = np.where(si.is_valid().numpy(), above + si.t.numpy(), np.nan)
+    return depth
+
+
+def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, arrival: np.ndarray,
+           sound_speed: float, frequency: float) -> BedPoints:
+    """Give what lies below places.
+
+    Parameters
+    ----------
+    geometry, x, y, above
+        As of `bed_depth`.
+    arrival : (N, 3)
+        Unit vectors along the travel of sound there, scene.
+    sound_speed : float [m/s]
+        At the bed.
+    frequency : float [Hz]
+    """
+    ray = _down(x, y, above)
+    si, pi = geometry.scene.ray_intersect(ray), geometry.scene.ray_intersect_preliminary(ray)
+    valid = si.is_valid()
+    towards = mi.Vector3f(*(upload(mi.Float, np.nan_to_num(part).astype(np.float32)) for part in arrival.T))
+    hits = Hits.on_surface(valid=valid, point=arrays_of(mi.Float).Array3f64(si.p), normal=mi.Vector3f(si.n),
+                           arrival_direction=towards, sound_speed=dr.opaque(mi.Float64, sound_speed), shape=si.shape,
+                           primitive=si.prim_index, uv=si.uv)
+    strength, _ = scattering_strength(hits, valid, frequency)
+    label = dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), valid)
+    there = valid.numpy() & np.isfinite(x)
+    return BedPoints(label=np.where(there, label.numpy(), 0).astype(np.uint32),
+                     strength=np.where(there, strength.numpy(), np.nan))
+
+
+def _down(x: np.ndarray, y: np.ndarray, above: float) -> mi.Ray3f:
+    """Rays straight down."""
+    place = (upload(mi.Float, np.nan_to_num(v).astype(np.float32)) for v in (x, y))
+    return mi.Ray3f(mi.Point3f(*place, dr.opaque(mi.Float, -float(above))), mi.Vector3f(0, 0, -1))
+
+
+RATE = 100.0                       # [Hz] of the sensors
+MARGIN = 0.1                       # [s] before the first transmission and after the last reception
+
+
+def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> Motion:
+    """Sample the reference point's way and attitude; attitude and depth of `earlier` [s] before."""
+    trajectory = _reference(survey.voyage.trajectory)
+    last = max(run.survey.track.time[-1] + run.survey.time[-1] for run in survey.transmissions)
+    first = survey.track.time[0] - MARGIN
+    time = first + np.arange(int(np.ceil((last + MARGIN - first) * RATE)) + 1) / RATE
+    position, _ = trajectory.pose(time)
+    before, attitude = trajectory.pose(time - earlier)
+    return Motion(time=time, x=position[:, 0], y=position[:, 1], depth=-before[:, 2], roll=attitude[:, 0],
+                  pitch=attitude[:, 1], heading=np.unwrap(attitude[:, 2]))
+
+
+def said_motion(survey: SoundedSurvey, seed: int) -> Motion:
+    """Give the same as the motion sensors say it."""
+    errors = survey.motion_errors
+    true = true_motion(survey, earlier=errors.latency)
+    added = errors.added(true.time, sonar_seed(seed, "motion sensors"))
+    return disturbed(true, latency=0.0, **added)
+
+
+def _reference(trajectory: Trajectory) -> Trajectory:
+    """The way of the reference point, where the track leads."""
+    return replace(trajectory, offset=np.zeros(3))
+
 
 STEP = 0.005                       # [s] over which the velocity is taken
 START = "2000-01-01T00:00:00Z"     # motion sensors speak before time 0, and formats count from 1970

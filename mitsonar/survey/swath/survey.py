@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...hydrography.motion_errors import MotionErrors
-from ...sonar.sectors import Sector
+from mitsonar.hydrography.errors import MotionErrors
+from mitsonar.sonar.sectors import Sector
+
 from ..array_survey import ArraySurvey
 from ..survey import Survey
 

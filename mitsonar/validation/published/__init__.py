@@ -6,8 +6,9 @@ that gives header and records of a CSV file, and ``plot(dataset)`` that draws a 
 import csv
 from pathlib import Path
 
-from ...io.files import FilePath, check_writable, replacing
-from ...spelling import meant
+from mitsonar.io.files import FilePath, check_writable, replacing
+from mitsonar.spelling import meant
+
 from . import effective_speed, figure_2, figure_3, table_1
 
 __all__ = ["RESULTS", "text", "write"]
@@ -52,7 +53,7 @@ def write(name: str, path: FilePath) -> None:
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written.
     """
-    from ...plots import canvas
+    from mitsonar.plots import canvas
 
     result, as_table = _known(name), Path(path).suffix.lower() == ".csv"
     if not as_table and Path(path).suffix.lower().removeprefix(".") not in canvas.FORMATS:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from ...survey.array import ArraySurvey
+    from mitsonar.survey.array import ArraySurvey
 
 
 __all__ = ["Bundle", "scene_file", "send", "shipped_survey"]
@@ -60,7 +60,7 @@ def shipped_survey(name: str, **parameters: object) -> "ArraySurvey":
     -------
     ArraySurvey
     """
-    from ...verbs import opened
+    from mitsonar.verbs import opened
 
     scene, sensor, integrator = opened(load(name, **parameters))
     return integrator.array_survey(scene, sensor)
@@ -68,7 +68,7 @@ def shipped_survey(name: str, **parameters: object) -> "ArraySurvey":
 
 def load(name: str, **parameters: object) -> "mi.Scene":
     """Load a scene that comes with mitsonar."""
-    from ...scene.loading import load_file
+    from mitsonar.scene.loading import load_file
 
     return load_file(scene_file(name), **parameters)
 
@@ -91,9 +91,9 @@ def send(survey: "ArraySurvey", offset: npt.ArrayLike, launch_angle: np.ndarray)
     import drjit as dr
     import mitsuba as mi
 
-    from ...device.arrays import arrays_of, upload
-    from ...scene.materials import scattering_strength
-    from ...tracing.tracer import Tracer
+    from mitsonar.device.arrays import arrays_of, upload
+    from mitsonar.scene.materials import scattering_strength
+    from mitsonar.tracing.tracer import Tracer
 
     lib = arrays_of(mi.Float)
     rotation = survey.track.rotation()[0]

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ...propagation import eigenray
-from ...propagation.paper_approximation import COEFFICIENT
-from ...water import SoundSpeedProfile
+from mitsonar.propagation import eigenray
+from mitsonar.propagation.paper_approximation import COEFFICIENT
+from mitsonar.water import SoundSpeedProfile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -166,7 +166,7 @@ def plot(dataset: xr.Dataset) -> "Figure":
     -------
     matplotlib.figure.Figure
     """
-    from ...plots import canvas
+    from mitsonar.plots import canvas
 
     figure = canvas.sheet(1300, 560)
     still = int(np.argmin(np.abs(dataset.height_change.values)))

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from ...propagation import eigenray
-from ...signal.impulses import KERNELS, element_responses
+from mitsonar.propagation import eigenray
+from mitsonar.signal.impulses import KERNELS, element_responses
+
 from .bundles import send, shipped_survey
 
 if TYPE_CHECKING:
@@ -203,7 +204,7 @@ def plot(dataset: xr.Dataset) -> "Figure":
     -------
     matplotlib.figure.Figure
     """
-    from ...plots import canvas
+    from mitsonar.plots import canvas
 
     figure = canvas.sheet(1500, 900)
     (bed, shifted), (close, smooth) = figure.subplots(2, 2, width_ratios=(1, 1.25))

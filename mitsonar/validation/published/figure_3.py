@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from ...propagation import return_time
+from mitsonar.propagation import return_time
+
 from .bundles import send, shipped_survey
 
 if TYPE_CHECKING:
@@ -217,7 +218,7 @@ def plot(dataset: xr.Dataset) -> "Figure":
     -------
     matplotlib.figure.Figure
     """
-    from ...plots import canvas
+    from mitsonar.plots import canvas
 
     figure = canvas.sheet(1500, 1150)
     panels = figure.subplots(len(ARRANGEMENTS), 3)

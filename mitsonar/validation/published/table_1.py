@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import xarray as xr
 
-from ...propagation import return_time
-from ...water import SoundSpeedProfile
+from mitsonar.propagation import return_time
+from mitsonar.water import SoundSpeedProfile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +125,7 @@ def plot(dataset: xr.Dataset) -> "Figure":
     -------
     matplotlib.figure.Figure
     """
-    from ...plots import canvas
+    from mitsonar.plots import canvas
 
     figure = canvas.sheet(1150, 520)
     water, errors = figure.subplots(1, 2)
